@@ -400,6 +400,9 @@ def _part_of_message(line: LineFacts) -> str:
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
     content, part = bytes(line.to_plc.content), line.messages[-1]
+    in_turn = abs(len(line.answers) - len(line.messages)) < 2  # else the PLC end talks on its own
+    if sizes.count(sizes[-1]) > 1 or (in_turn and line.answers[-1].ns > part.ns):
+        return ""  # as long as whole ones, or answered as one
     whole = [content[one.at : one.at + part.size] for one in line.messages if one.size == usual]
     begin = content[part.at : part.at + part.size]
     if any(
@@ -459,7 +462,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
-    if line.to_plc.keep_alives or line.from_plc.keep_alives:
+    if line.to_plc.keep_alives or line.from_plc.keep_alives or line.is_on_loopback:
         return None
     dead = _outage(line)
     end = line.end
@@ -480,7 +483,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
         lines = case.group.lines
         after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
         size = after.first_ns - line.last_ns if after is not None else 0
-        if size >= IDLE_NS and dead is None:
+        if size >= IDLE_NS and dead is None and not _is_beside(case, line.last_ns):
             texts = [
                 f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
@@ -494,6 +497,12 @@ def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
     return bool(writes) and writes[-1].ns >= since_ns
 
 
+def _is_beside(case: LineCase, ns: int) -> bool:
+    """Return whether another connection of the same ends lived then: a new one takes the place of none."""
+    others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
+    return any(one.first_ns <= ns < one.last_ns for one in others)
+
+
 def _left_behind(case: LineCase) -> Sign | None:
     line = case.line
     for idle in line.idles:
@@ -502,7 +511,7 @@ def _left_behind(case: LineCase) -> Sign | None:
         new = [
             one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
         ]
-        if new and heard < 2:
+        if new and heard < 2 and not _is_beside(case, since):
             texts = (
                 f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",

@@ -325,7 +325,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return _merged_in_a_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
         return None
-    if known is None and often and not _begins_alike(line, base):
+    if often and not _begins_alike(line, base):  # a size that divides another by chance
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
@@ -395,9 +395,8 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     if not single or not inner:
         return False
     fixed = [n for n in range(base) if len({part[n] for part in single}) == 1]
-    return bool(fixed) and all(
-        sum(part[n] == single[0][n] for n in fixed) * 10 >= 9 * len(fixed) for part in inner
-    )
+    hits = sum(part[n] == single[0][n] for n in fixed for part in inner)
+    return bool(fixed) and hits * 10 >= 9 * len(fixed) * len(inner)
 
 
 def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:

@@ -215,7 +215,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     sizes = sizes_of(judged_messages(line))
     too_long = [one for one in judged_messages(line) if one.size > room.need]
-    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
@@ -315,7 +315,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     amount, others = sum(several.values()), len(writes) - often - sum(several.values())
     share = amount / len(writes)
     sure = 0.92 if known is not None else 0.7
-    if known is not None and known.type is not None and base % known.need == 0 and base > known.need:
+    of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
+    if known is not None and of_type and _recurs(line, known.need):
         base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
         several = counted
     elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):

@@ -27,7 +27,7 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
+from trcvtui.diagnosis.session_causes import is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
 
@@ -129,6 +129,7 @@ class LineCase(NamedTuple):
     receiver: Receiver | None
     receivers: tuple[Receiver, ...]
     last_ns: int
+    is_foreign: bool = False  # of another program: it has no port of the project
 
 
 class LineFinding(NamedTuple):
@@ -338,7 +339,9 @@ def _storm(case: LineCase) -> Sign | None:
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
-    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
+    by = "the PLC end" if by_plc * 10 >= 9 * len(ended) else "the partner" if by_plc * 10 <= len(ended) else ""
+    mend = (Remedy(f"find out why {by} closes the connections"),) if by else ()
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
 
 def _resets(case: LineCase) -> Sign | None:
@@ -746,8 +749,11 @@ def verdict_of(case: LineCase) -> LineVerdict:
         if by_cause[cause].is_remark
     ]
     causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
+    findings = weighed(by_cause, RULES, judge)
+    if case.is_foreign:
+        remarks += [LineFinding(one.cause, 0.0, one.said, ()) for one in findings]
     return LineVerdict(
-        weighed(by_cause, RULES, judge),
+        () if case.is_foreign else findings,
         tuple(remarks),
         tuple((cause, dict(blind)[cause]) for cause in causes),
     )
@@ -791,12 +797,18 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
     fitting = [_receiver_of(line, receivers, only) for line in lines]
+    pairs = [*zip(lines, fitting, strict=True)]
+    stands = any(known is not None and known.connect and line.is_built for line, known in pairs)
+    ports = frozenset[int]().union(*(one.ports for one in receivers))
     before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
-    for line, receiver in zip(lines, fitting, strict=True):
+    for line, receiver in pairs:
         older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
         kind, caller, listener = _hosts(line)
         reverse = reverses.get((kind, listener, caller), _NO_LINES) if caller != listener else _NO_LINES
-        yield LineCase(line, groups[_between(line)], tuple(older), reverse, receiver, receivers, last_ns)
+        is_other = receiver is None and not line.connect and _listener_end(line)[1] not in ports
+        foreign = is_other and (stands or is_http(line))
+        group = groups[_between(line)]
+        yield LineCase(line, group, tuple(older), reverse, receiver, receivers, last_ns, foreign)
         older.append(line)
 
 

@@ -270,7 +270,14 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
-    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd))
+    is_first = line.has_begin and not odd.at
+    again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
+    offer = NO_OFFER  # COM_RST, where nothing brings it again
+    if again > 1 or (is_first and again):
+        take = f"take the {odd.size} bytes for themselves: a job with LEN {odd.size} first, ad hoc, or ReceiveData with"
+        name = "the greeting" if is_first else "these messages"
+        offer = RemedyOffer((Remedy(f"{take} a frame by their delimiter; or switch {name} off at the device"),))
+    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
@@ -18,6 +19,18 @@ _ALERTS: Final = {
     113: "bad_certificate_status_response", 115: "unknown_psk_identity", 116: "certificate_required",
     120: "no_application_protocol",
 }  # fmt: skip
+_MEANINGS: Final = {  # RFC 8446, section 6.2
+    42: "the certificate of {other} is damaged, or its signature is wrong",
+    43: "the certificate of {other} is of a kind that it does not take",
+    44: "who signed the certificate of {other} has revoked it",
+    45: "the certificate of {other} has expired, or is not valid yet: compare the clocks, too",
+    46: "it does not accept the certificate of {other}, and tells no reason",
+    47: "a field of the handshake of {other} is wrong, or contradicts another one",
+    48: "it does not trust who signed the certificate of {other}: the CA is missing there",
+    70: "it does not speak the TLS version that {other} asks for",
+    116: "it asks for a certificate, and {other} shows none",
+}
+_HTTP: Final = re.compile(rb"[A-Z]{3,10} [^\s]+ HTTP/1\.[01]\r?\n|HTTP/1\.[01] [1-5]")
 _REASONS: Final = {
     0: "no reason", 1: "congestion", 2: "not attached", 3: "address unknown", 0x80: "normal",
     0x81: "congestion", 0x82: "negotiation failed", 0x83: "duplicate source", 0x84: "mismatched references",
@@ -68,6 +81,11 @@ def _unit(head: bytes | bytearray) -> SessionUnit | None:
     fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
     is_call = head[0] == _HANDSHAKE and head[5] == 1
     return SessionUnit("TLS", is_call, size + 5) if fits and 0 < size <= 18_500 else None
+
+
+def is_http(line: LineFacts) -> bool:
+    """Return whether an end begins with a request, or a response, of HTTP/1."""
+    return any(_HTTP.match(said.content) for said in (line.to_plc, line.from_plc))
 
 
 def _first(said: DirectionFacts) -> SegmentFacts | None:
@@ -151,7 +169,9 @@ def tls_refused(line: LineFacts) -> Sign | None:
             who = "the partner" if way == "to-plc" else "the PLC end"
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
-                text = f"TLS alert {body[1]} ({name}) from {who}"
+                other = "the PLC end" if way == "to-plc" else "the partner"
+                means = _MEANINGS.get(body[1], "").format(other=other)
+                text = f"TLS alert {body[1]} ({name}) from {who}" + (f": {means}" if means else "")
                 note = () if hello else ("the other end does not speak TLS",)
                 return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):

@@ -34,8 +34,9 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "start the listener before the call, or correct the port",
      (Condition.REFUSED,), f"{_SYN} || {_RST}"),
     ("turned-away", "the partner takes the call and turns it away",
-     "end what holds the partner's connection: another client, or the old one of this PLC until its keep-alive ends; "
-     "or let the partner's filter have this address", (Condition.REFUSED,), f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
+     "free the partner's connection: another client holds it, or an old connection of this PLC until its "
+     "keep-alive ends; or let the partner's address filter have this PLC",
+     (Condition.REFUSED,), f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
     ("filtered", "no answer to a call",
      "look for a firewall, a wrong address, a cable: nothing comes back",
      (Condition.UNREACHABLE, Condition.ESTABLISHING), _SYN),

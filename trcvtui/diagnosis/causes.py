@@ -194,7 +194,8 @@ def _turned_away(case: LineCase) -> Sign | None:
     line, end, often = case.line, case.line.end, case.group.turned_away
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
-    if often < (STORM if case.receiver is None and not line.harms else 1 if end.kind == "rst" else FEW):
+    is_asked = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
+    if often < (STORM if not is_asked else 1 if end.kind == "rst" else FEW):
         return None
     text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
@@ -339,7 +340,9 @@ def _storm(case: LineCase) -> Sign | None:
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
-    by = "the PLC end" if by_plc * 10 >= 9 * len(ended) else "the partner" if by_plc * 10 <= len(ended) else ""
+    by = (
+        "the PLC end" if by_plc * 10 >= 9 * len(ended) else "the partner" if by_plc * 10 <= len(ended) else ""
+    )
     mend = (Remedy(f"find out why {by} closes the connections"),) if by else ()
     return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
@@ -818,7 +821,12 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
         found = only if only.has_end_of(line) else None
     if found is not None:
         line.since_ns, line.until_ns = found.since_ns, found.until_ns
-    if found is not None and found.need and not (found.is_whole or found.is_secure) and is_session(line, found):
+    if (
+        found is not None
+        and found.need
+        and not (found.is_whole or found.is_secure)
+        and is_session(line, found)
+    ):
         line.qualities |= {Quality.SESSION}
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)

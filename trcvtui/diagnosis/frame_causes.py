@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import units_of
+from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count
 
@@ -82,8 +82,6 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
-    if not line.to_plc.writes:
-        return None
     if (
         len(line.from_plc.closed) >= FEW
         and line.messages[FEW:]
@@ -91,7 +89,8 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     ):
         return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    return receiver if known == kind and not is_session(line, receiver) else None
+    is_read = known == kind and line.to_plc.writes and not is_session(line, receiver)
+    return receiver if is_read else None
 
 
 def _start(line: LineFacts) -> int:
@@ -274,9 +273,10 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
     offer = NO_OFFER  # COM_RST, where nothing brings it again
     if again > 1 or (is_first and again):
-        take = f"take the {odd.size} bytes for themselves: a job with LEN {odd.size} first, ad hoc, or ReceiveData with"
+        ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
         name = "the greeting" if is_first else "these messages"
-        offer = RemedyOffer((Remedy(f"{take} a frame by their delimiter; or switch {name} off at the device"),))
+        take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
+        offer = RemedyOffer((Remedy(take),))
     return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
@@ -368,12 +368,12 @@ def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     if line.protocol != "tcp":
         return False
     ways = [units_of(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
-    if not ways or not all(ways) or len({units[0].layer for units in ways}) > 1:
+    if not all(ways) or len({is_tls(units[0]) for units in ways}) != 1:
         return False
-    has_handshake = any(units[0].is_call for units in ways)
-    if receiver is not None and receiver.is_plain:
-        return has_handshake and len(ways) == 2
-    return has_handshake or sum(map(len, ways)) >= FEW
+    has_call = any(is_call(units[0]) for units in ways)
+    if receiver is not None and receiver.connect:
+        return has_call and len(ways) == 2
+    return has_call or sum(map(len, ways)) >= FEW
 
 
 def _recurs(line: LineFacts, beat: int) -> bool:

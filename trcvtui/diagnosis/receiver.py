@@ -49,11 +49,6 @@ class Receiver(NamedTuple):
     is_secure: bool = False  # TLS: the wire has none of its bytes
     ports: frozenset[int] = frozenset()  # that its project names, its CONNECTs without a receiver included
 
-    @property
-    def is_plain(self) -> bool:
-        """Return whether a project says that it takes the bytes as they are on the wire."""
-        return bool(self.connect) and not (self.is_whole or self.is_secure)
-
     def fits(self, line: LineFacts) -> bool:
         if self.is_serial or line.protocol == "serial":
             return self.is_serial and line.protocol == "serial"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.sign import Sign
@@ -38,54 +38,53 @@ _REASONS: Final = {
     0x8A: "header length invalid",
 }  # fmt: skip
 _CR, _CC, _DR, _DT = 0xE0, 0xD0, 0x80, 0xF0
+TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
 MOST_UNITS: Final = 8
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
-class SessionUnit(NamedTuple):
-    """A TPKT of ISO-on-TCP, or a record of TLS; `is_call`: with it a session begins."""
-
-    layer: str
-    is_call: bool
-    size: int
-
-
-def units_of(said: DirectionFacts, has_begin: bool) -> list[SessionUnit]:
-    """Return the first units of an end, each whole and right behind the one before; []: it says others.
+def units_of(said: DirectionFacts, has_begin: bool) -> list[bytes]:
+    """Return the heads of the first units of TLS or ISO-on-TCP, one right behind the other; []: others come.
 
     Where the begin is not in the capture, they may begin at one of the first writes.
     """
-    begins = [0] if has_begin else [write.at for write in said.writes[:MOST_UNITS]]
-    return next(filter(None, (_chain(said.content, begin) for begin in begins)), [])
+    content = said.content
+    for at in [0] if has_begin else [write.at for write in said.writes[:MOST_UNITS]]:
+        heads, size = list[bytes](), 1
+        while size and at + 7 <= len(content) and len(heads) < MOST_UNITS:
+            head = bytes(content[at : at + 7])
+            size = _unit_size(head) if not heads or is_tls(head) == is_tls(heads[0]) else 0
+            at += size
+            heads += [head] if at <= len(content) else []
+        if size and heads:
+            return heads
+    return []
 
 
-def _chain(content: bytearray, at: int) -> list[SessionUnit]:
-    found: list[SessionUnit] = []
-    while at + 7 <= len(content) and len(found) < MOST_UNITS:
-        unit = _unit(content[at : at + 7])
-        if unit is None or found and found[0].layer != unit.layer:
-            return []
-        at += unit.size
-        if at <= len(content):
-            found.append(unit)
-    return found
+def is_tls(head: bytes) -> bool:
+    return head[0] != TPKT
 
 
-def _unit(head: bytes | bytearray) -> SessionUnit | None:
-    if head[0] == 3:
-        size, kind = int.from_bytes(head[2:4], "big"), head[5] & 0xF0
-        fits = not head[1] and 2 <= head[4] <= size - 5 and kind in (_CR, _CC, _DR, _DT)
-        return SessionUnit("ISO-on-TCP", kind == _CR, size) if fits else None
-    size = int.from_bytes(head[3:5], "big")
-    fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
-    is_call = head[0] == _HANDSHAKE and head[5] == 1
-    return SessionUnit("TLS", is_call, size + 5) if fits and 0 < size <= 18_500 else None
+def is_call(head: bytes) -> bool:
+    """Return whether a session begins with this unit."""
+    return (head[0], head[5]) in ((_HANDSHAKE, 1), (TPKT, _CR))
+
+
+def _unit_size(head: bytes) -> int:
+    """Return how long a unit is, 0: it is none."""
+    if is_tls(head):
+        size = int.from_bytes(head[3:5], "big") + 5
+        fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
+        return size if fits and 5 < size <= 18_500 else 0
+    size = int.from_bytes(head[2:4], "big")
+    fits = not head[1] and 2 <= head[4] <= size - 5 and head[5] & 0xF0 in (_CR, _CC, _DR, _DT)
+    return size if fits else 0
 
 
 def is_http(line: LineFacts) -> bool:
     """Return whether an end begins with a request, or a response, of HTTP/1."""
-    return any(_HTTP.match(said.content) for said in (line.to_plc, line.from_plc))
+    return any(_HTTP.match(way.content) for way in (line.to_plc, line.from_plc))
 
 
 def _first(said: DirectionFacts) -> SegmentFacts | None:
@@ -169,9 +168,9 @@ def tls_refused(line: LineFacts) -> Sign | None:
             who = "the partner" if way == "to-plc" else "the PLC end"
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
-                other = "the PLC end" if way == "to-plc" else "the partner"
-                means = _MEANINGS.get(body[1], "").format(other=other)
-                text = f"TLS alert {body[1]} ({name}) from {who}" + (f": {means}" if means else "")
+                whose = "the PLC end" if way == "to-plc" else "the partner"
+                means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
+                text = f"TLS alert {body[1]} ({name}) from {who}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
                 return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):

@@ -27,7 +27,7 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import is_http, line_errors, tls_refused, wrong_tsap
+from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
 
@@ -40,7 +40,6 @@ NEAR_NS: Final = 30_000_000
 SHORT_LIFE_NS: Final = 30 * SECOND
 STORM: Final = 4  # connections
 NEW_NS: Final = 10 * SECOND  # in which the same ends build a new connection
-TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
 SURE: Final = 0.95  # a fact of the protocol, or a remedy that was tried
 UNTRIED: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
@@ -340,9 +339,8 @@ def _storm(case: LineCase) -> Sign | None:
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
-    by = (
-        "the PLC end" if by_plc * 10 >= 9 * len(ended) else "the partner" if by_plc * 10 <= len(ended) else ""
-    )
+    share = by_plc / len(ended)
+    by = "the PLC end" if share >= 0.9 else "the partner" if share <= 0.1 else ""
     mend = (Remedy(f"find out why {by} closes the connections"),) if by else ()
     return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
@@ -821,13 +819,8 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
         found = only if only.has_end_of(line) else None
     if found is not None:
         line.since_ns, line.until_ns = found.since_ns, found.until_ns
-    if (
-        found is not None
-        and found.need
-        and not (found.is_whole or found.is_secure)
-        and is_session(line, found)
-    ):
-        line.qualities |= {Quality.SESSION}
+        is_seen = found.need and not (found.is_whole or found.is_secure)
+        line.qualities |= {Quality.SESSION} if is_seen and is_session(line, found) else set()
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found

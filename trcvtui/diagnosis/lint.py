@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec.structs import replace
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
@@ -95,6 +96,9 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     local = config.local if config is not None else udp.local if udp is not None else ANY_END
     rules = project.rules
     known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
+    shown = {one: one for one in TOLD}
+    if is_datagram and not rules.large_datagram_cut:
+        shown[Condition.MESSAGE_TOO_LONG] = rules.datagram_too_long
     return Receiver(
         decl.name,
         decl.connect,
@@ -114,7 +118,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         room=size,
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
-        words={one: rules.word(decl.block, one) for one in TOLD if one in known},
+        words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
         is_secure=config is not None and config.session is not None and not config.is_message_oriented,
         ports=_ports(project),
     )

@@ -90,6 +90,7 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
     ),
     ("flood", received(3, ""), [(60, "peer P1 send hex 01 02 03 04 repeat=9000 every=T#2ms")]),
     ("refused", sent(7), []),
+    ("turned-away", sent(7, LISTENER), each(9, (104, "peer P1 rst"))),
     ("filtered", sent(7), [(0, "link C1 down")]),
     (
         "request-too-fast",

@@ -23,6 +23,7 @@ _LOST: Final = f"{_COPY} || tcp.analysis.out_of_order || tcp.analysis.lost_segme
 _CLOSED: Final = "tcp.window_size == 0 || tcp.analysis.window_update"
 _GONE: Final = (Condition.PARTNER_CLOSED,)
 _WAITS: Final = (Condition.RECEIVING_PART,)
+_NO_CALL: Final = (Condition.REFUSED, Condition.CONNECT_FAILED)  # a PLC has one of them
 # fmt: off
 _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("address", "the ends do not look for each other where they are",
@@ -32,10 +33,14 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      (), f"{_SYN} || {_RST}"),
     ("refused", "nothing listens on the port that is called",
      "start the listener before the call, or correct the port",
-     (Condition.REFUSED,), f"{_SYN} || {_RST}"),
+     _NO_CALL, f"{_SYN} || {_RST}"),
+    ("turned-away", "the partner takes the call and turns it away",
+     "free the partner's connection: another client holds it, or an old connection of this PLC until its "
+     "keep-alive ends; or let the partner's address filter have this PLC",
+     _NO_CALL, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
     ("filtered", "no answer to a call",
      "look for a firewall, a wrong address, a cable: nothing comes back",
-     (Condition.UNREACHABLE, Condition.ESTABLISHING), _SYN),
+     (Condition.UNREACHABLE, Condition.CONNECT_FAILED, Condition.ESTABLISHING), _SYN),
     ("wrong-tsap", "the TSAPs of both ends do not fit",
      "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE,
      f"{_DATA} || tcp.flags.fin == 1 || {_RST}"),

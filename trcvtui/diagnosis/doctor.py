@@ -58,7 +58,7 @@ TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 }
 # fmt: on
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
-OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "filtered", "second-client")
+OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 Verdict = dict[str, Any]
 

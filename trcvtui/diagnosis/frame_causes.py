@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from trcvtui.diagnosis.data_values import odd_values, unwritten_members
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
@@ -80,7 +81,7 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 
 
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
-    if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
+    if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
         len(line.from_plc.closed) >= FEW
@@ -89,7 +90,8 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     ):
         return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    return receiver if known == kind and not is_session(line) else None
+    is_read = known == kind and line.to_plc.writes and not is_session(line, receiver)
+    return receiver if is_read else None
 
 
 def _start(line: LineFacts) -> int:
@@ -253,7 +255,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     sizes = sizes_of(judged_messages(line))
     too_long = [one for one in judged_messages(line) if one.size > room.need]
-    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
@@ -308,7 +310,15 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
-    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd))
+    is_first = line.has_begin and not odd.at
+    again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
+    offer = NO_OFFER  # COM_RST, where nothing brings it again
+    if again > 1 or (is_first and again):
+        ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
+        name = "the greeting" if is_first else "these messages"
+        take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
+        offer = RemedyOffer((Remedy(take),))
+    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -353,7 +363,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     amount, others = sum(several.values()), len(writes) - often - sum(several.values())
     share = amount / len(writes)
     sure = 0.92 if known is not None else 0.7
-    if known is not None and known.type is not None and base % known.need == 0 and base > known.need:
+    of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
+    if known is not None and of_type and _recurs(line, known.need):
         base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
         several = counted
     elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
@@ -363,7 +374,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return _merged_in_a_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
         return None
-    if known is None and often and not _begins_alike(line, base):
+    if often and not _begins_alike(line, base):  # a size that divides another by chance
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
@@ -390,10 +401,20 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
     return RemedyOffer((mend, *_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 
-def is_session(line: LineFacts) -> bool:
-    """Return whether bytes to the PLC are TLS, or ISO-on-TCP."""
-    begins = bytes(line.to_plc.content[:3])
-    return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
+def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
+    """Return whether the ends speak TLS, or ISO-on-TCP: whole units with their lengths, one behind the other.
+
+    Where a project calls the connection plain, a handshake has to prove it, and both ends speak it.
+    """
+    if line.protocol != "tcp":
+        return False
+    ways = [units_of(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
+    if not all(ways) or len({is_tls(units[0]) for units in ways}) != 1:
+        return False
+    has_call = any(is_call(units[0]) for units in ways)
+    if receiver is not None and receiver.connect:
+        return has_call and len(ways) == 2
+    return has_call or sum(map(len, ways)) >= FEW
 
 
 def _recurs(line: LineFacts, beat: int) -> bool:
@@ -423,9 +444,8 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     if not single or not inner:
         return False
     fixed = [n for n in range(base) if len({part[n] for part in single}) == 1]
-    return bool(fixed) and all(
-        sum(part[n] == single[0][n] for n in fixed) * 10 >= 9 * len(fixed) for part in inner
-    )
+    hits = sum(part[n] == single[0][n] for n in fixed for part in inner)
+    return bool(fixed) and hits * 10 >= 9 * len(fixed) * len(inner)
 
 
 def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -493,7 +513,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
-    if receiver.is_whole or is_session(line) or line.to_plc.cut:
+    if receiver.is_whole or receiver.is_secure or is_session(line, receiver) or line.to_plc.cut:
         return None
     frames = _frames(line, receiver)
     if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_alone(line, receiver)):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec.structs import replace
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
@@ -97,6 +98,9 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     local = config.local if config is not None else udp.local if udp is not None else ANY_END
     rules = project.rules
     known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
+    shown = {one: one for one in TOLD}
+    if is_datagram and not rules.large_datagram_cut:
+        shown[Condition.MESSAGE_TOO_LONG] = rules.datagram_too_long
     return Receiver(
         decl.name,
         decl.connect,
@@ -117,8 +121,17 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
-        words={one: rules.word(decl.block, one) for one in TOLD if one in known},
+        words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
+        is_secure=config is not None and config.session is not None and not config.is_message_oriented,
+        ports=_ports(project),
     )
+
+
+def _ports(project: Project) -> frozenset[int]:
+    """Return the ports of all CONNECTs and UDP_CONFIGs."""
+    some = [port for each in project.connects for port in (each.local.port, each.remote_port)]
+    some += [each.local.port for each in project.udp_configs]
+    return frozenset(port for port in some if isinstance(port, int) and port)
 
 
 def _host(address: str) -> bytes:

@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import gcd
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from trcvtui.diagnosis.data_values import odd_values, unwritten_members
+from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
@@ -189,7 +189,9 @@ def _sign(
 
 def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
     room = max(receiver.room, size) if receiver.room else 0
-    cured = receiver._replace(need=size, room=room)
+    has_members = layout_of(receiver) is not None
+    # What further bytes mean is not known: a type with members cannot be tried with them.
+    cured = None if has_members and size > receiver.room else receiver._replace(need=size, room=room)
     return RemedyOffer(_len_mends(receiver, size), cured, _type_mends(receiver, size))
 
 

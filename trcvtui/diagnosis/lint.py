@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec.structs import replace
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
@@ -21,7 +21,11 @@ from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
-from trcvtui.net.results import ANY_ADDRESS, octets
+from trcvtui.net.connection.description import rows
+from trcvtui.net.connection.resources import ConnectionIds, IdHolder
+from trcvtui.net.connection.set_up import SetUpStage, StepFault, judge_description, wrong_local_address
+from trcvtui.net.connection.udp import NO_ADDR
+from trcvtui.net.results import ANY_ADDRESS, Fault, octets
 from trcvtui.project.project import SERIAL
 from trcvtui.udt.types import Struct
 
@@ -56,14 +60,9 @@ def receivers_of(
 def _as_started(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
-    steps = [
-        step
-        for text, place in ((project.start, "start"), (project.program, "program"))
-        for step in parse_script(text, project, f"{project.path}: {place}")
-    ]
     pins: dict[str, Pins] = {}
     written: dict[str, bytes] = {}
-    for step in steps:
+    for step in _steps(project):
         if isinstance(step.command, words.Set):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
@@ -78,6 +77,11 @@ def _as_started(
         ]
     )
     return replace(project, instances=instances), written
+
+
+def _steps(project: Project) -> Iterator[words.Step]:
+    for text, place in ((project.start, "start"), (project.program, "program")):
+        yield from parse_script(text, project, f"{project.path}: {place}")
 
 
 def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
@@ -161,11 +165,12 @@ class LintRule(NamedTuple):
 def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
     """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
     started = replace(_as_started(project, now=pins)[0], start="", program="")
-    found = [
-        LineFinding(rule.cause, said.confidence, said, said.mend)
-        for rule in LINT_RULES
-        for said in rule.judge(started)
-    ]
+    signs = [(rule.cause, said) for rule in LINT_RULES for said in rule.judge(started)]
+    written = _written_pins(project)
+    signs += [("limits", said) for said in _two_receivers(started, written)]
+    if pins is None:  # in a run CONT may have been 1 before
+        signs[:0] = [("not-connected-request", said) for said in _without_cont(started, written)]
+    found = [LineFinding(cause, said.confidence, said, said.mend) for cause, said in signs]
     found += _of_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
@@ -200,20 +205,6 @@ def _limits(project: Project) -> Iterator[Sign]:
 
 
 def _address(project: Project) -> Iterator[Sign]:
-    listens = Counter(
-        (each.local.address, each.local.port)
-        for each in project.connects
-        if not each.active and each.local.port and not each.is_datagram
-    )
-    for (address, port), times in listens.items():
-        names = [
-            each.name
-            for each in project.connects
-            if not each.active and (each.local.address, each.local.port) == (address, port)
-        ]
-        if times > 1:
-            text = f"{', '.join(names)} listen on the same end {address}:{port}"
-            yield Sign(0.85, (text,), mend=(Remedy("give each passive CONNECT a LocalPort of its own"),))
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
@@ -221,6 +212,93 @@ def _address(project: Project) -> Iterator[Sign]:
             text = f"{connect.name} is active and has no RemotePort"
             yield Sign(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
         yield from _of_peers(project, connect)
+
+
+# What the blocks themselves refuse, asked of the same functions.
+
+
+def _sockets(project: Project) -> Iterator[tuple[ConnectConfig, list[InstanceDecl]]]:
+    """Yield each CONNECT and UDP_CONFIG that an instance opens, with those instances."""
+    sockets = [ConnectConfig(each.name, local=each.local, is_datagram=True) for each in project.udp_configs]
+    for config in (*project.connects, *sockets):
+        on = [each for each in project.instances if each.connect == config.name]
+        openers = [each for each in on if block_row(each.block).opens]
+        if openers:
+            yield config, openers
+
+
+def _refused(project: Project) -> Iterator[Sign]:
+    ids = ConnectionIds()
+    for config, openers in _sockets(project):
+        holder = IdHolder(config)
+        failed = judge_description(config, ids, holder) or _wrong_address(project, config)
+        holder.has_been_up = True
+        without_addr = [each for each in openers if config.is_datagram and block_row(each.block).builds]
+        if failed is None and without_addr:
+            failed, openers = NO_ADDR, without_addr
+        if failed is not None:
+            key = {SetUpStage.ADDRESS: "LocalAddress", SetUpStage.IDENTITY: "ID"}.get(failed.stage, "")
+            key = key or (config.flaw.field if config.flaw is not None else "")
+            value = _written(config, key)
+            said = failed.detail if failed.detail.startswith(value) else f"{value}: {failed.detail}"
+            sure = 0.8 if failed.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
+            mend = Remedy(f"correct {key or 'the description'} of {config.name}")
+            yield _refusal(project, openers, failed, sure, f"{config.name} is refused: {said}", mend)
+
+
+def _wrong_address(project: Project, config: ConnectConfig) -> StepFault | None:
+    strict = project.rules.policy.strict_local_address
+    wrong = "" if config.any_local else wrong_local_address(config.local.address, (), strict)
+    return StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong) if wrong else None
+
+
+def _written(config: ConnectConfig, key: str) -> str:
+    """Return a key of a CONNECT and its value, as the view of its description shows it."""
+    fields = rows(config.description, {}) if config.description is not None else ()
+    value = next((row.value for row in fields if row.field == key), str(config.local.address))
+    return f"{key} is {value or 'empty'}" if key else ""
+
+
+def _refusal(
+    project: Project, openers: Sequence[InstanceDecl], failed: StepFault, sure: float, text: str, mend: Remedy
+) -> Sign:
+    condition = project.rules.course.of_set_up(failed.stage, failed.fault.error)
+    shown = {each.name: _word(project, each.block, condition) for each in openers}
+    status = tuple(dict.fromkeys(word for word in shown.values() if word is not None))
+    shows = [f"{name} shows {word:04X} for that" for name, word in shown.items() if word is not None]
+    return Sign(sure, (text, *shows[:3]), instance=openers[0].name, mend=(mend,), status=status)
+
+
+def _word(project: Project, block: str, condition: Condition) -> int | None:
+    known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
+    return project.rules.word(block, condition) if condition in known else None
+
+
+TAKEN: Final = StepFault(SetUpStage.BIND, Fault("bind", "EADDRINUSE"))
+
+
+def _one_port_twice(project: Project) -> Iterator[Sign]:
+    before: list[ConnectConfig] = []
+    for config, openers in _sockets(project):
+        shares = config.session is not None and config.session.shares_port
+        if config.flaw is not None or shares or not config.local.port:
+            continue
+        other = next((each for each in before if _is_one_end(each, config)), None)
+        before.append(config)
+        if other is None:
+            continue
+        text = f"{other.name} and {config.name} have one local port, {config.local}"
+        mend = Remedy("give each of them a LocalPort of its own")
+        is_sure = other.local == config.local and not (other.active and config.active)
+        said = _refusal(project, openers, TAKEN, 0.85 if is_sure else 0.5, text, mend)
+        unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
+        yield said if is_sure else said._replace(evidence=(text, unsure))
+
+
+def _is_one_end(one: ConnectConfig, other: ConnectConfig) -> bool:
+    addresses = {one.local.address, other.local.address} - {ANY_ADDRESS}  # where routing says
+    ports = one.local.port == other.local.port and one.is_datagram == other.is_datagram
+    return ports and len(addresses) < 2
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -250,6 +328,54 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
         except ValueError:
             if not connect.remote_name or name == "LocalAddress":
                 yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Remedy("four numbers"),))
+
+
+WrittenPins = dict[tuple[str, str], set[PinValue]]
+
+
+def _written_pins(project: Project) -> WrittenPins:
+    """Return every value that an input has by its declaration, by `start` and by `program`."""
+    found = {(each.name, pin): {value} for each in project.instances for pin, value in each.inputs}
+    for step in _steps(project):
+        match step.command:
+            case words.Set(instance, pins):
+                for pin, value in pins:
+                    found.setdefault((instance, pin), set()).update((0, 1) if value == "blink" else (value,))
+            case words.Pulse(instance, pin):
+                found.setdefault((instance, pin), set()).update((0, 1))
+    return found
+
+
+def _without_cont(project: Project, written: WrittenPins) -> Iterator[Sign]:
+    """Yield what asks for data and never gets the CONT that it needs for a connection."""
+    for decl in project.instances:
+        pins = {pin.name for pin in project.pins(decl.block)}
+        asks = [pin for pin in ("EN_R", "REQ") if any(written.get((decl.name, pin), ()))]
+        holds = any(written.get((decl.name, "CONT"), ()))
+        if "CONT" not in pins or not asks or holds or project.rules.course.request_connects:
+            continue
+        name, word = decl.name, project.rules.word(decl.block, Condition.NO_JOB)
+        text = f"{asks[0]} is 1, and nothing sets CONT: {name} stays in {word:04X}"
+        mend = Remedy("CONT 1: it builds the connection", f"set {name} CONT=1", f"instance.{name}.CONT=true")
+        yield Sign(0.95, (text,), instance=name, mend=(mend,), status=(word,))
+
+
+def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Sign]:
+    """Yield receivers whose EN_R are both 1, always, on one CONNECT: one gets all messages."""
+    first: dict[str, InstanceDecl] = {}
+    for decl in project.instances:
+        held = all(written.get((decl.name, "EN_R"), ())) and dict(decl.inputs).get("EN_R")
+        if not held or not block_row(decl.block).receives:
+            continue
+        other = first.setdefault(decl.connect, decl)
+        if other is decl or other.task != decl.task:
+            continue
+        word = _word(project, decl.block, Condition.CONNECT_IN_USE)
+        text = f"{other.name} and {decl.name} both receive on {decl.connect}: one gets all messages"
+        status = () if word is None else (word,)
+        shows = [f"the other one shows {one:04X}" for one in status]
+        mend = Remedy("one receiver a CONNECT, or EN_R at one of them at a time", f"set {decl.name} EN_R=0")
+        yield Sign(0.85, (text, *shows), instance=decl.name, mend=(mend,), status=status)
 
 
 def _keep_alive(project: Project) -> Iterator[Sign]:
@@ -289,6 +415,8 @@ def _short_len(project: Project) -> Iterator[Sign]:
 LINT_RULES: Final = (
     LintRule("limits", _limits),
     LintRule("address", _address),
+    LintRule("address", _refused),
+    LintRule("address", _one_port_twice),
     LintRule("no-keep-alive", _keep_alive),
     LintRule("adhoc-splits", _adhoc_fixed),
     LintRule("frame-long", _short_len),

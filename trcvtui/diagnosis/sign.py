@@ -35,3 +35,4 @@ class Sign(NamedTuple):
     is_fact: bool = False
     cured: Receiver | None = None
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
+    status: tuple[int, ...] = ()  # what the blocks show for it; (): what the cause leads to

@@ -22,6 +22,7 @@ from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
 from trcvtui.net.connection.description import rows
+from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import ConnectionIds, IdHolder
 from trcvtui.net.connection.set_up import SetUpStage, StepFault, judge_description, wrong_local_address
 from trcvtui.net.connection.udp import NO_ADDR
@@ -233,14 +234,14 @@ def _refused(project: Project) -> Iterator[Sign]:
         holder = IdHolder(config)
         failed = judge_description(config, ids, holder) or _wrong_address(project, config)
         holder.has_been_up = True
-        without_addr = [each for each in openers if config.is_datagram and block_row(each.block).builds]
-        if failed is None and without_addr:
-            failed, openers = NO_ADDR, without_addr
+        bare = [each for each in openers if block_row(each.block).builds and each.addr is None]
+        if failed is None and config.is_datagram and bare:
+            failed, openers = NO_ADDR, bare
         if failed is not None:
-            key = {SetUpStage.ADDRESS: "LocalAddress", SetUpStage.IDENTITY: "ID"}.get(failed.stage, "")
-            key = key or (config.flaw.field if config.flaw is not None else "")
-            value = _written(config, key)
-            said = failed.detail if failed.detail.startswith(value) else f"{value}: {failed.detail}"
+            key, value = _key_of(config, failed, holder)
+            said = failed.detail
+            if key and not (key in said and value.split(" ")[0] in said):
+                said = f"{key} is {value or 'empty'}: {said}"
             sure = 0.8 if failed.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
             mend = Remedy(f"correct {key or 'the description'} of {config.name}")
             yield _refusal(project, openers, failed, sure, f"{config.name} is refused: {said}", mend)
@@ -252,11 +253,15 @@ def _wrong_address(project: Project, config: ConnectConfig) -> StepFault | None:
     return StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong) if wrong else None
 
 
-def _written(config: ConnectConfig, key: str) -> str:
-    """Return a key of a CONNECT and its value, as the view of its description shows it."""
+def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple[str, str]:
+    """Return the key that is wrong, and its value as the view of a description shows it; "": the whole is."""
+    if failed.stage is SetUpStage.IDENTITY:
+        return "ID", str(holder.identity)
+    if failed.stage is SetUpStage.ADDRESS or failed.fault.error == Flaw.NO_LOCAL_ADDRESS:
+        return "LocalAddress", config.local.address
+    key = config.flaw.field if config.flaw is not None else ""
     fields = rows(config.description, {}) if config.description is not None else ()
-    value = next((row.value for row in fields if row.field == key), str(config.local.address))
-    return f"{key} is {value or 'empty'}" if key else ""
+    return key, next((row.value for row in fields if row.field == key), "")
 
 
 def _refusal(

@@ -147,11 +147,14 @@ class SingleTcon:
             self._incarnation = self._connection.incarnation
         else:
             self._connection.step(self._env.scan, self._env.now)
-        return _KEEPING
+        return _KEEPING if self._connection.is_up else _REBUILDING
 
 
 _BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))
 _KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has not risen", pin="REQ"))
+_REBUILDING = Outcome(
+    Condition.NO_JOB, Cause(Why.WAITING, "it builds the lost connection again; REQ has not risen", pin="REQ")
+)
 
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 

@@ -52,7 +52,7 @@ def end_of_job(loss: ConnectionLoss, job: Job, course: StatusSequence, failed: C
     return Outcome(course.job_loss.get(loss.kind, failed), loss_cause(loss, job))
 
 
-IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
+IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 

@@ -52,12 +52,16 @@ LOSSES_KEPT: Final = 8
 
 
 class ConnectionLoss(Struct, frozen=True):
-    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
+    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set.
+
+    `is_played`: the PLC of a capture has closed it, and which of its blocks did is not known.
+    """
 
     kind: LossKind
     peer: str
     fault: Fault | None = None
     release_fault: Fault | None = None
+    is_played: bool = False
 
 
 def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
@@ -66,7 +70,7 @@ def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> Connect
     `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
     """
     if fault is not None and fault.error == OWN_END:
-        return ConnectionLoss(LossKind.OURS, peer)
+        return ConnectionLoss(LossKind.OURS, peer, is_played=True)
     if may_refuse and fault is not None and fault.error == TlsError.REFUSED:
         kind = LossKind.REFUSED
     elif fault is None or fault.error in ENDED_ERRORS:

@@ -211,7 +211,7 @@ def _verdict(
 def verdict_on_project(project: Project) -> Verdict:
     from trcvtui.diagnosis.lint import lint
 
-    return _verdict(str(project.path), None, lint(project), None)
+    return _verdict(str(project.path), None, lint(project, has_run=False), None)
 
 
 def _for_instance(mend: Remedy, instance: str) -> Remedy:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -163,13 +163,15 @@ class LintRule(NamedTuple):
     judge: Callable[[Project], Iterator[Sign]]
 
 
-def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
+def lint(
+    project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
+) -> tuple[LineFinding, ...]:
     """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
     started = replace(_as_started(project, now=pins)[0], start="", program="")
     signs = [(rule.cause, said) for rule in LINT_RULES for said in rule.judge(started)]
     written = _written_pins(project)
     signs += [("limits", said) for said in _two_receivers(started, written)]
-    if pins is None:  # in a run CONT may have been 1 before
+    if not has_run:  # else a command may have set CONT
         signs[:0] = [("not-connected-request", said) for said in _without_cont(started, written)]
     found = [LineFinding(cause, said.confidence, said, said.mend) for cause, said in signs]
     found += _of_samples(project, pins)
@@ -229,28 +231,25 @@ def _sockets(project: Project) -> Iterator[tuple[ConnectConfig, list[InstanceDec
 
 
 def _refused(project: Project) -> Iterator[Sign]:
-    ids = ConnectionIds()
+    ids, strict = ConnectionIds(), project.rules.policy.strict_local_address
     for config, openers in _sockets(project):
         holder = IdHolder(config)
-        failed = judge_description(config, ids, holder) or _wrong_address(project, config)
+        failed = judge_description(config, ids, holder)
         holder.has_been_up = True
-        bare = [each for each in openers if block_row(each.block).builds and each.addr is None]
-        if failed is None and config.is_datagram and bare:
-            failed, openers = NO_ADDR, bare
-        if failed is not None:
-            key, value = _key_of(config, failed, holder)
-            said = failed.detail
-            if key and not (key in said and value.split(" ")[0] in said):
-                said = f"{key} is {value or 'empty'}: {said}"
-            sure = 0.8 if failed.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
-            mend = Remedy(f"correct {key or 'the description'} of {config.name}")
-            yield _refusal(project, openers, failed, sure, f"{config.name} is refused: {said}", mend)
-
-
-def _wrong_address(project: Project, config: ConnectConfig) -> StepFault | None:
-    strict = project.rules.policy.strict_local_address
-    wrong = "" if config.any_local else wrong_local_address(config.local.address, (), strict)
-    return StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong) if wrong else None
+        wrong = "" if config.any_local else wrong_local_address(config.local.address, (), strict)
+        if failed is None and wrong:
+            failed = StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong)
+        for decl in openers:
+            is_bare = config.is_datagram and decl.addr is None and block_row(decl.block).builds
+            found = failed or (NO_ADDR if is_bare else None)
+            if found is not None:
+                sure = 0.8 if found.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
+                key, value = _key_of(config, found, holder)
+                text = found.detail
+                if key and not (key in text and value.split(" ")[0] in text):
+                    text = f"{key} is {value or 'empty'}: {text}"
+                mend = Remedy(f"correct {key or 'the description'} of {config.name}")
+                yield _refusal(project, decl, found, sure, f"{config.name} is refused: {text}", mend)
 
 
 def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple[str, str]:
@@ -265,45 +264,35 @@ def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple
 
 
 def _refusal(
-    project: Project, openers: Sequence[InstanceDecl], failed: StepFault, sure: float, text: str, mend: Remedy
+    project: Project, decl: InstanceDecl, failed: StepFault, sure: float, text: str, mend: Remedy
 ) -> Sign:
     condition = project.rules.course.of_set_up(failed.stage, failed.fault.error)
-    shown = {each.name: _word(project, each.block, condition) for each in openers}
-    status = tuple(dict.fromkeys(word for word in shown.values() if word is not None))
-    shows = [f"{name} shows {word:04X} for that" for name, word in shown.items() if word is not None]
-    return Sign(sure, (text, *shows[:3]), instance=openers[0].name, mend=(mend,), status=status)
+    status = _status(project, decl.block, condition)
+    return Sign(sure, (text,), instance=decl.name, mend=(mend,), status=status)
 
 
-def _word(project: Project, block: str, condition: Condition) -> int | None:
+def _status(project: Project, block: str, condition: Condition) -> tuple[int, ...]:
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
-    return project.rules.word(block, condition) if condition in known else None
-
-
-TAKEN: Final = StepFault(SetUpStage.BIND, Fault("bind", "EADDRINUSE"))
+    return (project.rules.word(block, condition),) if condition in known else ()
 
 
 def _one_port_twice(project: Project) -> Iterator[Sign]:
     before: list[ConnectConfig] = []
+    taken = StepFault(SetUpStage.BIND, Fault("bind", "EADDRINUSE"))
     for config, openers in _sockets(project):
         shares = config.session is not None and config.session.shares_port
         if config.flaw is not None or shares or not config.local.port:
             continue
-        other = next((each for each in before if _is_one_end(each, config)), None)
+        ends = config.local, config.is_datagram
+        other = next((each for each in before if (each.local, each.is_datagram) == ends), None)
         before.append(config)
-        if other is None:
-            continue
-        text = f"{other.name} and {config.name} have one local port, {config.local}"
-        mend = Remedy("give each of them a LocalPort of its own")
-        is_sure = other.local == config.local and not (other.active and config.active)
-        said = _refusal(project, openers, TAKEN, 0.85 if is_sure else 0.5, text, mend)
-        unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
-        yield said if is_sure else said._replace(evidence=(text, unsure))
-
-
-def _is_one_end(one: ConnectConfig, other: ConnectConfig) -> bool:
-    addresses = {one.local.address, other.local.address} - {ANY_ADDRESS}  # where routing says
-    ports = one.local.port == other.local.port and one.is_datagram == other.is_datagram
-    return ports and len(addresses) < 2
+        if other is not None:
+            text = f"{other.name} and {config.name} have one local port, {config.local}"
+            mend = Remedy("give each of them a LocalPort of its own")
+            said = _refusal(project, openers[0], taken, 0.85, text, mend)
+            unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
+            both_call = other.active and config.active
+            yield said._replace(confidence=0.5, evidence=(text, unsure)) if both_call else said
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -366,21 +355,16 @@ def _without_cont(project: Project, written: WrittenPins) -> Iterator[Sign]:
 
 
 def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Sign]:
-    """Yield receivers whose EN_R are both 1, always, on one CONNECT: one gets all messages."""
-    first: dict[str, InstanceDecl] = {}
+    """Yield who has EN_R at 1, always, on a CONNECT of another such receiver."""
+    first: dict[tuple[str, str], InstanceDecl] = {}
     for decl in project.instances:
-        held = all(written.get((decl.name, "EN_R"), ())) and dict(decl.inputs).get("EN_R")
-        if not held or not block_row(decl.block).receives:
-            continue
-        other = first.setdefault(decl.connect, decl)
-        if other is decl or other.task != decl.task:
-            continue
-        word = _word(project, decl.block, Condition.CONNECT_IN_USE)
-        text = f"{other.name} and {decl.name} both receive on {decl.connect}: one gets all messages"
-        status = () if word is None else (word,)
-        shows = [f"the other one shows {one:04X}" for one in status]
-        mend = Remedy("one receiver a CONNECT, or EN_R at one of them at a time", f"set {decl.name} EN_R=0")
-        yield Sign(0.85, (text, *shows), instance=decl.name, mend=(mend,), status=status)
+        is_held = dict(decl.inputs).get("EN_R") and all(written.get((decl.name, "EN_R"), ()))
+        other = first.setdefault((decl.connect, decl.task), decl) if is_held else decl
+        if other is not decl:
+            text = f"{other.name} and {decl.name} both receive on {decl.connect}: only one gets data"
+            status = _status(project, decl.block, Condition.CONNECT_IN_USE)
+            mend = Remedy("keep EN_R at 1 at one of them", f"set {decl.name} EN_R=0")
+            yield Sign(0.85, (text,), instance=decl.name, mend=(mend,), status=status)
 
 
 def _keep_alive(project: Project) -> Iterator[Sign]:

@@ -248,8 +248,10 @@ def _refused(project: Project) -> Iterator[Sign]:
                 text = found.detail
                 if key and not (key in text and value.split(" ")[0] in text):
                     text = f"{key} is {value or 'empty'}: {text}"
-                mend = Remedy(f"correct {key or 'the description'} of {config.name}")
-                yield _refusal(project, decl, found, sure, f"{config.name} is refused: {text}", mend)
+                mend = (Remedy(f"correct {key or 'the description'} of {config.name}"),)
+                condition = project.rules.course.of_set_up(found.stage, found.fault.error)
+                status, text = _status(project, decl.block, condition), f"{config.name} is refused: {text}"
+                yield Sign(sure, (text,), instance=decl.name, mend=mend, status=status)
 
 
 def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple[str, str]:
@@ -263,22 +265,15 @@ def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple
     return key, next((row.value for row in fields if row.field == key), "")
 
 
-def _refusal(
-    project: Project, decl: InstanceDecl, failed: StepFault, sure: float, text: str, mend: Remedy
-) -> Sign:
-    condition = project.rules.course.of_set_up(failed.stage, failed.fault.error)
-    status = _status(project, decl.block, condition)
-    return Sign(sure, (text,), instance=decl.name, mend=(mend,), status=status)
-
-
 def _status(project: Project, block: str, condition: Condition) -> tuple[int, ...]:
+    """Return the STATUS of a block for that, () where its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
     return (project.rules.word(block, condition),) if condition in known else ()
 
 
 def _one_port_twice(project: Project) -> Iterator[Sign]:
     before: list[ConnectConfig] = []
-    taken = StepFault(SetUpStage.BIND, Fault("bind", "EADDRINUSE"))
+    taken = project.rules.course.of_set_up(SetUpStage.BIND, "EADDRINUSE")
     for config, openers in _sockets(project):
         shares = config.session is not None and config.session.shares_port
         if config.flaw is not None or shares or not config.local.port:
@@ -288,11 +283,11 @@ def _one_port_twice(project: Project) -> Iterator[Sign]:
         before.append(config)
         if other is not None:
             text = f"{other.name} and {config.name} have one local port, {config.local}"
-            mend = Remedy("give each of them a LocalPort of its own")
-            said = _refusal(project, openers[0], taken, 0.85, text, mend)
             unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
-            both_call = other.active and config.active
-            yield said._replace(confidence=0.5, evidence=(text, unsure)) if both_call else said
+            sure, said = (0.5, (text, unsure)) if other.active and config.active else (0.85, (text,))
+            mend = (Remedy("give each of them a LocalPort of its own"),)
+            status = _status(project, openers[0].block, taken)
+            yield Sign(sure, said, instance=openers[0].name, mend=mend, status=status)
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:

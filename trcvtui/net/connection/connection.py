@@ -52,16 +52,13 @@ LOSSES_KEPT: Final = 8
 
 
 class ConnectionLoss(Struct, frozen=True):
-    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set.
-
-    `is_played`: the PLC of a capture has closed it, and which of its blocks did is not known.
-    """
+    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
 
     kind: LossKind
     peer: str
     fault: Fault | None = None
     release_fault: Fault | None = None
-    is_played: bool = False
+    is_played: bool = False  # closed by the PLC of a capture: which of its blocks did is not known
 
 
 def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:

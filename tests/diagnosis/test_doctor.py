@@ -23,7 +23,7 @@ from tests.diagnosis.doctor_cases import (
     record,
     talk,
 )
-from tests.recording.wire import serial_line
+from tests.recording.wire import ACK, PLC, RST, SYN, capture, serial_line, tcp
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.doctor import doctor as run_doctor
@@ -167,6 +167,21 @@ def test_with_a_type_the_end_that_receives_alone_is_the_plc(tmp_path: Path) -> N
 
 
 READ, FRAMING, PARITY, OVERRUN = 2, 7, 8, 10  # events of RTAC serial
+
+
+@pytest.mark.parametrize("ports", [(51001, 51001, 51001), (51001, 51002, 51003)])
+def test_a_call_that_comes_again_after_its_refusal_counts_again(
+    ports: tuple[int, ...], tmp_path: Path
+) -> None:
+    callers = [("10.0.0.9", port) for port in ports]
+    calls = [
+        (tcp(seq=7, flags=SYN, source=one), tcp(ack=8, flags=RST | ACK, source=PLC, target=one))
+        for one in callers
+    ]
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture([packet for call in calls for packet in call], step_ns=250_000_000))
+    found = judge(str(path), DoctorQuestion())[0][0]["findings"]
+    assert [(one["cause"], one["evidence"][1]) for one in found] == [("refused", "3 times in this capture")]
 
 
 def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(

@@ -514,7 +514,9 @@ class Conversations:
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            self._tell(ns, direction, SegmentKind.RETRANSMISSION)
+            is_refused = not conversation.is_established and conversation.end == ("rst", direction.other)
+            conversation.end = None if is_refused else conversation.end  # some stacks call again, as before
+            self._tell(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
         direction.next = (seq + 1) & _MASK

@@ -26,7 +26,7 @@ _WAITS: Final = (Condition.RECEIVING_PART,)
 _NO_CALL: Final = (Condition.REFUSED, Condition.CONNECT_FAILED)  # a PLC has one of them
 # fmt: off
 _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
-    ("address", "the ends do not look for each other where they are",
+    ("address", "the ends cannot find each other as they are described",
      "let one end call and the other listen, on one port", (Condition.ESTABLISHING,), _SYN),
     ("second-client", "a further client wants the connection of another one",
      "end the first connection before, or give the second client a CONNECT and a port of its own",

@@ -103,7 +103,7 @@ class EndsGroup:
 
     @cached_property
     def refusals(self) -> int:
-        return sum(1 for one in self.lines if not one.is_built and one.listener.reset is not None)
+        return sum(one.listener.resets for one in self.lines if not one.is_built)
 
     @cached_property
     def by_plc_and_resets(self) -> tuple[int, int]:

@@ -300,7 +300,7 @@ def _verdict(
 def verdict_on_project(project: Project) -> Verdict:
     from trcvtui.diagnosis.lint import lint
 
-    return _verdict(str(project.path), None, lint(project), None)
+    return _verdict(str(project.path), None, lint(project, has_run=False), None)
 
 
 def _for_instance(mend: Remedy, instance: str) -> Remedy:
@@ -312,7 +312,7 @@ def finding_row(
     line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
 ) -> dict[str, Any]:
     """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
-    status = [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
+    status = found.said.status or [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
     return {
         **_remark_row(line, found),
         "confidence": round(found.confidence, 2),

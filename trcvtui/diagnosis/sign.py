@@ -40,3 +40,4 @@ class Sign(NamedTuple):
     cured: Receiver | None = None
     otherwise: tuple[Remedy, ...] = ()
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
+    status: tuple[int, ...] = ()  # what the blocks show for it; (): what the cause leads to

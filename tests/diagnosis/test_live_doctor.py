@@ -174,6 +174,12 @@ def test_ten_seconds_of_traffic_name_the_cause(
     assert [one["cause"] for one in found][:1] == [cause], found
 
 
+def test_new_calls_on_the_same_ports_are_no_packets_that_got_lost(tmp_path: Path) -> None:
+    """Numbers of a recording begin at 0 in each connection."""
+    tsaps = plc(ISO, receiver("TRCV_C", 8, pins(CONT=True, EN_R=True)), OTHER_TSAP, "s7-1500")
+    assert {one["cause"] for one in after_ten_seconds(tsaps, [], tmp_path)["findings"]} == {"wrong-tsap"}
+
+
 def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = count(1)
     monkeypatch.setattr(SimSerialPort, "line_errors", lambda port: (0, 3 * next(asked), 0, 1))

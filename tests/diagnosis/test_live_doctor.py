@@ -194,6 +194,7 @@ NO_LINE_MENDS = {
     "closes-each-message": "the partner's program",
     "reconnect-storm": "the end that closes",
     "resets": "the end that resets",
+    "turned-away": "the partner's other client, or its filter",
     "second-client": "one client more than the CONNECT takes",
     "partner-not-reading": "the partner reads",
     "dead-link": "a cable",
@@ -223,6 +224,12 @@ def test_each_remedy_that_is_a_line_leaves_no_symptom(tmp_path: Path) -> None:
         assert found == [], (cause, remedies, found)
     print(f"{len(tried)} causes with a remedy that was tried, {len(advised)} with advice alone")
     assert sorted(advised) == sorted(NO_LINE_MENDS)
+
+
+def test_new_calls_on_the_same_ports_are_no_packets_that_got_lost(tmp_path: Path) -> None:
+    """Numbers of a recording begin at 0 in each connection."""
+    tsaps = plc(ISO, receiver("TRCV_C", 8, pins(CONT=True, EN_R=True)), OTHER_TSAP, "s7-1500")
+    assert {one["cause"] for one in after_ten_seconds(tsaps, [], tmp_path)["findings"]} == {"wrong-tsap"}
 
 
 def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

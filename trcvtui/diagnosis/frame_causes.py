@@ -134,7 +134,7 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 def _anew(receiver: Receiver) -> tuple[Remedy, ...]:
     """Return what lets frames begin with a message after their length has changed."""
-    text = "then COM_RST, so that frames begin with a message"
+    text = "COM_RST: the next frame then begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram
     return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()
 
@@ -314,7 +314,7 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
-    offer = NO_OFFER  # COM_RST, where nothing brings it again
+    offer = RemedyOffer(_anew(wanted))  # where nothing brings it again
     if again > 1 or (is_first and again):
         ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
         name = "the greeting" if is_first else "these messages"

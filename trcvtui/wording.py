@@ -1,10 +1,11 @@
-"""What sentences say: ages, counts, sizes; tables as text."""
+"""What sentences say: ages, counts, sizes; tables as text; any value as JSON."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from itertools import repeat
-from typing import Final
+from typing import Any, Final
 
 from trcvtui.errors import one_line
 
@@ -93,3 +94,19 @@ def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
 
 def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
     return column if "".join(column).isprintable() else tuple(map(one_line, column))
+
+
+# In JSON of ASCII: what stands after `\`, and the code units that are no character by themselves. Strict
+# readers refuse the latter, though JSON has a form for them.
+_HALF: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
+
+
+def json_text(value: object, **form: Any) -> str:
+    """Return a value as JSON in ASCII: bytes from a wire stay data. `form` is what `json.dumps` takes.
+
+    A code unit that is no character becomes six characters such as `\\udc00`, as in `one_line`.
+    """
+    import json  # here: most texts need none, and a command line starts faster without
+
+    text = json.dumps(value, **form).replace("\x7f", "\\u007f")  # the one control character that it leaves
+    return _HALF.sub(lambda found: "\\" * bool(found[1]) + found[0], text) if "\\ud" in text else text

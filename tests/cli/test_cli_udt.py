@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from tests import golden
@@ -213,3 +216,15 @@ def test_no_hidden_character_of_a_name_reaches_the_terminal(run: Run) -> None:
         _, out, err = run("udt", *words.split())
         said = out + err
         assert said and [each for each in said if not each.isprintable() and each != "\n"] == [], words
+
+
+# -- JSON ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="file names are text there")
+@pytest.mark.parametrize("line", ["udt types {} --format json", "scenario {} --format jsonl"])
+def test_json_with_a_file_name_that_is_no_text_is_read_by_strict_readers(run: Run, line: str) -> None:
+    name = os.fsdecode(b"\xff")
+    shutil.copy("types.st", name)
+    _, out, _ = run(*line.format(name).split())
+    assert msgspec.json.decode(out) and out.isascii() and "\\\\udcff" in out

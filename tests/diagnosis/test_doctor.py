@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from collections import Counter
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import msgspec
 import pytest
 
 from tests import golden
@@ -103,6 +106,16 @@ def test_a_healthy_capture_is_0_and_json_lines_have_one_object_a_conversation(
     assert json.loads(line)["healthy"] is True
     assert main(["doctor", str(path)]) == 0
     assert capsys.readouterr().out.endswith(": healthy\n")
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="file names are text there")
+def test_a_file_name_that_is_no_text_breaks_no_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written("refused", tmp_path).rename(tmp_path / os.fsdecode(b"\xff"))
+    assert main(["doctor", str(path), "--format", "json"]) == 1
+    (one, *_) = msgspec.json.decode(capsys.readouterr().out)
+    assert one["file"] == f"{tmp_path}/\\udcff"
 
 
 def test_what_is_no_capture_is_2_and_does_not_hide_the_others(

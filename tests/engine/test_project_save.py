@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -140,13 +140,103 @@ def test_a_name_that_was_taken_meanwhile_is_one_line_and_nothing_is_lost(
     own.write_text(own.read_text() + "\n[[connect]]\nname = 'C7'\n")
     taken = own.read_bytes()
     told = answer(driver, "save project")
-    assert (
-        told
-        == f"{own}: connect C7: name: found 'C7', the name of another connect, expected a name of its own"
+    assert told.startswith(
+        f"{own}: connect C7: name: found 'C7', the name of another connect, expected a name of its own"
     )
     assert own.read_bytes() == taken
     assert say(driver).unsaved == 6
     assert sorted(os.listdir(own.parent)) == ["mine.toml", "types"]
+
+
+TAKEN = '[[connect]]\nname = "C7"\n'
+OTHER = 'dialect = "{}"\n[[connect]]\nname = "X"\n[[connect]]\nname = "Y"\n'
+
+
+def loop(own: Path, by: str) -> None:
+    own.unlink()
+    own.symlink_to(by)
+    if by != own.name:
+        own.with_name(by).symlink_to(own.name)
+
+
+def into_folder(own: Path) -> None:
+    own.unlink()
+    own.mkdir()
+
+
+OUTSIDE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
+    "deleted": (lambda own: own.unlink(), ": found No such file or directory", True),
+    "renamed": (lambda own: own.rename(own.with_name("new.toml")), ": found new.toml, its new name", True),
+    "broken": (lambda own: own.write_text("a = 1\n= 2\n"), ": line 2, column 1: found no TOML", True),
+    "emptied": (lambda own: own.write_bytes(b""), ": dialect: found nothing", True),
+    "bytes": (lambda own: own.write_bytes(b"\xff"), ": line 1: found byte 16#FF", True),
+    "with types gone": (lambda own: shutil.rmtree(own.parent / "types"), "weight.st: found No such", True),
+    "with a name taken": (lambda own: own.write_text(own.read_text() + TAKEN), ": connect C7: name", True),
+    "another": (lambda own: own.write_text(OTHER.format("baosky")), ": found another project", True),
+    "of another PLC": (lambda own: own.write_text(OTHER.format("s7-1500")), ": found another project", True),
+    "a link to itself": (lambda own: loop(own, own.name), ": found Too many levels of symbolic links", True),
+    "a loop of links": (lambda own: loop(own, "b.toml"), ": found Too many levels of symbolic links", True),
+    "a folder": (into_folder, ": found Is a directory", False),
+    "with its folder": (lambda own: shutil.rmtree(own.parent), ": no folder ", False),
+}  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its links and messages are other ones")
+@pytest.mark.parametrize(("act", "found", "can_be_written"), OUTSIDE.values(), ids=OUTSIDE)
+@pytest.mark.parametrize("forced", ["", " !"], ids=["another file", "forced"])
+def test_what_happens_to_the_file_outside_loses_no_addition(
+    tmp_path: Path, act: Callable[[Path], object], found: str, can_be_written: bool, forced: str
+) -> None:
+    own, fresh = tmp_path / "mine" / "mine.toml", tmp_path / "there" / "fresh.toml"
+    fresh.parent.mkdir()
+    shutil.copytree(CONFIGS / "types", own.parent / "types")
+    shutil.copy(CONFIGS / "checkweigher.toml", own)
+    before = own.read_text()
+    for driver in driven(own):
+        say(driver, *ADD)
+        act(own)
+        told = answer(driver, "save project")
+        assert found in told and str(own.parent) in told and say(driver).unsaved == 6
+        path = own if forced else fresh
+        told = answer(driver, f"save project{forced or f' {fresh}'}")
+        if forced and not can_be_written:
+            assert told.startswith("prompt: found") and say(driver).unsaved == 6
+            continue
+        assert told.startswith(f"the project with 6 additions in {path}, on the text that was read before (")
+        assert found.removeprefix(": no folder ") in told and say(driver).unsaved == 0
+        saved, bench = load_bench(path), driver.console.bench.project
+        assert (saved.connects, saved.peers, saved.instances) == (
+            bench.connects,
+            bench.peers,
+            bench.instances,
+        )
+        assert [(d.name, d.size) for d in saved.data] == [(d.name, d.size) for d in bench.data]
+        assert path.read_text().startswith(before[:200]) and not list(path.parent.glob(".*"))
+        assert answer(driver, "add connect C8", "save project") == f"the project with 1 addition in {path}"
+
+
+def test_another_file_gets_what_the_bench_holds_and_not_what_the_old_one_says_by_now(
+    driver: LocalDriver, own: Path
+) -> None:
+    say(driver, *ADD)
+    own.write_text(own.read_text().replace("LocalPort = 0", "LocalPort = 2001"))
+    changed, fresh = own.read_bytes(), own.with_name("fresh.toml")
+    told = f"the project with 6 additions in {fresh}, on the text that was read before ({own} has changed)"
+    assert answer(driver, f"save project {fresh}") == told
+    assert [c.local.port for c in load_bench(fresh).connects] == [0, 0] and own.read_bytes() == changed
+
+
+def test_a_file_that_may_not_be_written_keeps_the_additions_on_the_bench(
+    driver: LocalDriver, own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = own.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "access", lambda *_: False)
+        for line in ("save project", "save project !"):
+            told = answer(driver, *ADD, line)
+            assert told == f"prompt: found {own}: Permission denied, expected a file that can be written"
+    assert own.read_bytes() == before and say(driver).unsaved == 6
+    assert answer(driver, "save project") == f"the project with 6 additions in {own}"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no modes there")
@@ -189,6 +279,17 @@ def test_a_session_with_additions_is_a_scenario_on_the_old_project(driver: Local
     assert 'project = "' not in late.read_text(), "the file says more by now than the session began with"
     again = play(late, "sim")
     assert again.verdict.passed, failures(again.verdict)
+
+
+def test_a_session_whose_project_is_gone_is_a_scenario_with_the_project_in_it(
+    driver: LocalDriver, own: Path
+) -> None:
+    own.unlink()
+    file = own.parent / "session.toml"
+    assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
+    assert 'project = "' not in file.read_text()
+    played = play(file, "sim")
+    assert played.verdict.passed, failures(played.verdict)
 
 
 @pytest.mark.parametrize("name", ["passwd", "a.txt", "mine.toml.bak"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from tests import golden
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.file import load_project
+from trcvtui.project.tables import parse_toml
 
 GOOD = """
 dialect = "baosky"
@@ -95,6 +97,43 @@ def test_a_mistake_is_one_of_its_kind_at_its_place() -> None:
 )
 def test_what_is_no_toml_is_a_mistake_with_its_place(content: str | bytes, place: str) -> None:
     assert [problem.where for problem in mistakes(content)] == [f"b.toml{place}"]
+
+
+KEY = "a" + ".a" * 101
+LONG_KEYS = {
+    "bare": f"{KEY} = 1",
+    "with blanks": KEY.replace(".", " . ") + " = 1",
+    "in quotes": KEY.replace("a", '"a.b"') + " = 1",
+    "a header": f"[{KEY}]",
+    "an array's": f"[[{KEY}]]",
+    "inline": f"x = [1, {{y = 2, {KEY} = 1}}]",
+    "after a text": f'x = """a"b\\""""" # {KEY[:99]}\n{KEY} = 1',
+    "of seconds": f"a{'.a' * 20_000} = 1",
+}
+NO_KEYS = {
+    "a hundred": f"{KEY[:-2]} = 1",
+    "dots in quotes": f"""'{KEY}'."{KEY}".b = 1""",
+    "a text": f'x = "\\"{KEY}"\ny = \'"{KEY}\'',
+    "texts of lines": f'x = """\n{KEY}\n"{KEY}\\""" {KEY}"""""\ny = \'\'\'\n{KEY} = 1\n\'\'\'',
+    "a comment": f"x = 1 # {KEY} = 1\n# '\n# {KEY}",
+    "values": f"x = [{'1.5, ' * 300}]\ny = [{'07:32:00.5, ' * 300}]",
+}
+
+
+@pytest.mark.parametrize("text", LONG_KEYS.values(), ids=LONG_KEYS)
+def test_a_key_with_more_than_a_hundred_dots_is_refused_before_it_is_parsed(
+    text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(tomllib, "loads")
+    with pytest.raises(UserError) as caught:
+        parse_toml(text, "b.toml")
+    (problem,) = caught.value.problems
+    assert problem.where == f"b.toml: line {text.count(chr(10)) + 1}" and problem.expected == "at most 100"
+
+
+@pytest.mark.parametrize("text", NO_KEYS.values(), ids=NO_KEYS)
+def test_dots_that_part_no_key_are_not_counted(text: str) -> None:
+    assert parse_toml(text, "b.toml") == tomllib.loads(text)
 
 
 @pytest.mark.parametrize("path", ["nix.toml", "."])

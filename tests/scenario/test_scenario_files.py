@@ -139,6 +139,7 @@ def test_what_is_no_scenario_is_not_listed(text: str) -> None:
         (f"scenario = 5\n{BENCH}", "a.toml: scenario: found"),
         ('project = "gone.toml"\n' + STORY, "gone.toml: found No such file"),
         (BENCH + STORY + "x = " + "[" * 5000 + "\n", "a.toml: found brackets nested too deeply"),
+        (BENCH + STORY + "x" + ".x" * 200 + " = 1\n", ": found a key with 200 dots, expected at most 100"),
     ],
 )
 def test_a_broken_file_is_listed_with_its_first_problem_in_one_line(text: str, problem: str) -> None:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 
+import msgspec
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.udt.answers import decode_json, show_json
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
 from trcvtui.udt import report
+from trcvtui.udt.compare.compare import Comparison, compare_json
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import real_text
-from trcvtui.udt.report import decode_text, encode_values, show_text
+from trcvtui.udt.report import csv_lines, decode_text, encode_values, markdown, member_rows, show_text
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import StringType, Struct
 
@@ -23,6 +26,9 @@ TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
   id : DINT; speed : REAL; ok : BOOL; bits : WORD; mode : Mode; name : STRING[4]; c : CHAR; wait : TIME;
 END_STRUCT END_TYPE"""
 BYTES = bytes.fromhex("01000000 00509A44 05 00 34 12 05 00 04 02 41 1B 00 00 58 00 00 00 DC 05 00 00")
+RANDOM = 10_000 if "TRCVTUI_SOAK" in os.environ else 200
+# Any bytes; and texts of halves of characters, of what ends a text and of what stands for itself.
+TELLING = st.lists(st.sampled_from(b"\xd8\xdc\xdf\xff\xc3\0\\A"), max_size=9).map(lambda b: bytes(b) * 99)
 
 
 def telegram() -> Layout:
@@ -159,13 +165,40 @@ def texts_overlap(layout: Layout) -> bool:
     return sum(map(len, places)) > len({at for place in places for at in place})
 
 
+@pytest.mark.parametrize(
+    ("text", "layout", "raw", "value", "mark"),
+    [
+        ("WSTRING[5]", "codesys-8", "0001 00DC 0042 0045 0000 0000", "\u0100\\udc00\u4200\u4500", "16#DC00"),
+        ("WSTRING[4]", "codesys-8", "5C00 41D8 41DC 00DF 0000", "\\\\\U00020441\\udf00", "16#DF00"),
+        ("WSTRING[2]", "s7-standard", "0002 0002 D800 D801", "\\ud800\\ud801", "16#D800 and 1 more"),
+        ("WCHAR", "s7-standard", "DC41", "\\udc41", "16#DC41"),
+    ],
+)
+def test_a_code_unit_that_is_no_character_is_escaped_and_marked_and_comes_back(
+    text: str, layout: str, raw: str, value: str, mark: str
+) -> None:
+    of, data = layout_of(f"t : {text};", layout), bytes.fromhex(raw)
+    found = msgspec.json.decode(report.decode_json(of, data))
+    assert found["values"] == {"t": value} and found["escaped"] == ["t"]
+    assert found["marks"] == {"t": f"no text: {mark}"}
+    assert f"(no text: {mark})" in decode_text(of, data)
+    assert encode_values(of, found) == data
+
+
+def test_a_text_with_backslashes_is_as_it_was() -> None:
+    of, data = layout_of("t : WSTRING[7];", "codesys-8"), "\\udc00\\\0".encode("utf-16-le")
+    found = decode_json(of, data)
+    assert found["values"] == {"t": "\\udc00\\"} and not {"escaped", "marks"} & set(found)
+    assert encode_values(of, found) == data
+
+
 @pytest.mark.slow
 @given(layouts(), st.data())
 def test_what_decode_prints_encode_takes_and_gives_the_same_again(
     layout: Layout, data: st.DataObject
 ) -> None:
     assume(not texts_overlap(layout))
-    raw = data.draw(st.binary(max_size=layout.size))
+    raw = data.draw(st.binary(max_size=layout.size) | TELLING)
     printed = json.loads(json.dumps(decode_json(layout, raw), allow_nan=False))
     again = decode_json(layout, encode_values(layout, printed))["values"]
     assert isinstance(again, dict)
@@ -174,11 +207,17 @@ def test_what_decode_prints_encode_takes_and_gives_the_same_again(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
+@settings(max_examples=RANDOM)
 @given(layouts(), st.data())
-def test_no_bytes_break_the_tables_or_reach_them_raw(layout: Layout, data: st.DataObject) -> None:
-    raw = data.draw(st.binary(max_size=layout.size + 2))
-    for text in (show_text(layout), decode_text(layout, raw)):
+def test_no_bytes_break_a_format_or_reach_it_raw(layout: Layout, data: st.DataObject) -> None:
+    raw = data.draw(st.binary(max_size=layout.size + 2) | TELLING)
+    rows = [(*row[:2], row[2] or "T", row[3]) for row in member_rows(layout, raw, "T")]
+    for text in (show_text(layout), decode_text(layout, raw), *markdown(rows), *csv_lines(rows)):
         assert all(line.isprintable() for line in text.splitlines())
+    comparison = Comparison(layout, layout)
+    for text in (report.decode_json(layout, raw), compare_json(comparison, list(comparison.rows(raw)), raw)):
+        assert text.isascii() and msgspec.json.decode(text)  # it refuses half a character, too
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush
@@ -20,6 +19,7 @@ from trcvtui.capture.plc_end import (
 from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
+from trcvtui.wording import json_text
 
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
 WIDTH: Final = 80  # columns of text
@@ -149,7 +149,7 @@ def _counts(direction: WireDirection) -> dict[str, int | None]:
 def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
     before = "["
     for row in rows:
-        yield before + json.dumps(row)
+        yield before + json_text(row)
         before = ","
     yield "]" if before == "," else "[]"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.diagnosis.symptoms import Symptom, causes_of
 from trcvtui.errors import UserError, one_line
-from trcvtui.wording import count, times
+from trcvtui.wording import count, json_text, times
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
@@ -465,7 +464,7 @@ def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, i
         return False
     for one in made:
         before = "" if form == "jsonl" else "[\n" if is_first else ",\n"
-        write(before + json.dumps(one) + ("\n" if form == "jsonl" else ""))
+        write(before + json_text(one) + ("\n" if form == "jsonl" else ""))
         is_first = False
     return is_first
 

@@ -373,7 +373,8 @@ class Controller:
         if what == PROJECT:
             self._told = self._edits.save(name)
             saved = self._edits.project
-            self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
+            at = {"path": saved.path, "base": saved.base, "udt_files": saved.udt_files}
+            self.bench.project = replace(self.bench.project, **at)
             return ""
         before = None
         if self._edits.saved != self._begun_with:
@@ -381,6 +382,8 @@ class Controller:
             if before is None:
                 found = "a session that began with additions which were in no file"
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
+        elif self._edits.text_now() != self._edits.text:
+            before = self._edits.text
         path = target(name, "prompt")
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))

@@ -5,6 +5,7 @@ Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set`
 session's (`save scenario`).
 Rule of saving 1: what stands in the file now stays, also what was written there since it was opened.
 Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
+Rule of saving 3: another file gets what the bench holds, on the text as it was opened or saved; that is kept.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import codecs
 import os
 import sys
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -22,12 +24,12 @@ from trcvtui.commands.reader import after
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import MENDS, Remedy
 from trcvtui.dialects import DIALECTS
-from trcvtui.errors import UserError, mistake
-from trcvtui.files import read_bytes, write_file
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import FileName, make_folder, read_bytes, write_file
 from trcvtui.paths import configs_path, demo_path
 from trcvtui.project.edit import difference, entry, same
 from trcvtui.project.file import read_project
-from trcvtui.project.keys import forms_of
+from trcvtui.project.keys import EDITED, forms_of, names_of
 from trcvtui.project.project import Edit, Edits, Project
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
@@ -117,11 +119,10 @@ def _refuse_what_came_along(path: Path, where: str) -> None:
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
 
 
-def save_project(own: Path, path: Path, edits: Edits, where: str, constants: Mapping[str, int]) -> Project:
-    """Write the text of `own` with these edits to `path`; return what it loads as; raise UserError."""
-    if not path.parent.is_dir():
-        raise mistake(where, f"{path}: no folder {path.parent}", "a file that can be written")
-    text = with_files_from(read_text(own), own.parent, path.parent, str(own))
+def edited_text(
+    text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
+) -> tuple[str, Project]:
+    """Return the text of `own` with these edits, and what it loads as in `path`; raise UserError."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
         text = with_entries(text, added, str(own))
@@ -133,8 +134,7 @@ def save_project(own: Path, path: Path, edits: Edits, where: str, constants: Map
     loaded = _loaded(text, path, edits)
     if any(loaded.constants.get(name) != number for name, number in constants.items()):
         raise mistake(str(path), "other constants", "the ones that were given")
-    write_file(path, _beginning(own) + text.encode(), where, is_own=True)
-    return loaded
+    return text, loaded
 
 
 def _with_change(text: str, edit: Edit, own: Path, path: Path) -> str:
@@ -177,7 +177,7 @@ def _another(edit: Edit, path: Path) -> UserError:
 
 def _beginning(path: Path) -> bytes:
     """Return the byte order mark that some editors of Windows begin a file with, where it is there."""
-    return codecs.BOM_UTF8 if read_bytes(path, LARGEST_FILE).startswith(codecs.BOM_UTF8) else b""
+    return codecs.BOM_UTF8 if _content(path).startswith(codecs.BOM_UTF8) else b""
 
 
 WHERE = "prompt"
@@ -195,6 +195,8 @@ class ProjectEdits:
         self._edits: Edits = ()  # what makes the project of the one in the file
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
+        self._inode = 0
+        self._keep(self.text_now())
 
     @property
     def unsaved(self) -> int:
@@ -204,6 +206,10 @@ class ProjectEdits:
     @property
     def unsaved_word(self) -> str:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
+
+    def text_now(self) -> str:
+        """Return what the file says now, `text` is what it said; "" where it cannot be read."""
+        return _text_of(self.project.path)
 
     def begin(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
@@ -223,20 +229,80 @@ class ProjectEdits:
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
         self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
         self._constants |= constants
+        self._keep(self.text)
 
     def save(self, words: str) -> str:
         """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
         own = self.project.path
         path = target_of(words, own, self._written, WHERE)
-        if not self.unsaved and os.path.realpath(path) == os.path.realpath(own):
+        if not path.parent.is_dir():
+            raise mistake(WHERE, f"{path}: no folder {path.parent}", "a file that can be written")
+        is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._lost()
+        if is_own and lost and not (self.text and words.rstrip().endswith(FORCE)):
+            raise mistake(lost.where, lost.found, f"{lost.expected}; `save project {FORCE}` writes it anew")
+        if is_own and not lost and not self.unsaved:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
-        before = read_text(own) if self.before is None and self._begun_from_file else self.before
-        loaded = save_project(own, path, self._edits, WHERE, self._constants)
         told = f"the project with {count(self.unsaved, self.unsaved_word)} in {path.absolute()}"
-        self.before = before if before is None else with_files_from(before, own.parent, path.parent, str(own))
+        text = self.text if lost or not is_own else read_text(own)
+        if lost or self.text_now() != text:
+            now = f"{lost.where}: found {lost.found}" if lost else f"{own} has changed"
+            told += f", on the text that was read before ({now})"
+        before = self.text if self.before is None and self._begun_from_file else self.before
+        old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
+        self._restore_types(old)
+        text = with_files_from(text, old, path.parent, str(own))
+        text, new = edited_text(text, own, path, self._edits, self._constants)
+        write_file(path, _beginning(own) + text.encode(), WHERE, is_own=True)
+        self.before = before and with_files_from(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()
         self.saved = self.done
-        self.project = replace(self.project, path=loaded.path, base=loaded.base)
+        self.project = replace(self.project, path=new.path, base=new.base, udt_files=new.udt_files)
         self._in_file, self._edits = self.project, ()
+        self._keep(text)
         return told
+
+    def _keep(self, text: str) -> None:
+        """Keep what the file says, and the type files: each of them can be gone when it is needed."""
+        self.text, self._types = text, {file: _content(file) for file in self.project.udt_files}
+        with suppress(OSError):
+            self._inode = os.stat(self.project.path).st_ino if text else 0
+
+    def _restore_types(self, folder: Path) -> None:
+        """Write the type files that are gone, as they were; `folder` takes the place of the project's."""
+        for file, content in self._types.items():
+            base = self.project.base
+            place = folder / (file.relative_to(base) if file.is_relative_to(base) else file)
+            if content and not place.exists():
+                make_folder(place.parent, WHERE)
+                write_file(place, content, WHERE, is_new=True)
+
+    def _lost(self) -> Problem | None:
+        """Return why the file cannot take the edits any more, such as that it is gone."""
+        own, was = self.project.path, self._in_file
+        try:
+            text = read_text(own)
+            now = _read(text, own)
+            kept = [(kind, name) for kind in EDITED for name in names_of(kind, was)]
+            is_left = not kept or any(name in names_of(kind, now) for kind, name in kept)
+            if not is_left or now.dialect.name != was.dialect.name:
+                raise mistake(str(own), "another project", "the one of the bench")
+            edited_text(text, own, own, self._edits, self._constants)
+            return None
+        except UserError as wrong:
+            first = wrong.problems[0]
+        with suppress(OSError):
+            for each in [] if os.path.lexists(own) else [*os.scandir(own.parent)]:
+                if each.inode() == self._inode and _text_of(each.path) == self.text:
+                    return replace(first, found=f"{each.name}, its new name")
+        return first
+
+
+def _content(path: FileName) -> bytes:
+    with suppress(OSError, ValueError):
+        return read_bytes(path, LARGEST_FILE)
+    return b""
+
+
+def _text_of(path: FileName) -> str:
+    return _content(path).decode("utf-8-sig", "replace")

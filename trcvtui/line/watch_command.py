@@ -16,7 +16,7 @@ from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.net.os.packet_pipe import take_stdin
 from trcvtui.plc.ledger import Outputs, StatusEdge
-from trcvtui.scenario.report import JsonLines, json_text, outputs_record
+from trcvtui.scenario.report import JsonLines, json_line, outputs_record
 from trcvtui.wording import utc_text
 
 ENDS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -51,7 +51,7 @@ class WatchLines:
         key = None if edge.outputs.error else (edge.instance, edge.outputs)
         known = self._known.get(key)
         if known is None:
-            known = json_text(outputs_record(edge))[1:]
+            known = json_line(outputs_record(edge))[1:]
             if len(self._known) == MOST_KNOWN:
                 self._known.clear()
             if key is not None:

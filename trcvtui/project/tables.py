@@ -87,10 +87,24 @@ def read_toml(path: Path) -> dict[str, Any]:
     return parse_toml(read_text(path), str(path))
 
 
+# Texts of lines, comments; as group 1 keys with dots. What is not closed ends with its line, or the file.
+_PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)"""
+_TOKEN: Final = re.compile(
+    rf"""(?s:"{{3}}(?:[^\\]|\\.)*?(?:"{{3,5}}|\Z)|'{{3}}.*?(?:'{{3,5}}|\Z))|#[^\n]*+"""
+    rf"""|({_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+)"""
+)
+MOST_DOTS: Final = 100  # in a key; the time that tomllib takes for one grows with their square
+
+
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Return the document of a TOML text; raise UserError when it is none."""
     import tomllib
 
+    for token in _TOKEN.finditer(text) if text.count(".") > MOST_DOTS else ():
+        dots = len(re.findall(_PART, token[1] or "")) - 1
+        if dots > MOST_DOTS:
+            line = text.count("\n", 0, token.start()) + 1
+            raise mistake(f"{where}: line {line}", f"a key with {dots} dots", f"at most {MOST_DOTS}")
     try:
         return tomllib.loads(text)
     except ValueError as wrong:  # TOMLDecodeError, and numbers of more digits than Python reads

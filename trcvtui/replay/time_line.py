@@ -17,6 +17,7 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.commands.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.bench_update import BareUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.received import JobHistory
@@ -84,7 +85,8 @@ class ReplayController(Controller):
     def __init__(
         self, run: ReplayRun, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
-        super().__init__(run.bench)
+        with reading_only(FilesRead()):  # what is replayed is not saved: no name of its reaches the disk
+            super().__init__(run.bench)
         self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
         self.run = run
         self._move = move

@@ -22,7 +22,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.scenario.report import JsonLines, Text, Write, json_text
+from trcvtui.scenario.report import JsonLines, Text, Write, json_line
 from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import in_columns
@@ -130,7 +130,7 @@ class SideBySide(JsonLines):
         blocks = {name: block for run in self._runs for name, block in run.blocks.items()}
         for name, block in blocks.items():
             walk = Walk(name, block, self._runs)
-            text = json_text(walk.record()) if self._is_json else "".join(f"{x}\n" for x in walk.lines())
+            text = json_line(walk.record()) if self._is_json else "".join(f"{x}\n" for x in walk.lines())
             self._write(text)
         for run in () if self._is_json else self._runs:
             assert run.end is not None

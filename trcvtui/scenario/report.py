@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -15,6 +14,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure
+from trcvtui.wording import json_text
 
 # Rules of JUnit XML, a test case an expectation:
 # the document holds ASCII only and no control character, so it is well-formed under any encoding and
@@ -248,12 +248,11 @@ class JsonLines(Report):
         )
 
     def write(self, record: Mapping[str, object]) -> None:
-        self._write(json_text(record))
+        self._write(json_line(record))
 
 
-def json_text(record: Mapping[str, object]) -> str:
-    # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
-    return json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n"
+def json_line(record: Mapping[str, object]) -> str:
+    return json_text(record, separators=(",", ":")) + "\n"
 
 
 def outputs_record(edge: StatusEdge) -> dict[str, object]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -32,7 +31,7 @@ from trcvtui.files import read_bytes
 from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
-from trcvtui.project.tables import TEXT, Table
+from trcvtui.project.tables import TEXT, Table, parse_toml
 
 START_STEP: Final = 0  # the steps of a scenario count from 1
 
@@ -229,8 +228,8 @@ def read_scenario_file(path: Path) -> ScenarioFile | None:
 def _described(path: Path, content: bytes) -> ScenarioFile | None:
     text = content.decode("utf-8-sig", errors="replace")
     try:
-        table = tomllib.loads(text).get("scenario")
-    except (ValueError, RecursionError):
+        table = parse_toml(text, str(path)).get("scenario")
+    except UserError:
         if not _TABLE.search(content):
             return None
         return ScenarioFile(path, path.stem, "", (), **_of_project(path))

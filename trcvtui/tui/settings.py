@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,13 +18,12 @@ from rich.console import Console
 from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
-from trcvtui.files import read_bytes
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.errors import UserError
+from trcvtui.project.tables import expected_name, read_toml, shown
 from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")
 COLOUR_SYSTEMS: Final[tuple[Literal["standard", "256", "truecolor"], ...]] = ("standard", "256", "truecolor")
-MOST_BYTES: Final = 65_536
 CONFIG, KEYMAP = "config.toml", "keys.toml"
 FIXED: Final = frozenset((
     *("tab", "shift+tab", "enter", "escape", "up", "down", "left", "right", "backspace", "ctrl+q", "ctrl+c"),
@@ -64,20 +62,15 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
 
 def _table(path: Path, problems: list[str]) -> dict[str, Any]:
     try:
-        content = read_bytes(path, MOST_BYTES)
+        os.lstat(path)  # of a file that is not there is nothing to tell
+        return read_toml(path)
     except FileNotFoundError:
-        return {}
+        pass
     except OSError as failed:
         problems.append(f"{path}: found {failed.strerror}, expected a file that can be read")
-        return {}
-    if len(content) > MOST_BYTES:
-        problems.append(f"{path}: found a larger file, expected at most {MOST_BYTES} bytes")
-        return {}
-    try:
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as wrong:
-        problems.append(f"{path}: found {wrong}, expected TOML")
-        return {}
+    except UserError as wrong:
+        problems += wrong.lines()
+    return {}
 
 
 def theme_for(environ: Mapping[str, str]) -> str:

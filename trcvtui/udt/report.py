@@ -9,13 +9,13 @@ from operator import attrgetter, itemgetter
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.coding import HALF, Value
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import Data
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
-from trcvtui.wording import in_columns
+from trcvtui.wording import in_columns, json_text
 
 Row = tuple[str, ...]
 
@@ -64,15 +64,19 @@ def place_text(leaf: Leaf) -> str:
 def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
     """Return the object of `udt decode`: values by path, null where the bytes ended; odd bytes as `marks`.
 
-    It has the first `most` members; `name` is the path of a lone value.
+    It has the first `most` members; `name` is the path of a lone value. `escaped` are the paths of texts with
+    code units that are no characters.
     """
     leaves = layout.leaves(0, most)
     pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
-    values = {leaf.path or name: json_value(value) for leaf, value in pairs}
+    values = {leaf.path or name: value for leaf, value in pairs}
+    escaped = [path for path, value in values.items() if isinstance(value, str) and HALF.search(value)]
     markable = [leaf for leaf in leaves if leaf.coding.odd]
     marks = {one.path or name: mark for one in markable if (mark := mark_text(one, _own_bytes(one, data)))}
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
-    return json_lines({**head, "values": values, **({"marks": marks} if marks else {})})
+    odd = ("marks", marks), ("escaped", escaped)
+    texts = {path: json_value(value) for path, value in values.items()}
+    return json_lines({**head, "values": texts, **{key: found for key, found in odd if found}})
 
 
 def _own_bytes(leaf: Leaf, data: Data) -> bytes:
@@ -99,13 +103,24 @@ def member_rows(
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; what `udt decode` gave as JSON is taken as it is."""
-    inner = values.get("values")
-    return encode(layout, inner if isinstance(inner, Mapping) else values)
+    inner, paths = values.get("values"), values.get("escaped")
+    escaped = set(map(str, paths)) if isinstance(paths, list) else ()
+    inner = inner if isinstance(inner, Mapping) else values
+    return encode(layout, {path: _unescaped(v) if path in escaped else v for path, v in inner.items()})
 
 
 def json_value(value: Value | None) -> Value | None:
-    """Return the value as JSON can hold it: NaN and infinities as text."""
+    """Return the value as JSON can hold it: NaN and infinities as text, what is no character as `\\udc00`."""
+    if isinstance(value, str) and HALF.search(value):
+        return value.replace("\\", "\\\\").encode(errors="backslashreplace").decode()
     return special_text(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _unescaped(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    escape = r"(?i)\\(?:\\|u(d[89a-f][\da-f]{2}))"
+    return re.sub(escape, lambda found: chr(int(found[1], 16)) if found[1] else "\\", value)
 
 
 def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
@@ -144,13 +159,6 @@ def json_lines(record: object) -> str:
     import msgspec  # a table of members, which shells ask for in loops, does without it
 
     return msgspec.json.format(json_text(record), indent=2)
-
-
-def json_text(value: object) -> str:
-    """Return a value as JSON in ASCII: bytes from a wire stay data. DEL is the one control character left."""
-    import json
-
-    return json.dumps(value, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 # Rule: bytes are data; in Markdown no character of a value is markup.

@@ -14,11 +14,11 @@ from typing import Final, NamedTuple
 from trcvtui.errors import one_line
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Data, Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
-from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
+from trcvtui.udt.layout.value_text import form_text, mark_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.report import json_text, json_value, leaf_type_text, place_text
+from trcvtui.udt.report import json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
-from trcvtui.wording import in_columns
+from trcvtui.wording import in_columns, json_text
 
 Pair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
 
@@ -276,5 +276,6 @@ def _cell(layout: Layout, cell: ComparedLeaf | None, data: bytes) -> dict[str, o
     leaf = cell.leaf
     part = data[leaf.offset : leaf.offset + leaf.size]
     value = json_value(decode_leaf(layout, leaf, part)) if len(part) == leaf.size else None
+    mark = {"mark": mark} if (mark := mark_text(leaf, bytes(part))) else {}
     bit = {} if leaf.bit is None else {"bit": leaf.bit}
-    return {"type": cell.type, "offset": leaf.offset, **bit, "size": leaf.size, VALUE: value}
+    return {"type": cell.type, "offset": leaf.offset, **bit, "size": leaf.size, VALUE: value, **mark}

@@ -6,6 +6,7 @@ Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for ev
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Callable
 from functools import partial
@@ -71,6 +72,22 @@ ODD_CODES = {
     "utf-16-le": "surrogatepass",
     "utf-16-be": "surrogatepass",
 }
+HALF = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
+
+
+def _marked(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
+    """Return a coding of text that marks codes that are no characters: `no text: 16#DC00 and 2 more`."""
+
+    def odd(raw: bytes) -> str:
+        assert coding.to_value is not None
+        (stored,) = struct.unpack(BYTE_ORDERS[rules.byte_order] + coding.code, raw)
+        found = HALF.findall(str(coding.to_value(stored)))
+        told = coding.odd(raw) if coding.odd else ""
+        more = f" and {len(found) - 1} more" if found[1:] else ""
+        mark = f"no text: 16#{f'{ord(found[0]):04X}'[-digits:]}{more}" if found else ""
+        return ", ".join(filter(None, (told, mark)))
+
+    return coding._replace(odd=odd)
 
 
 def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
@@ -78,7 +95,8 @@ def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
-    return (_headed if rules.text.header else _ended)(type_, rules, charset)
+    coding = (_headed if rules.text.header else _ended)(type_, rules, charset)
+    return coding if charset == "latin-1" else _marked(coding, rules, 2 if type_.utf8 else 4)
 
 
 def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
@@ -369,7 +387,7 @@ def _float(value: object) -> float | None:
     return number if is_named or not math.isinf(number) else None
 
 
-def _character(row: Elementary, _: LayoutRules) -> Coding:
+def _character(row: Elementary, rules: LayoutRules) -> Coding:
     highest = row.limits[1]
 
     def to_raw(value: object) -> int:
@@ -377,7 +395,8 @@ def _character(row: Elementary, _: LayoutRules) -> Coding:
             raise Refused(f"{row.name}, one character from code 0 to {highest}")
         return ord(value)
 
-    return Coding(row.code, chr, to_raw)
+    coding = Coding(row.code, chr, to_raw)
+    return _marked(coding, rules) if row.size > 1 else coding
 
 
 def _literal(row: Elementary, _: LayoutRules) -> Coding:

@@ -26,7 +26,7 @@ from trcvtui.diagnosis.line_facts import (
     Reads,
     SegmentFacts,
 )
-from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
 from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
@@ -466,7 +466,8 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
-    if line.to_plc.keep_alives or line.from_plc.keep_alives or line.is_on_loopback:
+    is_here = line.plc_end[0] == line.partner_end[0] or line.plc_end[0][:1] == LOOPBACK
+    if line.to_plc.keep_alives or line.from_plc.keep_alives or is_here:
         return None
     dead = _outage(line)
     end = line.end

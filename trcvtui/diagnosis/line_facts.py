@@ -240,10 +240,6 @@ class LineFacts:
         )
 
     @property
-    def is_on_loopback(self) -> bool:
-        return self.plc_end[0] == self.partner_end[0] or self.plc_end[0][:1] == b"\x7f"
-
-    @property
     def lasted_ns(self) -> int:
         return self.last_ns - self.first_ns
 

@@ -178,6 +178,17 @@ def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
     assert "gap of" in said and "\n" not in said
 
 
+def test_a_state_that_could_not_be_made_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(black_box, "POST_NS", 0)
+    monkeypatch.setattr(recorder, "LOOK_NS", 1 << 62)
+    run.box._most = 20_000
+    while run.box._state is None:
+        run.scans(1)
+    run.box._state.process._process.kill()
+    run.until_state()
+    assert run.recorder.wrong.startswith("no keyframe of the black box: ")
+
+
 def test_a_box_that_takes_too_much_of_the_time_gives_up(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

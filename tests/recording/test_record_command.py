@@ -18,11 +18,12 @@ from tests.waiting import until, until_size
 from trcvtui.capture.pcap import open_capture
 from trcvtui.cli.main import main
 from trcvtui.errors import mistake
-from trcvtui.recording import files, writer
+from trcvtui.recording import files, state, writer
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
 from trcvtui.recording.recording import Recording, RecordingWriter
 from trcvtui.recording.writer import WriterProcess
+from trcvtui.replay.run_again import ReplayRun
 
 STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
 
@@ -122,6 +123,7 @@ def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     [gap] = [one for one in found if isinstance(one, EntriesLost)]
     assert gap.number + len(found) == 1 + 40 * 10_000 + 3 + 1
     assert found[-3:] == some(3)
+    assert sink.trouble.endswith(f": {gap.number} entries are not recorded: the writer could not follow")
 
 
 # -- `trcvtui record` --------------------------------------------------------------------------------------
@@ -195,6 +197,48 @@ def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
         assert {packet.data[20:24] for packet in came} == {struct.pack(">HH", 32768, 32769)}
 
 
+@pytest.fixture
+def blinking(tmp_path: Path) -> list[str]:
+    """Return how to record a run whose peer acts between scans, faster than its block receives."""
+    text = PROJECT.replace("EN_R=1", "EN_R=1 ADHOC=blink").replace("1000 seed=7", "200 seed=7")
+    (tmp_path / "P.toml").write_text(text.replace("T#1s", "T#3ms"))
+    return ["record", str(tmp_path / "P.toml"), "--kernel", "sim", "--out", str(tmp_path / "out")]
+
+
+def test_each_file_of_a_split_run_runs_again(
+    blinking: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*blinking, "--split", "64KiB", "--duration", "T#6s"]) == 0
+    files = sorted((tmp_path / "out").iterdir())
+    assert len(files) > 6
+    assert [main(["replay", str(file), "--check"]) for file in files] == [0] * len(files)
+    assert capsys.readouterr().err == ""
+    assert all(Recording(file).keyframes() for file in files[1:])
+
+
+def test_a_ring_too_small_for_two_files_is_told_with_the_size_that_would_do(
+    blinking: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limits = ["--split", "64KiB", "--duration", "T#6s"]
+    assert main([*blinking, *limits, "--ring", "128KiB"]) == 1
+    [told] = capsys.readouterr().err.splitlines()
+    found, least = re.findall(r"found (\d+) bytes, .* expected (\d+KiB) or more", told)[0]
+    assert int(found) == 128 << 10 and len(names(tmp_path / "out")) == 1
+    assert main([*blinking, *limits, "--ring", least]) == 0
+    assert len(names(tmp_path / "out")) > 2
+    assert capsys.readouterr().err == ""
+
+
+def test_a_state_that_cannot_be_kept_is_told_as_an_error_of_the_program(
+    blinking: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(state, "MAY_HOLD", [one for one in state.MAY_HOLD if one != "trcvtui.bench"])
+    assert main([*blinking, "--split", "64KiB", "--duration", "T#2s"]) == 1
+    [told] = capsys.readouterr().err.splitlines()
+    assert "found TypeError: no name of trcvtui.bench." in told and "an error of trcvtui" in told
+    assert main(["replay", str(tmp_path / "out" / "P-0001.pcapng"), "--check"]) == 0
+
+
 ASKED_ON = ["record", "--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
 ASKED_ON += ["--kernel", "sim", "--duration", "T#3s"]
 
@@ -216,16 +260,27 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
         assert min(times) >= at - 180_000_000  # 100 before, 50 after, and what is rounded to scans
 
 
-def test_a_file_of_a_trigger_after_too_long_a_run_says_what_it_lacks(
-    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("is_followed", [True, False])
+def test_a_file_of_a_trigger_after_too_long_a_run_has_a_keyframe_or_says_what_it_lacks(
+    project: Path,
+    tmp_path: Path,
+    is_followed: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(files, "MOST_OLD_BYTES", 1000)
+    if not is_followed:
+        monkeypatch.setattr(ReplayRun, "scan", lambda run: False)
     out = tmp_path / "out"
-    assert main([*ASKED_ON, "--out", str(out), str(project)]) == 0
+    assert main([*ASKED_ON, "--out", str(out), str(project)]) == (not is_followed)
+    monkeypatch.undo()
+    told = capsys.readouterr().err.splitlines()
+    assert is_followed or ("no keyframe in " in told[0] and "P-0003.pcapng the first" in told[0])
+    assert len(told) == (not is_followed)
     last = entries(out / names(out)[-1])
     gaps = [one for one in last if isinstance(one, EntriesLost)]
     assert gaps[0].why == files.ELSEWHERE
-    assert main(["replay", str(out / names(out)[-1]), "--check"]) != 0
+    assert (main(["replay", str(out / names(out)[-1]), "--check"]) == 0) == is_followed
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from random import Random
 
@@ -17,7 +18,7 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line
 from trcvtui.recording.files import FileLimits, RecordTo
-from trcvtui.recording.journal import DO, STEP, Answered, BlockWriter, Entry
+from trcvtui.recording.journal import DO, STEP, Answered, BlockWriter, EntriesLost, Entry
 from trcvtui.recording.recording import INDEX, KEYFRAME, Recording
 from trcvtui.recording.state import Shared, from_state, state_of
 from trcvtui.replay import follower
@@ -102,17 +103,44 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
     assert printed.count("\n") > 1
 
 
-def test_a_file_that_ends_at_once_has_its_keyframe(tmp_path: Path) -> None:
-    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
-    for some in scans(journal()):
+@pytest.mark.parametrize("length", [1, 170], ids=["of a scan", "longer than a file"])
+def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_path: Path) -> None:
+    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(6000, 0, -1, -1)).file_sink(Path("R")), "R")
+    some = [*scans(journal())]
+    for at in range(0, len(some), length):
         block = BlockWriter(0)
-        for entry in some:
+        for entry in chain.from_iterable(some[at : at + length]):
             block.take(entry)
         sink.take_block(block.block())
+        if length > 1:
+            sink.go_on(follower.NEVER)
     sink.close()
-    last = sorted(tmp_path.iterdir())[-1]
-    run, first = begun(last)
-    assert first > 0 and check(run) == "" and run.bench.runtime.scans == LAST
+    runs = [begun(path) for path in sorted(tmp_path.iterdir())]
+    assert [check(run) for run, _ in runs] == [""] * len(runs)
+    assert len(runs) > 1 and 0 not in [first for _, first in runs[1:]]
+    assert runs[-1][0].bench.runtime.scans == LAST
+
+
+@pytest.mark.parametrize("later", range(4))
+def test_a_run_that_ends_at_the_border_of_a_file_leaves_no_file_without_a_keyframe(
+    later: int, tmp_path: Path
+) -> None:
+    sink = RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R"))
+    followed = FollowedRun(sink, "R")
+    for some in scans(journal()):
+        followed.take(some)
+        later -= sink.first_scan > 0
+        if later < 0:
+            break
+    followed.close()
+    run, first = begun(sorted(tmp_path.iterdir())[-1])
+    assert first > 0 and "found the end of the journal" in check(run)  # the run itself went on
+
+
+def test_files_that_cannot_be_replayed_as_was_asked_lack_nothing(tmp_path: Path) -> None:
+    first, *rest = journal()
+    paths = written(tmp_path, FileLimits(21_500, 0, -1, -1), (first, EntriesLost(0, "--no-secrets"), *rest))
+    assert len(paths) > 1
 
 
 def test_a_state_that_breaks_later_is_one_line(
@@ -150,8 +178,8 @@ def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
         assert "all else needs the run's beginning" in capsys.readouterr().err
 
 
-def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
+def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch, spacing: int = SECOND // 2) -> Path:
+    monkeypatch.setattr(follower, "SPACING_NS", spacing)
     entries = []
     for at, some in enumerate(scans(journal())):
         entries += some
@@ -174,12 +202,13 @@ def test_a_file_of_a_trigger_has_the_beginning_and_keyframes(
     assert keyframes.before(LAST) > 300
 
 
+@pytest.mark.parametrize("spacing", [SECOND // 2, 30 * SECOND], ids=["by time", "by bytes"])
 def test_a_file_of_a_trigger_after_a_long_time_begins_in_the_middle(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    spacing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("trcvtui.recording.files.MOST_OLD_BYTES", 4000)
     monkeypatch.setattr("trcvtui.recording.journal.MOST_BLOCK", 600)
-    run, first = begun(trigger_file(tmp_path, monkeypatch))
+    run, first = begun(trigger_file(tmp_path, monkeypatch, spacing))
     assert 0 < first < 300 and check(run) == "" and 320 < run.bench.runtime.scans < LAST
 
 
@@ -216,7 +245,11 @@ def test_a_file_without_its_keyframe_says_what_it_lacks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(FollowedRun, "go_on", lambda self, until: False)
-    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    with pytest.raises(
+        UserError, match=r"found no keyframe in 1 file, R-0002.pcapng the first: the run beside"
+    ):
+        written(tmp_path, FileLimits(21_500, 0, -1, -1))
+    path = sorted(tmp_path.iterdir())[-1]
     assert main(["replay", str(path), "--check"]) in (1, 2)
     told = capsys.readouterr()
     assert "this file begins in the middle" in told.out + told.err

@@ -124,6 +124,8 @@ class BlackBox(ProcessJudge):
         if self._state is not None:
             content = self._state.go_on()
             if content is not None:
+                if trouble := self._state.process.trouble:
+                    self.file_trouble = f"no keyframe of the black box: {trouble}"
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
                 self._frames += self._frame_of(content)
                 self._state = None

@@ -3,9 +3,10 @@
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
 a file runs again from its first keyframe.
-Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
+Rule 3: a file that begins in the middle does not end before its first keyframe while a run beside makes some.
+Rule 4: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
 what-if begins there; and it has keyframes.
-Rule 4: packets of connections go on from file to file; those of entries that stand in no file are passed by.
+Rule 5: packets of connections go on from file to file; those of entries that stand in no file are passed by.
 Bound: MOST_KEPT entries wait for a trigger.
 """
 
@@ -25,6 +26,7 @@ from trcvtui.files import make_folder
 from trcvtui.recording.journal import (
     DO,
     ENDED_HERE,
+    REST,
     STEP,
     Answered,
     BlockWriter,
@@ -35,6 +37,7 @@ from trcvtui.recording.journal import (
     WireCall,
     entries_of,
 )
+from trcvtui.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.recording.journal import Keyframe
@@ -66,6 +69,8 @@ class FileSink(Sink, Protocol):
     """What writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
+    is_followed: bool  # by a run beside, which makes keyframes
+    lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
     def keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
@@ -103,6 +108,7 @@ class NumberedFiles:
     """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
 
     trouble = ""  # what goes wrong is raised
+    is_followed, lack = False, ""
 
     def __init__(
         self,
@@ -119,6 +125,8 @@ class NumberedFiles:
         self._file: NumberedFile | None = None
         self._path = Path()
         self._files: list[Path] = []
+        self._lacking: list[str] = []  # names of these that have no keyframe
+        self._least_ring = 0  # bytes that always hold two files
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
         self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
@@ -127,9 +135,9 @@ class NumberedFiles:
         self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
         self._kept = 0
         self._old: deque[OldBlock] = deque()
-        self._old_size = self._in_block = self._scans_in_block = 0
+        self._old_size = self._in_block = self._scans_in_block = self._since_frame = 0
         self._block = BlockWriter(0)
-        self._is_over = False
+        self._is_over = self._has_begun = False  # the run; the scan that comes, whose peers have acted
         self._number = next_number(folder, stem)
 
     def take(self, entries: Iterable[Entry]) -> None:
@@ -143,9 +151,13 @@ class NumberedFiles:
             if isinstance(entry, Secrets):
                 self._secrets.append(entry)
             if isinstance(entry, Answered):
-                if entry.call == STEP and isinstance(entry.answer, int):
-                    self._begin_scan(entry.answer)
-                elif waits and entry.call == DO and str(entry.args[0]).startswith(TRIGGER):
+                call, args = entry.call, entry.args
+                at = entry.answer if call == STEP else args[0] if call == REST and args else None
+                if isinstance(at, int):
+                    if not self._has_begun:
+                        self._begin_scan(at)
+                    self._now, self._has_begun = at, call == REST
+                elif waits and call == DO and str(args[0]).startswith(TRIGGER):
                     self._until = self._now + self._limits.after_ns
                     if self._file is None:
                         self._open()
@@ -158,6 +170,7 @@ class NumberedFiles:
         self._now = now
         if self._file is not None:
             self._write()
+        if self._file is not None and not (self.is_followed and self._file.lack):
             if self._limits.before_ns >= 0:
                 if now > self._until:
                     self._end()
@@ -201,6 +214,10 @@ class NumberedFiles:
         made = OldBlock(self._in_block, self._scans_in_block, self._block.block())
         self._old.append(made)
         self._old_size += len(made.block)
+        self._since_frame += len(made.block)
+        if self._since_frame > MOST_OLD_BYTES // 2:  # the old blocks always have a keyframe
+            self._since_frame = 0
+            self.first_scan = self._passed_scans + sum([old.scans for old in self._old])
         self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
 
     def keyframe(self, frame: Keyframe) -> None:
@@ -246,18 +263,33 @@ class NumberedFiles:
             if not self._is_over:
                 self._file.take([EntriesLost(0, ENDED_HERE)])
             self._file.close()
+            if self._file.lack:
+                self._lacking.append(self._path.name)
             self._file = None
 
     def _remove_the_oldest(self) -> None:
         sizes = [path.stat().st_size if path.exists() else 0 for path in self._files]
-        room = self._limits.ring - self._limits.split
-        while self._limits.ring and len(self._files) > 1 and sum(sizes) > room:
-            self._files.pop(0).unlink(missing_ok=True)
+        ring = self._limits.ring
+        if not ring or len(sizes) < 2:
+            return
+        more = max(self._limits.split, sizes[-2] - sizes[-1])  # that the new file will have
+        self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
+        while len(sizes) > 1 and sum(sizes) + more > ring:
+            gone = self._files.pop(0)
+            gone.unlink(missing_ok=True)
+            self._lacking = [name for name in self._lacking if name != gone.name]
             sizes.pop(0)
 
     def close(self) -> None:
         self._is_over = True
         self._end()
+        if self._lacking:
+            files = count(len(self._lacking), "file")
+            self.lack = f"no keyframe in {files}, {self._lacking[0]} the first"
+        elif self._least_ring > self._limits.ring:
+            split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
+            found = f"{self._limits.ring} bytes, too few for two files of this run"
+            raise mistake(f"--ring of {self._folder}", found, f"{least} or more with --split {split}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from trcvtui.recording.journal import (
     STEP,
     Answered,
     BlockWriter,
+    EntriesLost,
     Entry,
     Keyframe,
     RunBegins,
@@ -75,6 +76,7 @@ class RecordingWriter:
 
     trouble = ""  # what goes wrong is raised
     first_scan = 0
+    is_followed, lack = False, ""
 
     def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
         self._path = str(path)
@@ -115,6 +117,8 @@ class RecordingWriter:
             elif isinstance(entry, Keyframe):
                 self.keyframe(entry)
             else:
+                if isinstance(entry, EntriesLost) and entry.number and self._blocks + len(self._block) < 2:
+                    self.lack = "no keyframe"
                 if isinstance(entry, RunBegins):
                     self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
                 self._keep(entry)
@@ -161,6 +165,7 @@ class RecordingWriter:
 
     def keyframe(self, frame: Keyframe) -> None:
         """Write a keyframe of the scans that have been taken."""
+        self.lack = ""
         self.flush()
         program = frame.program.encode()
         content = _KEYFRAME.pack(*frame[1:6], len(program)) + program + frame.content

@@ -52,7 +52,7 @@ class WriterProcess:
         self._is_finishing = False
         self._block = BlockWriter(0)
         self._waiting: deque[memoryview] = deque()
-        self._waiting_bytes = self._lost = 0
+        self._waiting_bytes = self._lost = self._left_out = 0
         self._posted_at = clock.now_ns()
         self._process = _started(path, record, main)
         assert self._process.stdin is not None and self._process.stdout is not None
@@ -101,6 +101,7 @@ class WriterProcess:
 
     def _note_lost(self) -> bool:
         lost, self._lost = self._lost, 0
+        self._left_out += lost
         if lost:
             self._block.take(EntriesLost(lost, "the writer could not follow"))
         return lost > 0
@@ -164,6 +165,8 @@ class WriterProcess:
         said = self._end()
         if not self.trouble and said != b"\n":
             self.trouble = str(_refusal(said, self.path))
+        if not self.trouble and (lost := self._left_out + self._lost):
+            self.trouble = f"{self.path}: {lost} entries are not recorded: the writer could not follow"
 
     def kill(self) -> None:
         self._process.kill()
@@ -247,6 +250,12 @@ def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> N
         _say("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
     except OSError as failed:
         _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
+    except Exception as wrong:
+        _say(f"{one_line(path)}\t{one_line(fault_of(wrong))}\ta recording")
+
+
+def fault_of(wrong: Exception) -> str:
+    return f"{type(wrong).__name__}: {wrong} (an error of trcvtui)"
 
 
 def _read(idle: Callable[[int], bool]) -> bytes:

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 from trcvtui import clock
+from trcvtui.errors import UserError, mistake
 from trcvtui.recording.files import FileSink
 from trcvtui.recording.journal import (
     STEP,
@@ -26,7 +28,7 @@ from trcvtui.recording.journal import (
     value_bytes,
 )
 from trcvtui.recording.state import Shared, state_of
-from trcvtui.recording.writer import write_all
+from trcvtui.recording.writer import fault_of, write_all
 from trcvtui.replay.keyframes import PlaceInJournal, restored
 from trcvtui.replay.run_again import ReplayRun
 
@@ -34,7 +36,7 @@ SPACING_NS: Final = 30_000_000_000
 MOST_WAITING: Final = 64 << 20  # bytes
 MOST_LAZY: Final = 100_000  # entries
 NEVER: Final = 1 << 62
-PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is to be closed
+PATIENCE_NS: Final = 10_000_000_000  # for the first keyframe of a file that is to be closed
 
 
 class _ComingEntries(PlaceInJournal):
@@ -90,12 +92,14 @@ class FollowedRun:
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
+        sink.is_followed = True
+        self._why_off = self._fault = ""  # of these two the second is an error of the program
         self._coming = _ComingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: Shared | None = None
-        self._is_off = False
+        self._is_off = self._has_all = self._no_secrets = False  # the last: as was asked
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property
@@ -110,33 +114,40 @@ class FollowedRun:
             self._blocks.append(block)
             self._waiting += len(block)
             if self._waiting > MOST_WAITING:
-                self._give_up()
+                self._give_up("the run beside was more than 64 MiB late")
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
         some = [*entries]
-        self._sink.take(some)
-        if not self._is_off:
-            self._coming.put(some)
-            if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                self.go_on(NEVER)
+        steps = [at for at, one in enumerate(some) if type(one) is Answered and one.call == STEP]
+        for begin, end in pairwise([0, *steps, len(some)]):  # a file that ends among them has its keyframe
+            self._sink.take(some[begin:end])
+            if not self._is_off:
+                self._coming.put(some[begin:end])
+                if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
+                    self.go_on(NEVER)
 
     def close(self) -> None:
-        """End the file; one that begins in the middle waits a while for its first keyframe."""
-        if self._sink.first_scan != self._file:
-            self.go_on(clock.now_ns() + PATIENCE_NS)
-        self._give_up()
+        """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""
+        self._has_all, until = True, clock.now_ns() + PATIENCE_NS
+        while self._sink.first_scan != self._file and clock.now_ns() < until and self.go_on(0):
+            pass
+        self._give_up("the run beside was too late")
         self._sink.close()
+        lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._why_off}")
+        if lack and not self._no_secrets:
+            raise mistake(self._where, lack, "a keyframe in each file, or it does not run again")
 
-    def _give_up(self) -> None:
-        self._is_off = True
+    def _give_up(self, why: str) -> None:
+        self._why_off = self._why_off or why
+        self._is_off, self._sink.is_followed = True, False
         self._blocks.clear()
         self._run, self._coming = None, _ComingEntries()
 
     def go_on(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
-            if self._coming.steps_ahead < 2:  # a scan may ask for all up to the next one
+            if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # it asks up to a step
                 if not self._blocks:
                     return False
                 block = self._blocks.popleft()
@@ -152,11 +163,15 @@ class FollowedRun:
         try:
             run = self._run or self._begun()
             if not run.scan():
-                self._give_up()
+                self._no_secrets = bool(run.replay.lost) and not run.replay.is_in_the_middle
+                self._give_up(run.replay.lost or "the run beside has ended")
                 return
             self._keep(run)
-        except Exception:  # a replay of the file says what it is
-            self._give_up()
+        except UserError as wrong:  # a replay of the file says what it is
+            self._give_up(str(wrong))
+        except Exception as wrong:
+            self._fault = fault_of(wrong)
+            self._give_up(self._fault)
 
     def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
@@ -189,8 +204,8 @@ class FollowedRun:
 class LastKeyframe:
     """A file with the last state of what it is given, and nothing else."""
 
-    trouble = ""
-    first_scan = 0
+    trouble = lack = ""
+    first_scan, is_followed = 0, False
 
     def __init__(self, path: str) -> None:
         self._path = path

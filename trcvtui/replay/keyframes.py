@@ -121,10 +121,7 @@ class Keyframes:
     def _keep(self, scan: int, run: ReplayRun) -> None:
         entries = run.replay.entries
         assert isinstance(entries, EntriesFrom)
-        try:
-            state = state_of(run, self._shared)
-        except TypeError:  # a state that cannot be kept: the scans before it can
-            return
+        state = state_of(run, self._shared)
         frame = Keyframe.of(scan, run.bench.now, entries.steps, entries.beyond, state)
         at = bisect_right(self._scans, scan)
         self._scans.insert(at, scan)

@@ -142,7 +142,10 @@ def outcome_of_project(path: Path, folder: Path) -> Outcome:
             words = [run]
             main(["scenario", str(path), "--record", run, "--overwrite"])
         else:
-            main(["record", str(path), "--out", run, "--duration", "T#10s", "--kernel", "sim", "--overwrite"])
+            out = folder / path.stem
+            words_of_record = ["record", str(path), "--out", str(out), "--duration", "T#10s"]
+            assert not main([*words_of_record, "--kernel", "sim"])
+            run = str(next(out.glob("*.pcapng")))
     must, may = [
         {cause for cause, names in expected()[one].items() if path.stem in names} for one in ("must", "may")
     ]

@@ -204,6 +204,8 @@ def _judge_symptoms(
             alone += found
         for row in found:
             row["explains"].append(one.text)
+            if one.is_of_session:
+                row["mend"] = _mend_rows(one.mend)
         if found:
             continue
         line = _line_of(one.connect, one.ns, cases)
@@ -317,11 +319,12 @@ def finding_row(
         "confidence": round(found.confidence, 2),
         "status": [f"{one:04X}" for one in status if one is not None],
         "explains": [],
-        "mend": [
-            {"text": one.text, "command": one.command, "set": one.set, "tried": one.is_tried}
-            for one in found.mend
-        ],
+        "mend": _mend_rows(found.mend),
     }
+
+
+def _mend_rows(mend: Sequence[Remedy]) -> list[dict[str, Any]]:
+    return [{"text": one.text, "command": one.command, "set": one.set, "tried": one.is_tried} for one in mend]
 
 
 def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:

@@ -77,6 +77,7 @@ class Symptom(NamedTuple):
     status: str = ""
     card: tuple[str, ...] = ()
     mend: tuple[Remedy, ...] = ()
+    is_of_session: bool = False  # the block knows what the handshake said: its remedy is the better one
 
 
 def causes_of(symptom: Symptom) -> frozenset[str]:

@@ -136,9 +136,9 @@ class BlockSymptoms:
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
         return Symptom(
             "block-error", name, self._connect_of(name),
-            f"{name} showed {word} {often}", scan,
-            self._wall_ns + t_ns, FACT, Condition(edge.condition), word, (card.why, *card.causes),
-            tuple([Remedy(text) for text in checks]),
+            f"{name} showed {word} {often}: {card.why}", scan,
+            self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
+            tuple([Remedy(text) for text in checks]), edge.cause.call == "session" and bool(card.do),
         )  # fmt: skip
 
     def _connect_of(self, name: str) -> str:

@@ -87,6 +87,9 @@ class LocalDriver:
         assert picture is not None
         return picture
 
+    def cuts(self) -> str:
+        return ""
+
     def restart(self) -> None:
         bench = self.bench
         bench.close()

@@ -14,7 +14,7 @@ import io
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import IO, Final
 
 from trcvtui.errors import UserError, mistake
@@ -109,6 +109,20 @@ def make_folder(path: FileName, key: str) -> None:
             raise mistake(f"{key} {path}", "a file", "a folder, or a name that is free") from None
     except OSError as failed:
         raise mistake(f"{key} {path}", reason_of(failed), "a folder that can be made") from None
+
+
+@contextmanager
+def folder_for(path: FileName, key: str) -> Iterator[None]:
+    """Make a folder where it is not there; when the block fails, that one goes again if it is empty."""
+    is_new = not os.path.lexists(path)
+    make_folder(path, key)
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                os.rmdir(path)
+        raise
 
 
 def whole_name(path: FileName) -> str:

@@ -3,10 +3,8 @@
 import signal
 from typing import Final
 
-OF_A_TERMINAL: Final = (
-    "SIGINT",
-    "SIGHUP",
-)  # Ctrl+C, and a terminal that is closed: sent to all programs of it
+# Ctrl+C, Ctrl+\, and a terminal that is closed: sent to all programs of it.
+OF_A_TERMINAL: Final = ("SIGINT", "SIGQUIT", "SIGHUP")
 OF_A_GROUP: Final = (*OF_A_TERMINAL, "SIGTERM")  # what `timeout` and a service's end send to all of them, too
 
 

@@ -253,13 +253,3 @@ sys.exit(main(sys.argv[1:]))
 def test_the_demo_starts_the_live_engine_before_the_screen_library_is_imported() -> None:
     done = subprocess.run(process(code=STARTED), env=ENVIRONMENT, capture_output=True, text=True)
     assert (done.stdout, done.stderr, done.returncode) == ("demo.toml live False\n", "", 130)
-
-
-@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
-def test_a_closed_stdout_is_one_line(closed: str, files: Path) -> None:
-    shell = f'exec "$0" -m trcvtui status 80C5 {closed}'
-    ended = subprocess.run(
-        ["sh", "-c", shell, sys.executable], capture_output=True, text=True, env=ENVIRONMENT, check=False
-    )
-    said = "stdout: found it closed, expected a terminal, a file or a pipe\n"
-    assert (ended.returncode, ended.stderr) == (2, "" if "2>" in closed else said)

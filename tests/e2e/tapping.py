@@ -16,12 +16,17 @@ PATIENCE = 60.0  # seconds, of a socket: a busy machine is slow
 
 
 class Tap:
-    """A tap to a place; `port` is where it listens."""
+    """A tap to a place; `port` is where it listens. It gets so many descriptors, 0: as many as we do."""
 
-    def __init__(self, to: str, *words: str, listen: str = "127.0.0.1:0") -> None:
+    def __init__(self, to: str, *words: str, listen: str = "127.0.0.1:0", descriptors: int = 0) -> None:
         pipe = subprocess.PIPE
         places = (listen, to) if to else ()
         command = [sys.executable, "-m", "trcvtui", "tap", *places, *words]
+        if descriptors:
+            limit = (
+                f"import os, sys; from resource import *; setrlimit(RLIMIT_NOFILE, ({descriptors},) * 2); "
+            )
+            command = [sys.executable, "-c", f"{limit}os.execv(sys.argv[1], sys.argv[1:])", *command]
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
         assert self.process.stderr is not None
         self.said = self.process.stderr.readline().decode()

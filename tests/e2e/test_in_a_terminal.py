@@ -49,18 +49,21 @@ def test_the_demo_is_alive_and_quits_on_q(terminals: list[Terminal], columns: in
     terminal.wait("ended with 0")
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    ("name", "words", "code"),
+    [("SIGTERM", "", 143), ("SIGHUP", "", 129), ("SIGQUIT", "", 131), ("SIGQUIT", "tap 127.0.0.1:0 9", 0)],
+)
 def test_a_signal_that_ends_it_gives_the_terminal_back(
-    terminals: list[Terminal], tmp_path: Path, name: str
+    terminals: list[Terminal], tmp_path: Path, name: str, words: str, code: int
 ) -> None:
     number, pid = signal.Signals[name], tmp_path / "pid"
-    script = f"sh -c 'echo $$ > {pid}; exec {TRCVTUI}'; echo ended with $?; exec cat"
+    script = f"sh -c 'echo $$ > {pid}; exec {TRCVTUI} {words}'; echo ended with $?; exec cat"
     terminals.append(Terminal(80, 24, script))
     terminal = terminals[-1]
-    terminal.wait(lambda text: len(re.findall("7006", text)) >= 2)
+    terminal.wait("IN THE LINE" if words else lambda text: len(re.findall("7006", text)) >= 2)
     assert terminal.modes == "alternate 1, mouse 1"
     os.kill(int(pid.read_text()), number)
-    terminal.wait(f"ended with {128 + number}")
+    terminal.wait(f"ended with {code}")
     assert terminal.modes == "alternate 0, mouse 0"
 
 

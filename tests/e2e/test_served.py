@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import re
 import signal
@@ -10,8 +11,8 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 import pytest
 from aiohttp import ClientSession, WSServerHandshakeError
 from aiohttp.web import AppRunner, SockSite
+from textual_serve.app_service import AppService
 
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from trcvtui.cli.main import main
@@ -26,7 +28,9 @@ from trcvtui.commands.snapshots import Answer
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.tui.served import (
+    MOST_CELLS,
     MOST_SCREENS,
+    MOST_TYPED,
     Entrance,
     application,
     command_line,
@@ -112,19 +116,22 @@ def test_another_user_of_the_machine_who_has_no_token_gets_nothing(tmp_path: Pat
                 assert asked(address + path, Origin=address, **shown)[0] == 403, path
 
 
-async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    started, start = [], asyncio.create_subprocess_shell
+@asynccontextmanager
+async def answering(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Any, list[dict[str, str]]]]:
+    """Serve, and give what opens a websocket, and the environments of the screens that were started.
+
+    In the place of a screen stands a program that is there at once, and ends when it is told anything.
+    """
+    started, environments, start = [], [], asyncio.create_subprocess_shell
 
     async def started_and_kept(command: str, **how: Any) -> asyncio.subprocess.Process:
         started.append(await start(command, **how))
+        environments.append(how["env"])
         return started[-1]
 
     monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
     door = listening(0)
     entrance = Entrance(door.getsockname()[1])
-    # In the place of a screen stands a program that is there at once, and ends when it is told anything.
     runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it"))
     await runner.setup()
     try:
@@ -133,19 +140,7 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
         headers = {"Cookie": f"{entrance.cookie}={entrance.token}", "Origin": address}
         socket = address.replace("http", "ws") + "/ws"
         async with ClientSession(headers=headers) as session, asyncio.timeout(PATIENCE_S):
-            open_ones = [await session.ws_connect(socket) for _ in range(MOST_SCREENS)]
-            with pytest.raises(WSServerHandshakeError) as full:
-                await session.ws_connect(socket)
-            assert full.value.status == 503
-            await open_ones.pop().close()
-            while True:  # the server ends the screen before it counts it as gone
-                try:
-                    open_ones.append(await session.ws_connect(socket))
-                    break
-                except WSServerHandshakeError:
-                    await asyncio.sleep(0.05)
-            for each in open_ones:
-                await each.close()
+            yield lambda size="": session.ws_connect(socket + size), environments
     finally:
         await runner.cleanup()
         for program in started:  # the loop ends with this test: nothing of it may still run
@@ -153,6 +148,50 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
                 program.kill()
             await program.wait()
             program._transport.close()  # type: ignore[attr-defined]
+
+
+async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with answering(monkeypatch) as (connect, _):
+        open_ones = [await connect() for _ in range(MOST_SCREENS)]
+        with pytest.raises(WSServerHandshakeError) as full:
+            await connect()
+        assert full.value.status == 503
+        await open_ones.pop().close()
+        while True:  # the server ends the screen before it counts it as gone
+            try:
+                open_ones.append(await connect())
+                break
+            except WSServerHandshakeError:
+                await asyncio.sleep(0.05)
+        for each in open_ones:
+            await each.close()
+
+
+async def test_what_no_page_of_ours_sends_is_left_out_and_no_screen_has_a_senseless_size(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    sizes: list[tuple[int, int]] = []
+
+    async def set_size(_: AppService, width: int, height: int) -> None:
+        sizes.append((width, height))
+
+    monkeypatch.setattr(AppService, "set_terminal_size", set_size)
+    wrong = ("no JSON", "{}", "[]", "7", "[" * 9999, '["stdin"]', '["stdin", 5]', '["resize", null]', "[[]]")
+    async with answering(monkeypatch) as (connect, environments):
+        page = await connect("?width=99999999&height=-5")
+        for text in (*wrong, json.dumps(["stdin", "x" * (MOST_TYPED + 1)])):
+            await page.send_str(text)
+        await page.send_bytes(b"\xff")
+        for width, height in ((120, 30), (10**9, "x"), (0, float("nan"))):
+            await page.send_json(["resize", {"width": width, "height": height}])
+        await page.send_json(["ping", "still here"])
+        assert await page.receive_json() == ["pong", "still here"]
+        await page.close()
+    assert (environments[0]["COLUMNS"], environments[0]["ROWS"]) == (str(MOST_CELLS), "80")
+    assert sizes == [(120, 30), (MOST_CELLS, 80), (1, 80)]
+    assert [record for record in caplog.records if record.exc_info] == []
 
 
 def test_root_says_that_a_browser_may_write_as_root(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import select
 import signal
 import socket
@@ -111,7 +113,58 @@ def test_datagrams_find_the_client_who_asked() -> None:
             assert tap.end() == (0, "", "")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("descriptors", [40, 41])  # one is left in one of both: a client takes two
+def test_clients_without_a_descriptor_are_told_and_reset_and_one_that_leaves_frees_its_place(
+    descriptors: int,
+) -> None:
+    door, port = listening()
+    with door, Tap(str(port), "--format", "jsonl", descriptors=descriptors) as tap:
+        clients = [calling(tap.port) for _ in range(descriptors)]
+        assert end_of(clients[-1]) == (0, "RST")
+        alive = [near for near in clients if not select.select((near,), (), (), 0)[0]]
+        assert alive == clients[: len(alive)]
+        assert descriptors // 4 < len(alive) < descriptors // 2
+        reached = [door.accept()[0] for _ in alive]
+        alive[-1].sendall(b"here")
+        assert exactly(reached[-1], 4) == b"here"
+        for sock in (reached[0], alive[0]):
+            sock.close()
+        near, far = joined(door, tap.port)
+        near.sendall(b"free")
+        assert exactly(far, 4) == b"free"
+        code, out, errors = tap.end()
+        notes = [record for record in map(json.loads, out.splitlines()) if "waiting" in record]
+        waiting = re.fullmatch(r"T: no descriptor left: (\d+) clients? waits?\n", errors)
+        assert waiting is not None
+        assert (code, notes[0]["tap"], notes[0]["waiting"]) == (0, "T", int(waiting[1]))
+        for sock in (*clients, *reached, near, far):
+            sock.close()
+
+
+def test_datagrams_of_a_client_without_a_descriptor_are_told() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
+        far.bind(("127.0.0.1", 0))
+        with Tap(f"udp:{far.getsockname()[1]}", listen="udp:127.0.0.1:0", descriptors=20) as tap:
+            clients = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(20)]
+            for client in clients:
+                client.sendto(b"x", ("127.0.0.1", tap.port))
+                client.close()
+            assert tap.process.stderr is not None
+            line = tap.process.stderr.readline().decode()
+            assert re.fullmatch(r"T: no descriptor was left: \d+ datagrams? refused\n", line)
+
+
+def test_a_closed_terminal_cuts_nothing_and_the_first_line_says_what_ends_the_tap() -> None:
+    with tapped("--format", "jsonl") as (tap, near, far):
+        assert tap.said.endswith(f"; kill {tap.process.pid} ends the tap\n")
+        tap.process.send_signal(signal.SIGHUP)
+        for _ in range(2):
+            near.sendall(b"on")
+            assert exactly(far, 2) == b"on"
+        assert tap.end()[0] == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_tap_that_is_ended_ends_both_sides_with_fin(number: int) -> None:
     with tapped() as (tap, near, far):
         near.sendall(b"last words")

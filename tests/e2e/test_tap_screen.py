@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +19,7 @@ from tests.waiting import children_of
 
 pytestmark = [pytest.mark.live, pytest.mark.slow]
 WORDS = "from trcvtui.cli.line import tap_screen"
+TAP = "\0tap"
 
 
 class Line:
@@ -77,12 +79,21 @@ def still(sock: socket.socket) -> bool:
         sock.settimeout(PATIENCE)
 
 
+def asks(screen: str) -> bool:
+    return "1 connection open" in screen
+
+
 def is_held(screen: str) -> bool:
     """Return whether the header shows HELD with its age."""
     return re.search(r"IN THE LINE .* HELD \d+ s", screen) is not None
 
 
-def test_a_key_holds_a_direction_another_lets_it_go_and_q_ends_both_ends(line: Line) -> None:
+def passes(line: Line) -> bool:
+    line.near.sendall(b"more")
+    return exactly(line.far, 4) == b"more"
+
+
+def test_a_key_holds_a_direction_another_lets_it_go_and_q_asks_before_it_cuts(line: Line) -> None:
     line.call()
     line.near.sendall(b"first")
     assert exactly(line.far, 5) == b"first"
@@ -94,8 +105,54 @@ def test_a_key_holds_a_direction_another_lets_it_go_and_q_ends_both_ends(line: L
     line.terminal.keys("h")
     assert exactly(line.far, 6) == b"second"
     line.terminal.wait(lambda text: "HELD" not in text)
+    line.terminal.keys(":")
+    line.terminal.type("tap T to-plc drop 1")
+    line.terminal.keys("Enter")
+    line.terminal.wait("T: nothing is held in this direction")
+    for key in ("q", "Escape", "C-q"):
+        line.terminal.keys("q")
+        line.terminal.wait(asks)
+        line.terminal.keys(key)
+        line.terminal.wait(lambda text: not asks(text))
+    assert passes(line)
     line.terminal.keys("q")
+    line.terminal.wait(asks)
+    line.terminal.keys("c")
+    assert "the tap ends and cuts 1 connection\n" in line.terminal.wait("ended with 0")
+    assert line.far.recv(1) == b""
+
+
+def test_q_asks_nothing_where_no_connection_is_open(line: Line) -> None:
+    line.terminal.wait("looks on")
+    line.terminal.keys("q")
+    assert "cuts" not in line.terminal.wait("ended with 0")
+
+
+def test_a_screen_that_is_left_leaves_the_line_open_until_a_signal(line: Line) -> None:
+    line.call()
+    os.kill(line.process("multiprocessing.spawn"), signal.SIGKILL)
+    line.terminal.wait("ENGINE ENDED")
+    line.terminal.keys("q")  # the tap itself knows what is open
+    line.terminal.wait(asks)
+    line.terminal.keys("d")
+    line.terminal.wait("the screen has ended: bytes still go on; Ctrl+C or kill")
+    assert passes(line)
+    line.terminal.keys("C-c")
     line.terminal.wait("ended with 0")
+    assert line.far.recv(1) == b""
+
+
+def test_a_terminal_that_is_closed_leaves_the_line_open(line: Line) -> None:
+    line.call()
+    tap, screen = line.process(TAP), Path(f"/proc/{line.process(WORDS)}")
+    line.terminal.keys("q")
+    line.terminal.wait(asks)
+    line.terminal.close()
+    ended = time.monotonic() + PATIENCE
+    while screen.exists() and time.monotonic() < ended:
+        assert passes(line)
+    assert passes(line)
+    os.kill(tap, signal.SIGTERM)
     assert line.far.recv(1) == b""
 
 
@@ -107,9 +164,8 @@ def test_without_its_screen_a_tap_lets_go_and_goes_on(line: Line) -> None:
     line.terminal.wait("4 B held")
     os.kill(line.process(WORDS), signal.SIGKILL)
     assert exactly(line.far, 4) == b"held"
-    line.terminal.wait("the screen is gone: bytes still go on")
-    line.near.sendall(b"more")
-    assert exactly(line.far, 4) == b"more"
+    line.terminal.wait("the screen has ended: bytes still go on")
+    assert passes(line)
     line.terminal.keys("C-c")
     line.terminal.wait("ended with 0")
 
@@ -139,7 +195,7 @@ def test_without_its_engine_a_tap_lets_go_and_a_new_one_shows_what_goes_on(
 
 def test_a_killed_tap_ends_both_ends_and_its_screen_gives_the_terminal_back(line: Line) -> None:
     line.call()
-    os.kill(line.process(" tap".replace(" ", "\0")), signal.SIGKILL)
+    os.kill(line.process(TAP), signal.SIGKILL)
     for sock in (line.near, line.far):
         sock.settimeout(PATIENCE)
         with suppress(ConnectionResetError):

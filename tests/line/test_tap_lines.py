@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from trcvtui.errors import UserError
 from trcvtui.line.tap_observer import TapObserver, TapPlan
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of, route_of
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
@@ -108,6 +111,27 @@ def test_a_serial_place_has_its_settings() -> None:
     line = place_of("serial:/dev/ttyS0,19200,7E2", "LISTEN").line
     assert line is not None
     assert (line.baud, line.data_bits, line.parity, line.stop_bits) == (19200, 7, "even", 2)
+
+
+class LinesOfAScreen:
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        """Show a scan."""
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Show what is said."""
+
+
+def test_a_tap_without_descriptors_says_so_as_json_and_in_the_history_of_a_screen() -> None:
+    plan = TapPlan([route_of("T", "1999", "2000", ("", ""))], None, None, None)
+    written: list[str] = []
+    said: list[str] = []
+    lack = TapEvent(TapEventKind.LACK, TO, 0, 0, 3, 1_000_000_000, b"no descriptor left: 3 clients wait")
+    lines = WatchLines(written.append, "jsonl", 10_000_000, 0)
+    TapObserver(plan, lambda _: lines, list, said.append).take(lack)
+    TapObserver(plan, lambda _: LinesOfAScreen(), list, said.append).take(lack)
+    (record,) = map(json.loads, written)
+    assert (record["tap"], record["waiting"], record["time"][:20]) == ("T", 3, "1970-01-01T00:00:01.")
+    assert said == ["T: no descriptor left: 3 clients wait"]
 
 
 def test_bytes_that_were_missed_are_a_hole_and_said() -> None:

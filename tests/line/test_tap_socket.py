@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from urllib.request import urlopen
@@ -32,7 +32,8 @@ from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.line import live_screen
 from trcvtui.line.live_screen import TapSocketDriver
 from trcvtui.line.tap_socket import connection_to, socket_of
-from trcvtui.net.os.observers import MOST_NAME, listening
+from trcvtui.net.os import observers
+from trcvtui.net.os.observers import CREDENTIALS, MOST_NAME, is_trusted, listening
 from trcvtui.net.tap import TO, TapOrder
 from trcvtui.scenario.scenario import load_bench
 
@@ -354,3 +355,77 @@ def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapServic
     tap.socket.unlink()
     with pytest.raises(UserError, match=f"{MOST_NAME} at most"):
         listening(short / ("x" * 100))
+
+
+def _link(folder: Path, _: pytest.MonkeyPatch) -> None:
+    folder.rename(folder.with_name("other"))
+    folder.symlink_to(folder.with_name("other"))
+
+
+def _let_others_in(folder: Path, _: pytest.MonkeyPatch) -> None:
+    folder.chmod(0o750)
+
+
+def _be_another_user(_: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: own + 1)
+
+
+@pytest.mark.parametrize("change", [_link, _let_others_in, _be_another_user])
+def test_a_folder_that_others_may_have_made_is_refused_at_both_ends(
+    change: Callable[[Path, pytest.MonkeyPatch], None], short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = socket_of(written(short, LINE))
+    path.parent.mkdir(mode=0o700)
+    with socket.socket(socket.AF_UNIX) as tap:
+        tap.bind(str(path))
+        tap.listen()
+        change(path.parent, monkeypatch)
+        for ask in (lambda: connection_to(short / "line.toml"), lambda: listening(path)):
+            with pytest.raises(UserError, match="expected a folder of yours, mode 700"):
+                ask()
+
+
+class Peer:
+    """A socket at whose other end a user is."""
+
+    def __init__(self, user: int) -> None:
+        self._user = user
+
+    def getsockopt(self, *_: int) -> bytes:
+        return CREDENTIALS.pack(1, self._user, 1)
+
+
+@pytest.mark.skipif(not hasattr(socket, "SO_PEERCRED"), reason="the system does not tell")
+def test_we_and_root_are_trusted_and_no_other_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = socket.socketpair()
+    with one, other:
+        assert is_trusted(one)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    trusted = [is_trusted(Peer(user)) for user in (0, 1000, 1001, 65534)]  # type: ignore[arg-type]
+    assert trusted == [True, True, False, False]
+
+
+STRANGERS = """
+import sys
+from trcvtui.line.tap_socket import serve_observers
+from trcvtui.net.os import observers
+observers.is_trusted = lambda peer: False
+serve_observers("0", sys.argv[1], "1")
+"""
+
+
+def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = socket_of(written(short, LINE))
+    words = [sys.executable, "-c", STRANGERS, str(path)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, env=ENVIRONMENT) as server:
+        until(path.exists)
+        with socket.socket(socket.AF_UNIX) as stranger:
+            until(lambda: stranger.connect_ex(str(path)) == 0)
+            assert stranger.recv(1) == b""
+        monkeypatch.setattr(observers, "is_trusted", lambda _: False)
+        with pytest.raises(UserError, match="found a tap of another user"):
+            connection_to(short / "line.toml")
+        assert server.stdin is not None
+        server.stdin.close()
+    assert server.returncode == 0

@@ -238,6 +238,9 @@ class FakeDriver:
         self.closed = False
         self.restarts = 0
 
+    def cuts(self) -> str:
+        return ""
+
     def restart(self) -> None:
         self.stopped = ""
         self.restarts += 1

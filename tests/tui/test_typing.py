@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import pkgutil
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from textual.screen import Screen
 from textual.widgets import Input
 
 import trcvtui.tui
-from tests.tui.looking import WIDE
+from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
@@ -32,6 +34,7 @@ from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.main import MainScreen
+from trcvtui.tui.prompt import PromptInput
 from trcvtui.tui.replay import ReplayScreen
 from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
@@ -185,3 +188,16 @@ async def test_another_block_in_one_burst_keeps_what_is_typed_after_it() -> None
         form = looker.app.screen
         assert isinstance(form, AddScreen)
         assert {f.key: f.value for f in form.query(ChoiceField)}["connect"].endswith("C2")
+
+
+@pytest.mark.screen
+async def test_leaving_while_a_suggestion_has_not_begun_leaves_nothing_unawaited() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press(":")
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            looker.app.screen.query_one(PromptInput).value = "se"
+            looker.app.workers.cancel_all()  # as the end of the screen does
+            await looker.settle()
+            gc.collect()
+    assert [str(each.message) for each in told] == []

@@ -25,7 +25,8 @@ from trcvtui.cli.options import (
     print_lines,
     record_to,
 )
-from trcvtui.cli.screen import has_terminal, open_screen, show
+from trcvtui.cli.screen import open_screen, show
+from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
 from trcvtui.paths import given_path
 

@@ -17,7 +17,7 @@ from trcvtui.cli.options import (
     follow,
     load_bench,
 )
-from trcvtui.cli.screen import has_terminal
+from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake, need
 
 BROKER = "the broker; user and password: TRCVTUI_MQTT_.."
@@ -69,7 +69,7 @@ def _agent(args: Args) -> int:
     if args.mqtt is not None:
         broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
         need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
-    record = None
+    project, record = load_bench(path), None
     if args.record is not None:
         from trcvtui.files import make_folder
 
@@ -85,7 +85,7 @@ def _agent(args: Args) -> int:
     settings = AgentSettings(
         path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
     )
-    return run_agent(settings, load_bench(path))
+    return run_agent(settings, project)
 
 
 def add_fleet(parser: CommandParser) -> None:

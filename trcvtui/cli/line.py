@@ -23,9 +23,9 @@ from trcvtui.cli.options import (
     load_bench,
     print_lines,
 )
-from trcvtui.cli.screen import has_terminal, show
+from trcvtui.cli.screen import show
+from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import create
 from trcvtui.paths import given_path
 
 if TYPE_CHECKING:
@@ -72,9 +72,10 @@ def _watch(args: Args) -> int:
 def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]) -> int:
     if args.files != ["-"]:
         raise mistake("trcvtui watch", "- beside files", "- alone, or files")
-    if sys.stdin.isatty():
-        raise mistake("stdin", "a terminal", "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
-    if args.format is None and sys.stdout.isatty():
+    if sys.stdin is None or has_terminal(0):
+        found = "nothing, it is closed" if sys.stdin is None else "a terminal"
+        raise mistake("stdin", found, "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
+    if args.format is None and has_terminal(1, 2):
         from trcvtui.line.live_screen import live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
@@ -127,18 +128,16 @@ def _tap(args: Args) -> int:
         raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
     else:
         routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
-    is_terminal = sys.stdout.isatty()
-    has_screen = args.format is None and sys.stdin.isatty() and is_terminal
     shadows = args.project, args.plc, args.dialect, args.format
     looks = ObserverSettings(
         *shadows,
-        args.format is not None or is_terminal,
-        has_screen,
+        args.format is not None or has_terminal(1),
+        args.format is None and has_terminal(),
         args.hold,
         args.armed,
         args.allow_orders,
     )
-    return forward(routes, looks, None if args.record is None else create(args.record, "--record"))
+    return forward(routes, looks, args.record)
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:

@@ -16,6 +16,7 @@ from trcvtui import __version__
 from trcvtui.cli import bench, fleet, line, look_up
 from trcvtui.cli.options import GOOD, WRONG_INPUT, Args, CommandParser, add_commands, add_theme
 from trcvtui.cli.screen import open_screen
+from trcvtui.cli.streams import take_streams
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 
@@ -32,21 +33,24 @@ COMMANDS: Final = {name: row for group in GROUPS.values() for name, row in group
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line; return 0 good, 1 an expectation failed, 2 the user's mistake, 130, 141."""
+    take_streams()
     if sys.stdout is None:  # the shell's >&-
-        if sys.stderr is not None:
-            sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")
+        sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")
         return WRONG_INPUT
     try:
         code = _run_command(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return code
     except OSError as failed:
-        return _output_failed(failed)
+        return _exit_code_of(failed)
 
 
-def _output_failed(failed: OSError) -> int:
-    """Return the exit code of an output that is not read or that has no room; raise what is neither."""
+def _exit_code_of(failed: OSError) -> int:
+    """Return that of an output that is not read or has no room, of too few descriptors; raise others."""
     is_closed = isinstance(failed, BrokenPipeError)
+    if failed.errno in (errno.EMFILE, errno.ENFILE):
+        sys.stderr.write(f"trcvtui: found '{failed.strerror}', expected more descriptors: `ulimit -n`\n")
+        return WRONG_INPUT
     if not is_closed and failed.errno != errno.ENOSPC:
         raise failed
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter's last flush is quiet

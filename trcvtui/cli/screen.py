@@ -13,15 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench
+from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
 
 if TYPE_CHECKING:
     from trcvtui.engine.driver import ProcessDriver
     from trcvtui.recording.files import RecordTo
-
-
-def has_terminal() -> bool:
-    return os.isatty(0) and os.isatty(1)
 
 
 def open_screen(

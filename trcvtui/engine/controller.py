@@ -487,6 +487,10 @@ class Controller:
         bare = self.collect(request, timing, most_lines)
         return bare.whole(self.bench.runtime.whole(bare.snapshot))
 
+    def complain(self, text: str) -> None:
+        """Say what is wrong, asked by no line."""
+        self._answers.append(Answer(0, "", text))
+
     def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
         """Return what a picture is made of: references that stay as they are, whatever scans follow."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
@@ -496,7 +500,7 @@ class Controller:
         self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:
-            self._answers.append(Answer(0, "", internal))
+            self.complain(internal)
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()

@@ -54,6 +54,10 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
         ...
 
+    def cuts(self) -> str:
+        """Return what is cut when the screen quits, in words; "" for nothing."""
+        ...
+
     def restart(self) -> None: ...
 
     def close(self) -> None: ...
@@ -122,6 +126,9 @@ class ProcessDriver:
 
     def _arguments(self) -> tuple[Any, ...]:
         return self._asked
+
+    def cuts(self) -> str:
+        return ""
 
     def restart(self) -> None:
         self.close()

@@ -11,12 +11,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import mistake
+from trcvtui.files import create
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
-from trcvtui.net.os.tap_ways import EventPipes
+from trcvtui.net.os.system_calls import OUT, look_at
+from trcvtui.net.os.tap_ways import ASKED, COUNTS, EventPipes
 from trcvtui.net.tap import Route, TapEventKind, end_text
 
 RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
@@ -28,7 +30,7 @@ SERVES: Final = (
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
 FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
-LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
+LEAVE_SCREEN: Final = b"\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
 PATIENCE: Final = 5.0  # seconds for the processes that look on to end
 TYPED: Final = 1 << 16  # bytes of one read
 WRONG_INPUT: Final = 2
@@ -52,7 +54,7 @@ class ObserverSettings(NamedTuple):
     may_order: bool = False
 
 
-def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] | None) -> int:
+def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None) -> int:
     """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
@@ -68,18 +70,20 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
     observers = None
     try:
         if record is not None:
-            with record:
+            with create(record, "--record") as file:  # when all places are had
                 ours, theirs = loop.pair()
                 with theirs:
-                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=record))
+                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=file))
                 loop.add_looker(ours, "the recording")
         loop.holds = looks.holds
         if screen is not None:
+            _say_where(voice.say, loop, routes)  # before the screen has the terminal
             if not screen.open(routes, looks):
                 return screen.wait()
         elif not _look_on(loop, routes, looks, started):
             return WRONG_INPUT
-        _say_where(voice.say, loop, routes)
+        else:
+            _say_where(voice.say, loop, routes)
         if looks.project is not None and os.name == "posix":
             observers = _Observers(loop, voice, looks.project, looks.may_order)
             observers.start()
@@ -99,7 +103,8 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
 def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
     addresses = [made.address for made in loop.routes]
     for route, address in zip(routes, addresses, strict=True):
-        say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}")
+        how = f"; kill {os.getpid()} ends the tap" if route is routes[-1] and os.name == "posix" else ""
+        say(f"{route.name}: {_listens(route, address)} to {route.to}{how}")
     for place in reachable(addresses):
         say(f"other machines reach {place}")
 
@@ -186,7 +191,7 @@ class _Observers:
 
     def _hear(self, _: int) -> None:
         assert self._asked is not None
-        if self._asked.is_asked():
+        if self._asked.take_question() == ASKED:
             way = self._asked.hand_over()
             if way is not None:
                 self._loop.add_looker(way, "an observer", gives_orders=self._may_order, is_guest=True)
@@ -231,7 +236,7 @@ class _Screen:
             kernel = ARMED_TAP if looks.is_armed else TAP
             words = SHOWS, str(theirs.fileno()), asked, kernel
             self._process = _started(words, pass_fds=(theirs.fileno(),))
-        if not self._asked.is_asked():
+        if self._asked.take_question() != ASKED:
             return False
         ours = self._asked.hand_over()
         if ours is None or ours.recv(1) != b"\n":
@@ -239,33 +244,39 @@ class _Screen:
                 ours.close()
             return False
         self._loop.hear(self._asked.fd, 1, self._hear)
-        self._loop.add_looker(ours, "who shows it", gives_orders=True)
+        self._loop.add_looker(ours, "", gives_orders=True)
         self._loop.tell_time()
         self._voice.is_kept = True  # the terminal belongs to the screen
         return True
 
     def _hear(self, _: int) -> None:
-        if self._asked.is_asked():
-            way = self._asked.hand_over()
-            if way is not None:
-                self._loop.add_looker(way, "who shows it", gives_orders=True)
-        else:
+        question = self._asked.take_question()
+        if not question:
             self._gone()
+        elif question == COUNTS:
+            self._asked.answer(self._loop.open_in_words())
+        elif (way := self._asked.hand_over()) is not None:
+            self._loop.add_looker(way, "", gives_orders=True)
 
     def _gone(self) -> None:
-        """The user has left it, and that ends the tap; or it was killed, and bytes go on."""
+        """The user has ended the tap with it; or it was left or killed, and bytes go on."""
         import termios
 
         self._loop.forget(self._asked.fd)
         code = self.wait()
         self._loop.let_all_go()
         if code == 0:
+            if cut := self._loop.open_in_words():
+                say_at_once(f"the tap ends and cuts {cut}")
             self._loop.stop()
         else:
-            termios.tcsetattr(0, termios.TCSADRAIN, self._terminal)
-            sys.stdout.write(LEAVE_SCREEN)
-            sys.stdout.flush()
-            say_at_once("the screen is gone: bytes still go on; Ctrl+C ends the tap")
+            ends = f"kill {os.getpid()} ends the tap"
+            with suppress(termios.error, OSError):  # the terminal is closed
+                termios.tcsetattr(0, termios.TCSANOW, self._terminal)
+                ends = f"Ctrl+C or {ends}"
+                if code < 0 and look_at({1: OUT}):
+                    os.write(1, LEAVE_SCREEN)
+            say_at_once(f"the screen has ended: bytes still go on; {ends}")
         self._voice.let_out()
 
     def wait(self) -> int:

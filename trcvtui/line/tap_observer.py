@@ -194,6 +194,13 @@ class TapObserver:
             case TapEventKind.REFUSED:
                 self._complain(f"{self._plan.routes[event.route].name}: {event.data.decode()}")
                 return
+            case TapEventKind.LACK:
+                name, text = self._plan.routes[event.route].name, event.data.decode()
+                if isinstance(self._lines, WatchLines):
+                    self._lines.tell_tap(event.ns, {"tap": name, "waiting": event.at, "note": text})
+                else:
+                    self._complain(f"{name}: {text}")
+                return
             case TapEventKind.NOW if self._first_ns is None:
                 return
             case TapEventKind.OPEN:
@@ -349,5 +356,5 @@ def look_on(asked: str) -> None:
             sys.stdout.flush()
         looking.close()
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of what shadows show is gone
+    except OSError:  # the reader of what shadows show is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trcvtui.commands.snapshots import TAP
 from trcvtui.engine.driver import EngineStopped, ProcessDriver
 from trcvtui.line.live_screen import ServedShadows
-from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.os.tap_ways import ask_for_way, ask_what_is_open
 from trcvtui.replay.driver import serve_until_gone
 
 if TYPE_CHECKING:
@@ -53,6 +53,9 @@ class TapDriver(ProcessDriver):
             raise TapEnded(f"{picture.over}: both ends have seen an end")
         return picture
 
+    def cuts(self) -> str:
+        return ask_what_is_open(self._tap)
+
     def _start(self) -> None:
         super()._start()
         self._events.close()  # its end is the end of the observer
@@ -63,6 +66,11 @@ def tap_main(channel: Channel, events: Channel, asked: TapChoice, kernel: str) -
 
 
 class _TapServed(ServedShadows):
+    def _complain(self, text: str) -> None:
+        self.tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)
+
     def run(self, fd: int, asked: TapChoice, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
@@ -88,7 +96,7 @@ class _TapServed(ServedShadows):
         end = plc or (str(to).removeprefix("udp:") if len(places) == 1 else None)
         end = None if to.kind == "serial" else end
         self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
-        looking = TapObserver(plan, lines_of, order, lambda text: self.tell("tap", text))
+        looking = TapObserver(plan, lines_of, order, self._complain)
         self.show(looking.player, kernel)
         with suppress(OSError):
             os.write(fd, b"\n")

@@ -38,6 +38,7 @@ NOTED: Final[dict[int, str]] = {
     TapEventKind.REFUSED: "refused",
     TapEventKind.HELD: "held",
     TapEventKind.LOST: "lost",
+    TapEventKind.LACK: "lack",
 }
 _V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _V6: Final = struct.Struct(">IHBB16s16s").pack
@@ -255,6 +256,8 @@ class TapCapture:
         told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
         if event.kind == TapEventKind.LOST:
             told |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
+        elif event.kind == TapEventKind.LACK:
+            told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
             told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
         else:

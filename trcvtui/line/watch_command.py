@@ -62,6 +62,11 @@ class WatchLines:
         """Write what is said of a conversation; `ns` counts from the first packet."""
         self._say(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
+    def tell_tap(self, ns: int, record: dict[str, object]) -> None:
+        """Write a record that is said of a tap; `ns` counts from 1970. Text stands on stderr already."""
+        if self._lines is not None:
+            self._lines.write({"time": utc_text(ns), **record})
+
     def _say(self, scan: int, record: dict[str, object]) -> None:
         ns = self._first_ns + (scan - 1) * self._interval_ns
         if self._lines is not None:

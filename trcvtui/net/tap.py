@@ -103,6 +103,7 @@ class TapEventKind(IntEnum):
     NOW = 11  # time passes: to who gives orders, and to guests each second
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
     FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
+    LACK = 14  # of a tap, and no conversation: `at` clients wait for a descriptor, in words
     LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
 
 

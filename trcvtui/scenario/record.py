@@ -17,7 +17,7 @@ from trcvtui.bench.conditions import holds
 from trcvtui.commands import words
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import mistake
-from trcvtui.files import make_folder, noting_reads
+from trcvtui.files import folder_for, noting_reads
 from trcvtui.project.project import Project
 from trcvtui.recording.files import SUFFIX, TRIGGER, FileLimits, FileSink, RecordTo, Sink
 from trcvtui.recording.recorder import recorder_of
@@ -77,10 +77,10 @@ def record(
     `is_kept` False: the folder goes again, so that no report of an internal error may stand there.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
-    make_folder(out, "--out")
     asked = RecordTo(out, False, has_secrets, limits, follow)
     recorder = recorder_of(asked, out / path.stem, waits=kernel == "sim")
     with ExitStack() as opened:
+        opened.enter_context(folder_for(out, "--out"))
         opened.enter_context(noting_reads(recorder.reads))
         project = load_bench(path)
         condition = None if on is None else _condition(on, project)

@@ -23,6 +23,7 @@ from trcvtui.tui.main import SCENARIOS, MainScreen
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import CutScreen
 from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.wording import count
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 FRAME_S: Final = 1 / 20
 ENGINE_ENDED: Final = 1
+LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
 
@@ -374,7 +376,7 @@ class BenchApp(TerminalApp):
             self.submit(line)
 
     async def action_quit(self) -> None:
-        """End the bench; what would be lost by it is told first, and asked again after another key."""
+        """End the bench; what would be lost or cut is told first, what is lost again after another key."""
         unsaved = self.view_model.unsaved
         if unsaved and self._warned != (self._keys - 1, unsaved) and not self.last_words:
             self._warned = self._keys, unsaved
@@ -382,7 +384,16 @@ class BenchApp(TerminalApp):
             text = f"{what} to the project unsaved: `save project` keeps them, q quits"
             (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
             return
-        self.exit()
+        if isinstance(self.screen, CutScreen):
+            self.screen.action_leave()
+        elif cuts := self._engine.cuts():
+            self.push_screen(CutScreen(cuts), self._cut)
+        else:
+            self.exit()
+
+    def _cut(self, key: str) -> None:
+        if key:
+            self.exit(return_code=0 if key == "c" else LEFT)
 
     def action_picture(self) -> None:
         from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
+from textual.dom import DOMNode
 from textual.suggester import Suggester
 
 from trcvtui.commands.completion import NextWords, after_framing, after_trigger, nothing
@@ -70,3 +72,7 @@ class BenchSuggester(Suggester):
 
     async def get_suggestion(self, value: str) -> str | None:
         return complete(value, self._project())
+
+    def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
+        """Return what makes the coroutine of a worker: one made now would stay unawaited at leaving."""
+        return partial(super()._get_suggestion, requester, value)

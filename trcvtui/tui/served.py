@@ -10,6 +10,7 @@ Rule 3: each screen is a process of its own; at most MOST_SCREENS run.
 from __future__ import annotations
 
 import hmac
+import json
 import os
 import re
 import secrets
@@ -18,6 +19,7 @@ import socket
 import subprocess
 import sys
 from asyncio import BoundedSemaphore
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -25,11 +27,14 @@ from trcvtui.errors import mistake
 
 if TYPE_CHECKING:
     from aiohttp import web
+    from textual_serve.app_service import AppService
 
 HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
 MOST_SCREENS: Final = 8
+MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
+MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
 OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
 FONT: Final = """<style>@font-face {
@@ -111,6 +116,19 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
     class Loopback(Server):
         """Answers only the pages that it has given out."""
 
+        async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
+            """Hand on what the page sends; textual-serve ends with a traceback on what it does not."""
+            async for message in websocket:
+                match _said(message.data):
+                    case ["stdin", str(typed)] if len(typed) <= MOST_TYPED:
+                        await app_service.send_bytes(typed.encode(errors="replace"))
+                    case ["resize", {"width": width, "height": height}]:
+                        await app_service.set_terminal_size(_cells(width), _cells(height))
+                    case ["ping", asked]:
+                        await websocket.send_json(["pong", asked])
+                    case ["blur" | "focus" as what, *_]:
+                        await getattr(app_service, what)()
+
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
             """Give the page out without what it would fetch from elsewhere."""
             page = await super().handle_index(request)
@@ -141,11 +159,26 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
         if screens.locked():
             return web.Response(status=503, text=FULL)
         async with screens:
-            return await handler(request)
+            asked = request.query
+            size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
+            return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
 
     app = await Loopback(command, HOST, entrance.port, title=title)._make_app()
     app.middlewares.append(_only_who_may)
     return app
+
+
+def _said(data: object) -> object:
+    """Return what a message says, None for one that is no JSON."""
+    with suppress(ValueError, RecursionError):
+        return json.loads(data) if isinstance(data, str) else None
+    return None
+
+
+def _cells(asked: object) -> int:
+    """Return a width or a height that a screen can have; 80 in place of what is no number."""
+    text = str(asked)[:9]
+    return min(max(int(text), 1), MOST_CELLS) if text.isdecimal() else 80
 
 
 def listening(port: int) -> socket.socket:

@@ -24,7 +24,8 @@ HANG_UP_S: Final = 1.0
 REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
 LONG_REST: Final = 15  # such rests: and at all that was made since the start
 YOUNG: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
-ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+ENDINGS: Final = ("SIGTERM", "SIGHUP", "SIGQUIT")
+ENDING_SIGNALS: Final = [getattr(signal, name) for name in ENDINGS if hasattr(signal, name)]
 QUITS: Final = frozenset(("app.quit", "quit"))
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 
@@ -100,7 +101,7 @@ class TerminalApp(App[None]):
         self.set_interval(REST_S, self._collect_at_rest)
 
     def _end_on_signals(self) -> None:
-        """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""
+        """Let these signals end the screen as `q` does: the terminal gets back what it had."""
         loop = asyncio.get_running_loop()
         for number in ENDING_SIGNALS:
             if signal.getsignal(number) is signal.SIG_IGN:  # below nohup

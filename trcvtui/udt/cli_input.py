@@ -130,6 +130,6 @@ def _stdin() -> bytes:
     stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
     if stdin is None:
         raise OSError("nothing, it is closed")
-    if stdin.isatty() and sys.stderr is not None:
+    if stdin.isatty():
         sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
     return bytes(stdin.read(LARGEST + 1))

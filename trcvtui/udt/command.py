@@ -259,10 +259,9 @@ def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
 
 
 def tell(notes: Iterable[str]) -> None:
-    """Write notes on stderr, which may be closed (the shell's 2>&-)."""
+    """Write notes on stderr."""
     for note in notes:
-        if sys.stderr is not None:
-            sys.stderr.write(f"note: {one_line(note)}\n")
+        sys.stderr.write(f"note: {one_line(note)}\n")
 
 
 def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:

@@ -33,6 +33,8 @@ from trcvtui.net.tap import (
     end_text,
     order_of,
 )
+from trcvtui.signals import leave
+from trcvtui.wording import count
 
 MOST_SAID: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
@@ -149,7 +151,7 @@ class Observer:
             try:
                 order = order_of(line, len(self._loop.routes))
             except ValueError as wrong:
-                self._loop.say(f"{self.what} gives an order that is none: {wrong}")
+                self._loop.say(f"{self.what or 'the screen'} gives an order that is none: {wrong}")
                 continue
             self.has_ordered = True
             self._loop.obey(order)
@@ -206,7 +208,7 @@ class Forwarder(TapLoop):
         wants_bytes: bool = True,
         is_guest: bool = False,
     ) -> None:
-        """Tell events to one more, and obey it; `what` it does, for when it is gone.
+        """Tell events to one more, and obey it; `what` it does, for when it is gone, "": that is not said.
 
         Of a guest's orders nothing holds that another one has given; fewer bytes wait for it.
         """
@@ -257,10 +259,16 @@ class Forwarder(TapLoop):
     def lose(self, looker: Observer) -> None:
         """Go on without one who looks on; what was held goes on, too."""
         self._lookers = tuple([each for each in self._lookers if each is not looker])
-        if not self._ends:
+        if looker.what and not self._ends:
             self.say(f"{looker.what} has ended: bytes still go on")
         if looker.has_ordered:
             self.let_all_go()
+
+    def open_in_words(self) -> str:
+        """Return how many connections are open, "" for none; with UDP and serial lines: conversations."""
+        number = sum(len(route.talks) for route in self.routes)
+        has_others = any(route.route.to.kind != "tcp" for route in self.routes)
+        return count(number, "conversation" if has_others else "connection") if number else ""
 
     def _lanes(self) -> list[TapLane]:
         return [lane for route in self.routes for talk in route.talks.values() for lane in talk.lanes]
@@ -320,15 +328,16 @@ class Forwarder(TapLoop):
     # -- the loop ------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Forward until SIGTERM or Ctrl+C; then end both ends of all."""
+        """Forward until SIGTERM or Ctrl+C, also when its terminal is closed; then end both ends of all."""
         wakes, wakened = socket.socketpair()
         for sock in (wakes, wakened):
             sock.setblocking(False)
         self.hear(wakened.fileno(), IN, lambda _: self.stop())
         signal.set_wakeup_fd(wakes.fileno())
-        for name in ("SIGTERM", "SIGINT", "SIGHUP"):  # the last: its terminal is gone
+        for name in ("SIGTERM", "SIGINT", "SIGQUIT"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), lambda *_: None)
+        leave(("SIGHUP",))
         while not self._ends:
             self.turn(-1)
         self.close()

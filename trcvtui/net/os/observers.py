@@ -9,6 +9,7 @@ import os
 import select
 import socket
 import stat
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -21,6 +22,7 @@ from trcvtui.files import reason_of
 from trcvtui.net.os.tap_ways import ask_for_way
 from trcvtui.net.tap import TapEvent, events_of
 
+CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_NAME: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
 READ: Final = 1 << 16  # bytes of orders that are read at once
@@ -31,12 +33,24 @@ MOST_LINE: Final = 4 << 20  # bytes of an order
 
 
 def _checked(path: Path) -> str:
-    with suppress(FileNotFoundError):
-        if os.stat(path.parent).st_uid not in (0, os.geteuid()):
-            raise mistake(str(path.parent), "a folder of another user", "one of yours: set XDG_RUNTIME_DIR")
+    with suppress(OSError):  # without a folder there is no socket either
+        folder = os.lstat(path.parent)
+        is_ours = stat.S_ISDIR(folder.st_mode) and folder.st_uid == os.geteuid()
+        if not is_ours or folder.st_mode & 0o077:
+            found = f"mode {folder.st_mode & 0o777:o}" if is_ours else "a link, or another user's folder"
+            raise mistake(str(path.parent), found, "a folder of yours, mode 700: set XDG_RUNTIME_DIR")
     if len(os.fsencode(path)) > MOST_NAME:
         raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_NAME} at most")
     return str(path)
+
+
+def is_trusted(peer: socket.socket) -> bool:
+    """Return whether we or root are at the other end; where the system does not tell, the folder is all."""
+    asked = getattr(socket, "SO_PEERCRED", None)
+    if asked is None:
+        return True
+    _, user, _ = CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, asked, CREDENTIALS.size))
+    return user in (0, os.geteuid())
 
 
 def connected(path: Path, expected: str) -> int:
@@ -46,6 +60,9 @@ def connected(path: Path, expected: str) -> int:
     found = "no tap"
     try:
         made.connect(name)
+        found = "a tap of another user"
+        if not is_trusted(made):
+            raise PermissionError
         found = "a tap that tells nothing"  # the system connects us to a process that hangs, too
         if not made.recv(1, socket.MSG_PEEK):
             raise ConnectionResetError
@@ -135,7 +152,7 @@ class ObserverServer:
         while True:
             observer, _ = self._door.accept()
             self._served = [each for each in self._served if each.is_alive()]
-            if len(self._served) >= MOST_OBSERVERS:
+            if len(self._served) >= MOST_OBSERVERS or not is_trusted(observer):
                 observer.close()
                 continue
             way = ask_for_way(self._asks)

@@ -8,7 +8,8 @@ from typing import Final
 
 from trcvtui.net.os.forwarder import Forwarder
 
-ASKED: Final = b"+"
+ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
+MOST_ANSWER: Final = 64  # bytes
 
 
 class EventPipes:
@@ -18,12 +19,16 @@ class EventPipes:
         self._asks, self.theirs = Forwarder.pair()
         self.fd = self._asks.fileno()
 
-    def is_asked(self) -> bool:
-        """Wait for the other end; return whether it asks, and has not ended."""
-        try:
-            return self._asks.recv(1) == ASKED
-        except OSError:
-            return False
+    def take_question(self) -> bytes:
+        """Wait for the other end; return what it asks, b"" when it has ended."""
+        with suppress(OSError):
+            return self._asks.recv(1)
+        return b""
+
+    def answer(self, text: str) -> None:
+        """Tell how many connections are open."""
+        with suppress(OSError):
+            self._asks.sendall(f"{text}\n".encode())
 
     def hand_over(self) -> socket.socket | None:
         """Hand a way over; return our end of it. None, and no way for the other: no descriptor is left."""
@@ -38,18 +43,29 @@ class EventPipes:
         return ours
 
 
+def _ask(fd: int, what: bytes) -> tuple[bytes, list[int]]:
+    """Return what the tap at `fd` answers, and the descriptor that it hands over."""
+    with suppress(OSError), socket.socket(fileno=fd) as asks:
+        try:
+            asks.sendall(what)
+            return socket.recv_fds(asks, MOST_ANSWER, 1)[:2]
+        finally:
+            asks.detach()
+    return b"", []
+
+
+def ask_what_is_open(fd: int) -> str:
+    """Return how many connections of a tap are open, "" for none."""
+    return _ask(fd, COUNTS)[0].decode().strip()
+
+
 def ask_for_way(fd: int) -> int:
     """Return the descriptor on which a tap tells its events, handed over `fd`.
 
     It is at its end already where there is no tap any more.
     """
-    with suppress(OSError), socket.socket(fileno=fd) as asks:
-        try:
-            asks.sendall(ASKED)
-            for way in socket.recv_fds(asks, 1, 1)[1]:
-                return way
-        finally:
-            asks.detach()
+    for way in _ask(fd, ASKED)[1]:
+        return way
     ours, theirs = socket.socketpair()
     theirs.close()
     return ours.detach()

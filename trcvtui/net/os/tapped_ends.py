@@ -6,19 +6,25 @@ import errno
 import os
 import socket
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake, need
-from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, unread_bytes
+from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, peek_at, unread_bytes
 from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
+from trcvtui.wording import count
 
 CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
 LINES_NS: Final = 20_000_000  # between two looks at CTS
 AGAIN_NS: Final = 1_000_000_000  # between two attempts to open a port that is gone
 MOST_TALKS: Final = 1024  # UDP clients; then the one that is silent for longest goes
+LACKING: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+LACK_LOOK_NS: Final = 100_000_000  # between two looks at whether a client can be taken again
+LACK_WAIT_NS: Final = 2_000_000_000  # for a client to be taken; then it gets RST
+LACK_TOLD_NS: Final = 10_000_000_000  # between two words of what lacks
 
 
 class TcpTalk(TapConversation):
@@ -26,16 +32,14 @@ class TcpTalk(TapConversation):
 
     has_ends = True
 
-    def __init__(self, route: TcpRoute, number: int, near: socket.socket, said: bytes) -> None:
-        self.route, self.number, self.said = route, number, said
+    def __init__(self, route: TcpRoute, near: socket.socket, far: socket.socket, said: bytes) -> None:
+        self.route, self.number, self.said = route, route.loop.next_number(), said
         self.loop, self.place = route.loop, route.place
         self.lanes: tuple[TapLane, TapLane] | tuple[()] = ()
         self.has_ended = False
-        self._near = near
+        self._near, self._far = near, far
         place = route.route.to
-        family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
-        self._far = socket.socket(family, socket.SOCK_STREAM)
-        for sock in (near, self._far):
+        for sock in (near, far):
             sock.setblocking(False)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_OOBINLINE, 1)
@@ -74,9 +78,7 @@ class TcpTalk(TapConversation):
         if error and not unread_bytes(self._far):
             self.has_ended = True
             self._far.close()
-            with suppress(OSError):
-                self._near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
-            self._near.close()
+            _reset(self._near)
             self.tell(TapEventKind.RST, BACK)
             self._over()
             return
@@ -149,8 +151,38 @@ class TcpTalk(TapConversation):
         self.close()
 
 
+class _LackTeller:
+    """Tells that a route cannot take clients: one line and one event each 10 s at most."""
+
+    def __init__(self, route: TcpRoute | UdpRoute, unit: str) -> None:
+        self._route, self._unit = route, unit
+        self.what, self._is_on = "", False
+        self.waiting = self.refused = 0
+
+    def begin(self, failed: OSError) -> None:
+        self.what = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
+        if not self._is_on:
+            self._is_on = True
+            self._route.loop.after(LACK_LOOK_NS, self._tell)  # more may come at once
+
+    def _tell(self) -> None:
+        route, waiting, refused = self._route, self.waiting, self.refused
+        self._is_on, self.refused = bool(waiting or refused), 0
+        if self._is_on:
+            waits = count(waiting, "client waits", "clients wait") if waiting else ""
+            lost = f"{count(refused, self._unit)} refused" if refused else ""
+            left = f"no {self.what} {'' if waiting else 'was '}left"
+            text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
+            route.loop.say(f"{route.route.name}: {text}")
+            route.loop.tell(TapEventKind.LACK, TO, route.place, 0, waiting, text.encode())
+            route.loop.after(LACK_TOLD_NS, self._tell)
+
+
 class TcpRoute:
-    """A tap between two TCP ends, for many clients."""
+    """A tap between two TCP ends, for many clients.
+
+    One that there is no descriptor for waits in the queue of the door, LACK_WAIT_NS at most.
+    """
 
     has_stack = True  # which says of each end how it stands
 
@@ -161,31 +193,76 @@ class TcpRoute:
         self._door.listen(512)
         self._door.setblocking(False)
         self.address = self._door.getsockname()[:2]
+        self._family = socket.AF_INET6 if ":" in route.to.address else socket.AF_INET
+        self._spare = socket.socket()  # its descriptor accepts a client that gets RST
+        self._lack = _LackTeller(self, "client")
+        self._taken = 0  # clients
+        self._due: deque[tuple[int, int]] = deque()  # until when so many of all clients are to be taken
         loop.hear(self._door.fileno(), IN, self._come)
 
     def _come(self, _: int) -> None:
         for _ in range(64):
+            far = None
             try:
+                far = socket.socket(self._family, socket.SOCK_STREAM)  # first: no client is taken without it
                 near, end = self._door.accept()
             except OSError as failed:
-                if failed.errno in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
-                    self.loop.want(self._door.fileno(), 0)
-                    listens = lambda: self.loop.want(self._door.fileno(), IN)  # noqa: E731
-                    self.loop.at(time.monotonic_ns() + AGAIN_NS // 10, listens)
+                if far is not None:
+                    far.close()
+                if failed.errno in LACKING:
+                    self._let_wait(failed)
                 return
-            number = self.loop.next_number()
+            self._taken += 1
+            self._lack.waiting = 0
             try:
-                talk = TcpTalk(self, number, near, _said(self.route.to, end))
-            except OSError:  # no descriptor for the far end
-                near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
-                near.close()
+                talk = TcpTalk(self, near, far, _said(self.route.to, end))
+            except OSError:  # the poll set takes no more
+                far.close()
+                _reset(near)
                 continue
             if not talk.has_ended:
-                self.talks[number] = talk
+                self.talks[talk.number] = talk
+
+    def _let_wait(self, failed: OSError) -> None:
+        """Let clients wait in the queue of the door; refuse those that have waited for too long."""
+        self.loop.want(self._door.fileno(), 0)
+        now, come = time.monotonic_ns(), self._taken + (peek_at(self._door, 0, False).clients or 1)
+        if not self._due or come > self._due[-1][1]:
+            self._due.append((now + LACK_WAIT_NS, come))
+        while self._due and self._due[0][0] <= now:
+            _, most = self._due.popleft()
+            while self._taken < most and self._refuse():
+                pass
+        self._lack.waiting = come - self._taken
+        self._lack.begin(failed)
+        self.loop.after(LACK_LOOK_NS, self._come_again)
+
+    def _come_again(self) -> None:
+        if self._door.fileno() >= 0:
+            self.loop.want(self._door.fileno(), IN)
+
+    def _refuse(self) -> bool:
+        """Accept a client for its RST; return whether that could be done."""
+        self._spare.close()
+        try:
+            near, end = self._door.accept()
+        except OSError:
+            return False
+        _reset(near)
+        with suppress(OSError):  # another program was faster
+            self._spare = socket.socket()
+        self._taken += 1
+        self._lack.refused += 1
+        number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
+        told = (TapEventKind.OPEN, TO, _said(self.route.to, end)), (TapEventKind.OURS, BACK, why)
+        for kind, way, data in (*told, (TapEventKind.RST, BACK, b""), (TapEventKind.OVER, TO, b"")):
+            self.loop.tell(kind, way, self.place, number, 0, data)
+        return True
 
     def stop(self) -> None:
         self.loop.forget(self._door.fileno())
         self._door.close()
+        self._spare.close()
 
 
 class UdpRoute:
@@ -200,6 +277,7 @@ class UdpRoute:
         self.door = _bound(route.listen, socket.SOCK_DGRAM)
         self.door.setblocking(False)
         self.address = self.door.getsockname()[:2]
+        self._lack = _LackTeller(self, "datagram")
         loop.hear(self.door.fileno(), IN, self._come)
 
     def _come(self, _: int) -> None:
@@ -223,7 +301,10 @@ class UdpRoute:
             )
             sock.setblocking(False)
             sock.connect((place.address, place.port))
-        except OSError:
+        except OSError as failed:
+            if failed.errno in LACKING:
+                self._lack.refused += 1
+                self._lack.begin(failed)
             return None
         talk = UdpTalk(self, self.loop.next_number(), sock, client)
         self.talks[talk.number] = talk
@@ -366,6 +447,12 @@ class SerialTalk(TapConversation):
     def finish(self) -> None:
         for lane in self.lanes:
             lane.source.close()
+
+
+def _reset(sock: socket.socket) -> None:
+    with suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+    sock.close()
 
 
 def _said(place: TapPlace, near: Sequence[Any]) -> bytes:

@@ -98,6 +98,23 @@ class ResultScreen(ListDialog[None]):
         self.app.copy_to_clipboard("\n".join("".join(text for text, _ in each.parts) for each in rows))
 
 
+class CutScreen(ListDialog[str]):
+    """Asks whether a tap that quits cuts its connections: "c", "d" leaves it without a screen, "" stays."""
+
+    BINDINGS: ClassVar = [Binding(key, f"dismiss('{key}')", show=False) for key in "cd"]
+    DEFAULT_CSS = "CutScreen ResultText { width: 72; height: auto; }"
+
+    def __init__(self, cuts: str) -> None:
+        choices = (
+            ("c", f"end the tap: cuts {cuts}"),
+            ("d", "leave the screen: bytes go on until Ctrl+C or SIGTERM"),
+            ("esc q", "stay"),
+        )
+        text = ResultText("cut", lambda _: [row((f"{key:<7}", "key"), (what, "")) for key, what in choices])
+        text.set_title(None, f"{cuts} open", "")
+        super().__init__(text, "")
+
+
 def text_rows(text: str, width: int) -> list[Row]:
     return [row((part, "")) for line in text.splitlines() for part in wrapped(line, width)]
 

@@ -107,6 +107,7 @@ LINE: Final = (
     ("h", "tap: hold this direction, let it go; the header says for how long it has been held"),
     ("e i d y s r f", "tap: the prompt opens with the bench command; enter sends it (--armed: r, f act)"),
     ("w", "mirror port: shadows for a conversation that has none"),
+    ("q", "tap: ends it; where connections are open it asks: c cuts them, d leaves the screen alone"),
 )
 SCENARIOS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),

@@ -157,6 +157,13 @@ def test_rst_and_silence_are_events() -> None:
     assert events[-1].kind is SegmentKind.RST and events[-1].conversation.end == ("rst", events[-1].direction)
 
 
+def test_the_number_of_an_ended_conversation_may_begin_another_one() -> None:
+    """Our recordings count from 0 in each connection; before its end such a SYN is a copy."""
+    reset = tcp(seq=101, ack=501, flags=RST | ACK)
+    assert listen([*handshake(), reset, *handshake()])[-1].conversation.number == 2
+    assert listen([*handshake(), tcp(seq=100, flags=SYN)])[-1].conversation.number == 1
+
+
 def test_a_conversation_that_begins_in_the_middle_is_said_to() -> None:
     events = listen([answer(seq=7, ack=1000), tcp(b"\0", 999, 7), tcp(b"abc", 1000, 7), tcp(b"d", 1003, 7)])
     assert not events[0].conversation.begins_with_syn and to_plc(events) == b"abcd"

@@ -26,7 +26,7 @@ from tests.diagnosis.doctor_cases import (
     record,
     talk,
 )
-from tests.recording.wire import serial_line
+from tests.recording.wire import ACK, PLC, RST, SYN, capture, serial_line, tcp
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.doctor import doctor as run_doctor
@@ -82,18 +82,18 @@ def test_the_json_of_a_finding_is_the_contract(tmp_path: Path, capsys: pytest.Ca
     assert main(["doctor", str(written("refused", tmp_path)), "--format", "json"]) == 1
     (one, *_) = json.loads(capsys.readouterr().out)
     assert set(one) == {
-        *("file", "conversation", "healthy", "findings"),
+        *("file", "conversation", "healthy", "verdict", "findings"),
         *("quality", "remarks", "not_judged"),
     }
     assert set(one["conversation"]) == {"plc", "partner", "protocol"}
     (finding, *_) = one["findings"]
     assert set(finding) == {
         *("cause", "confidence", "t_s", "where", "evidence", "mend"),
-        *("title", "status", "packets", "filter"),
+        *("title", "status", "packets", "filter", "explains"),
     }
     assert set(finding["where"]) == {"direction", "byte", "packet", "scan", "instance"}
     assert finding["cause"] == "refused" and finding["where"]["packet"] == 2
-    assert set(finding["mend"][0]) == {"text", "command", "set"}
+    assert set(finding["mend"][0]) == {"text", "command", "set", "tried"}
 
 
 def test_a_healthy_capture_is_0_and_json_lines_have_one_object_a_conversation(
@@ -180,6 +180,21 @@ def test_with_a_type_the_end_that_receives_alone_is_the_plc(tmp_path: Path) -> N
 
 
 READ, FRAMING, PARITY, OVERRUN = 2, 7, 8, 10  # events of RTAC serial
+
+
+@pytest.mark.parametrize("ports", [(51001, 51001, 51001), (51001, 51002, 51003)])
+def test_a_call_that_comes_again_after_its_refusal_counts_again(
+    ports: tuple[int, ...], tmp_path: Path
+) -> None:
+    callers = [("10.0.0.9", port) for port in ports]
+    calls = [
+        (tcp(seq=7, flags=SYN, source=one), tcp(ack=8, flags=RST | ACK, source=PLC, target=one))
+        for one in callers
+    ]
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture([packet for call in calls for packet in call], step_ns=250_000_000))
+    found = judge(str(path), DoctorQuestion())[0][0]["findings"]
+    assert [(one["cause"], one["evidence"][1]) for one in found] == [("refused", "3 times in this capture")]
 
 
 def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(

@@ -58,6 +58,21 @@ def test_a_fault_of_a_program_names_scan_and_instance(
     assert where["scan"] > 1 and where["instance"]
 
 
+@pytest.mark.parametrize(
+    ("scenario", "cause", "status"),
+    [
+        ("baosky/80a0-refused.toml", "refused", "80A0"),
+        ("baosky/udp-80aa-datagram-too-large.toml", "datagram-size", "80AA"),
+        ("siemens/udp-80c9-too-long.toml", "datagram-size", "80C9"),
+    ],
+)
+def test_a_finding_names_the_status_of_its_plc(
+    scenario: str, cause: str, status: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = [one for each in judged(scenario, tmp_path, capsys) for one in each["findings"]]
+    assert {word for one in found if one["cause"] == cause for word in one["status"]} == {status}
+
+
 def test_a_report_shows_the_findings_first_and_no_bytes_without_payload(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,8 +83,8 @@ def test_a_report_shows_the_findings_first_and_no_bytes_without_payload(
         main(["report", str(tmp_path / "run.pcapng"), "--out", str(out), *options])
         pages.append(out.read_text(encoding="utf-8"))
     whole, without = pages
-    assert 0 < whole.find("byte-order, 85% sure") < whole.find("<h2>")
-    assert "voltage = 230" in whole and "byte-order, 85% sure" in without
+    assert 0 < whole.find("byte-order, 95% sure") < whole.find("<h2>")
+    assert "voltage = 230" in whole and "byte-order, 95% sure" in without
     assert "voltage = 230" not in without
 
 

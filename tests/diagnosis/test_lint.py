@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
+from trcvtui.commands import words
+from trcvtui.project.file import load_project
 
 ROOT = Path(__file__).parents[2]
 HEAD = """
@@ -20,6 +23,7 @@ name = "C1"
 LocalAddress = "127.0.0.1"
 """
 INSTANCE = '[[instance]]\nname = "TRCV_C_1"\nblock = "TRCV_C"\nconnect = "C1"\ndata = "rx"\n'
+RECEIVER = INSTANCE + "CONT = true\nEN_R = true\n"
 MANY = "".join(
     f'[[connect]]\nname = "C{n}"\nLocalAddress = "127.0.0.1"\n'
     f'[[instance]]\nname = "T{n}"\nblock = "TRCV_C"\nconnect = "C{n}"\ndata = "rx"\n'
@@ -54,6 +58,17 @@ PROJECTS = {
     "the suffix is another one": (
         STREAM + """says = ['text "AB 12.5\\r"', 'text "AC 3.5\\r"']\n""",
         "framing",
+    ),
+    "nothing sets CONT": (HEAD + INSTANCE + "EN_R = true\n", "not-connected-request"),
+    "nothing sets the CONT of a sender": (
+        'start = "pulse TSEND_C_1 REQ"\n' + HEAD + INSTANCE.replace("TRCV", "TSEND"),
+        "not-connected-request",
+    ),
+    "the program sets CONT": ('program = "pulse TRCV_C_1 CONT"\n' + HEAD + INSTANCE + "EN_R = true\n", ""),
+    "EN_R builds the connection": (HEAD.replace("baosky", "s7-1200") + INSTANCE + "EN_R = true\n", ""),
+    "two receivers take turns": (
+        'program = "set TRCV_C_1 EN_R=0"\n' + HEAD + RECEIVER + RECEIVER.replace("C_1", "C_2"),
+        "",
     ),
     "the suffix is right": (STREAM + """says = ['text "AB 12.5\\n"']\n""", ""),
 }
@@ -92,3 +107,98 @@ def test_a_project_runs_for_some_time_and_its_traffic_is_judged(capsys: pytest.C
     assert lint["conversation"] is None and lint["healthy"]
     assert run["file"].endswith("en_r_dropped.toml") and run["conversation"]["protocol"] == "tcp"
     assert run["findings"][0]["cause"] == "shifted" and run["findings"][0]["t_s"] == pytest.approx(6.21)
+
+
+OTHER = '[[connect]]\nname = "C2"\nLocalAddress = "127.0.0.1"\n{}' + RECEIVER.replace("C_1", "C_2").replace(
+    '"C1"', '"C2"'
+)
+ACTIVE = 'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\n'
+REFUSED = {
+    "a T-selector of rack and slot": (
+        "s7-1200",
+        'type = "TCON_IP_RFC"\nLocalTSelector = "E0.03"\n',
+        "C1 is refused: LocalTSelector is E0 03",
+    ),
+    "no RemotePort": ("s7-1500", ACTIVE, "C1 is refused: RemotePort is 0"),
+    "an ID that is too large": ("s7-1500", "ID = 5000\nLocalPort = 2000\n", "C1 is refused: ID is 5000"),
+    "a port of the system": ("s7-1500", "LocalPort = 161\n", "C1 is refused: LocalPort is 161"),
+    "a name without its dot": (
+        "s7-1500",
+        'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "scale"\nRemotePort = 2000\n',
+        "C1 is refused: RemoteQDN is scale",
+    ),
+    "UDP without ADDR": (
+        "s7-1500",
+        'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\n',
+        "C1 is refused: UDP: this block has no ADDR",
+    ),
+    "an address of no port": ("baosky", "", "C1 is refused: LocalAddress is 0.0.0.0"),
+    "an ID twice": (
+        "s7-1500",
+        "ID = 7\nLocalPort = 2000\n" + RECEIVER + OTHER.format("ID = 7\nLocalPort = 2001\n"),
+        "C2 is refused: ID 7 is that of C1",
+    ),
+    "a port that another one listens on": (
+        "s7-1500",
+        "LocalPort = 2000\n" + RECEIVER + OTHER.format("LocalPort = 2000\n"),
+        "C1 and C2 have one local port, 127.0.0.1:2000",
+    ),
+    "a receiver beside another one": (
+        "baosky",
+        'LocalAddress = "127.0.0.1"\n' + RECEIVER + RECEIVER.replace("C_1", "C_2") + PEER,
+        "TRCV_C_1 and TRCV_C_2 both receive on C1",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_a_block_will_refuse_is_found_before_with_the_status_that_it_shows(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dialect, text, evidence = REFUSED[name]
+    head = HEAD.replace("baosky", dialect)
+    head = head if dialect != "baosky" else head.replace('LocalAddress = "127.0.0.1"\n', "")
+    path = tmp_path / "p.toml"
+    path.write_text(head + text + ("" if RECEIVER in text else RECEIVER))
+    assert main(["doctor", str(path), "--format", "json"]) == 1
+    (judged,) = json.loads(capsys.readouterr().out)
+    (found,) = judged["findings"]
+    assert found["evidence"][0].startswith(evidence)
+    bench = Bench(load_project(path), "sim")
+    shown = set()
+    for scan in range(20):
+        if scan == 8 and PEER in text:
+            bench.do(words.PeerConnect("P1"))
+        bench.step()
+        shown |= {
+            f"{edge.outputs.status:04X}"
+            for edge in bench.runtime.changed
+            if edge.instance == found["where"]["instance"] and edge.outputs.error
+        }
+    bench.close()
+    assert found["status"] and set(found["status"]) <= shown
+
+
+def test_one_local_port_of_two_that_call_is_said_and_not_sure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls = ACTIVE + "LocalPort = 2000\nRemotePort = 2{}\n"
+    path = tmp_path / "p.toml"
+    head = HEAD.replace("baosky", "s7-1500")
+    path.write_text(head + calls.format("001") + RECEIVER + OTHER.format(calls.format("002")))
+    assert main(["doctor", str(path), "--format", "json"]) == 1
+    (judged,) = json.loads(capsys.readouterr().out)
+    (found,) = judged["findings"]
+    assert (found["cause"], found["confidence"], found["status"]) == ("address", 0.5, ["80A1"])
+
+
+def test_the_remedy_of_a_missing_cont_takes_the_finding_away(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(HEAD + INSTANCE + "EN_R = true\n")
+    main(["doctor", str(path), "--format", "json"])
+    (finding,) = json.loads(capsys.readouterr().out)[0]["findings"]
+    (mend,) = finding["mend"]
+    assert mend["command"] == "set TRCV_C_1 CONT=1"
+    assert main(["doctor", str(path), "--set", mend["set"]]) == 0

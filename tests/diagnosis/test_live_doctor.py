@@ -31,6 +31,7 @@ from trcvtui.recording.writer import JUDGE_FILES
 from trcvtui.replay.doctor_process import DoctorInput, found_in_run
 from trcvtui.replay.driver import SLICE_NS, opened
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.udt.layout.values import decode
 
 ENDS = 'LocalAddress = "127.0.0.1"\n', "LocalPort = 2000\n"
 CALLS = f'ActiveEstablished = true\n{ENDS[0]}RemoteAddress = "127.0.0.1"\nRemotePort = 2000\n'
@@ -89,6 +90,7 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
     ),
     ("flood", received(3, ""), [(60, "peer P1 send hex 01 02 03 04 repeat=9000 every=T#2ms")]),
     ("refused", sent(7), []),
+    ("turned-away", sent(7, LISTENER), each(9, (104, "peer P1 rst"))),
     ("filtered", sent(7), [(0, "link C1 down")]),
     (
         "request-too-fast",
@@ -139,9 +141,13 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
 
 
 def after_ten_seconds(
-    text: str, lines: list[tuple[int, str]], folder: Path, scans: int = 1000
+    text: str,
+    lines: list[tuple[int, str]],
+    folder: Path,
+    scans: int = 1000,
+    values: dict[str, dict[str, object]] | None = None,
 ) -> dict[str, Any]:
-    """Return what is found in a run of 10 s on the simulated network."""
+    """Return what is found in a run of 10 s on the simulated network; `values` gets those of DATA then."""
     project_file, file = folder / "p.toml", folder / "run.pcapng"
     project_file.write_text(text)
     recorder = recorder_of(RecordTo(file), file, waits=True)
@@ -154,6 +160,11 @@ def after_ten_seconds(
             _pass(bench, recorder, wait)
             do(bench, line)
         _pass(bench, recorder, scans - bench.runtime.scans)
+        if values is not None:
+            for decl in bench.project.data:
+                paths = (leaf.path for leaf in decl.layout.leaves())
+                shown = decode(decl.layout, bench.runtime.data(decl.name))
+                values[decl.name] = dict(zip(paths, shown, strict=True))
         recorder.close()  # as a box has it: the run goes on
         bench.close()
     return found_in_run(str(file))
@@ -171,6 +182,54 @@ def test_ten_seconds_of_traffic_name_the_cause(
 ) -> None:
     found = after_ten_seconds(text, lines, tmp_path)["findings"]
     assert [one["cause"] for one in found][:1] == [cause], found
+
+
+# Where no line of the bench mends it: what does.
+NO_LINE_MENDS = {
+    "flood": "the partner sends less, or the PLC scans faster",
+    "refused": "the partner listens",
+    "filtered": "a cable, a firewall",
+    "request-too-fast": "the PLC's program",
+    "not-connected-request": "the PLC's program",
+    "closes-each-message": "the partner's program",
+    "reconnect-storm": "the end that closes",
+    "resets": "the end that resets",
+    "turned-away": "the partner's other client, or its filter",
+    "second-client": "one client more than the CONNECT takes",
+    "partner-not-reading": "the partner reads",
+    "dead-link": "a cable",
+    "header": "the type of DATA, or the partner",
+    "framing": "the bytes of prefix and suffix",
+    "wrong-tsap": "the TSAP of one end",
+}
+
+
+def test_each_remedy_that_is_a_line_leaves_no_symptom(tmp_path: Path) -> None:
+    """Type each line that a finding offers, let traffic go on for twenty seconds, and ask again."""
+    tried, advised = [], []
+    for number, (cause, text, lines) in enumerate(CASES):
+        before, after = tmp_path / f"{number}-before", tmp_path / f"{number}-after"
+        before.mkdir()
+        after.mkdir()
+        first = after_ten_seconds(text, lines, before)["findings"][0]
+        remedies = [mend["command"] for mend in first["mend"] if mend["command"]]
+        if not remedies:
+            advised.append(cause)
+            assert first["mend"], cause
+            continue
+        tried.append(cause)
+        left = 1000 - sum(wait for wait, _ in lines)
+        applied = [*lines, *[(left if not n else 5, line) for n, line in enumerate(remedies)]]
+        found = after_ten_seconds(text, applied, after, 3000)["findings"]
+        assert found == [], (cause, remedies, found)
+    print(f"{len(tried)} causes with a remedy that was tried, {len(advised)} with advice alone")
+    assert sorted(advised) == sorted(NO_LINE_MENDS)
+
+
+def test_new_calls_on_the_same_ports_are_no_packets_that_got_lost(tmp_path: Path) -> None:
+    """Numbers of a recording begin at 0 in each connection."""
+    tsaps = plc(ISO, receiver("TRCV_C", 8, pins(CONT=True, EN_R=True)), OTHER_TSAP, "s7-1500")
+    assert {one["cause"] for one in after_ten_seconds(tsaps, [], tmp_path)["findings"]} == {"wrong-tsap"}
 
 
 def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,6 +275,41 @@ def test_the_checkweigher_of_the_readme_is_found_to_pack_its_struct(tmp_path: Pa
     lines = [(10, "set TRCV_C_1 CONT=1 EN_R=1"), (10, "peer Device connect"), *[(50, report)] * 8]
     found = after_ten_seconds(text.replace('"types', f'"{CONFIGS}/types'), lines, tmp_path)["findings"]
     assert found[0]["cause"] == "padding"
+
+
+@pytest.mark.parametrize(
+    ("story", "data", "right"),
+    [
+        ("byte_order_swapped", "meter", {"serial": 10602, "state": 1, "phases": 3}),
+        ("en_r_dropped", "carton", {"length": 400, "width": 300}),
+        (
+            "four_bytes_short",
+            "screw",
+            {"number": 4712, "angle": 391.0, "duration": 860, "program": 3, "tool": 0},
+        ),
+    ],
+)
+def test_after_the_remedies_of_a_story_its_values_are_right(
+    story: str, data: str, right: dict[str, object], tmp_path: Path
+) -> None:
+    """Type each line that the doctor offers, as its card does, until it offers none."""
+    text = (CONFIGS / "stories" / f"{story}.toml").read_text(encoding="utf-8")
+    text = text.replace('"../types', f'"{CONFIGS}/types')
+    lines: list[tuple[int, str]] = []
+    scans = 1500
+    for number in range(4):
+        (tmp_path / str(number)).mkdir()
+        values: dict[str, dict[str, object]] = {}
+        found = after_ten_seconds(text, lines, tmp_path / str(number), scans, values)["findings"]
+        remedies = [mend["command"] for one in found[:1] for mend in one["mend"] if mend["command"]]
+        if not remedies:
+            break
+        lines += [
+            (5 if n else scans - sum(wait for wait, _ in lines), line) for n, line in enumerate(remedies)
+        ]
+        scans += 3600
+    assert lines and found == []
+    assert {path: values[data][path] for path in right} == right
 
 
 def scenario(folder: Path, *steps: str) -> Path:

@@ -110,6 +110,13 @@ def is_sound(row: StatusRow, manual: str) -> bool:
     )
 
 
+def test_a_status_that_a_cut_line_does_not_change_says_so() -> None:
+    quiet = {Condition.CONNECTED, Condition.RECEIVING}
+    rows = [(name, row) for name, one in DIALECTS.items() for row in one.status if quiet & {*row.conditions}]
+    wrong = [(name, row.word) for name, row in rows if "a cut line" not in " ".join(row.causes + row.checks)]
+    assert wrong == [] and len(rows) > 2 * len(DIALECTS)
+
+
 @pytest.mark.parametrize(
     ("reach", "codes"),
     [

@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis.truth.cases import plc, receiver
 from tests.local_driver import LocalDriver, wait_for
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.fleet.agent import Agent, AgentSettings
@@ -32,7 +32,7 @@ def written(folder: Path, text: str, name: str = "line.toml") -> Path:
 
 
 def found(cause: str, instance: str = "", connect: str = "C1") -> FindingSnapshot:
-    mends = (("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
+    mends = (RemedySnapshot("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
     return FindingSnapshot(
         cause, 0.9, connect, instance, "", "", None, 7, None, (f"before it stands {HEX}",), mends
     )

@@ -156,6 +156,34 @@ def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
     assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
 
 
+@pytest.mark.parametrize("step_ms", [20, 300, 1500])
+@pytest.mark.parametrize("ports", [(51001, 51002, 51003), (51001, 51001, 51001)])
+def test_each_refused_syn_is_a_refusal_and_what_follows_is_received(
+    watch: Watch, ports: tuple[int, ...], step_ms: int
+) -> None:
+    packets = []
+    for port in ports:
+        caller = PARTNER[0], port
+        packets += [tcp(seq=100, flags=SYN, source=caller)]
+        packets += [tcp(ack=101, flags=RST | ACK, source=PLC, target=caller)]
+    packets += [*handshake(700, 800), answer(bytes(4), 801, 701)]
+    seen = watch(packets, "--plc", PARTNER[0], step_ms=step_ms)
+    jobs = [word for word, _ in seen.jobs("C1_TO_PLC") if word != "80A1"]
+    assert jobs == ["80A0", "80A0", "80A0", "7008"]
+
+
+@pytest.mark.parametrize("dialect", ["baosky", "s7-1500", "s7-1200", "s7-1200-legacy"])
+@pytest.mark.parametrize("flags", [FIN | ACK, RST | ACK])
+def test_a_plc_that_ends_its_own_connection_shows_no_error_for_that(
+    watch: Watch, dialect: str, flags: int
+) -> None:
+    end = [answer(seq=501, ack=113, flags=flags), tcp(seq=113, ack=502, flags=FIN | ACK)]
+    seen = watch([*handshake(), *stream(12), *end], "--plc", PLC[0], "--dialect", dialect)
+    done = next(number for number, record in enumerate(seen.of("C1_TO_PLC")) if record["DONE"])
+    assert not any(record["ERROR"] for record in seen.of("C1_TO_PLC")[done:])
+    assert seen.of("C1_TO_PLC")[-1]["STATUS"] == "7002"
+
+
 def test_missing_bytes_are_a_hole_that_is_told_before_the_shadow_goes_on(
     watch: Watch, tmp_path: Path
 ) -> None:

@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterable
 from pathlib import Path
 
+import pytest
+
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.net.kernel import Accepted, Handle, KernelLoss
 from trcvtui.net.results import Datagram, Endpoint, Fault
@@ -185,6 +187,21 @@ def test_a_reset_is_rst_whoever_meets_it(tmp_path: Path) -> None:
     assert told(written(tmp_path / "3", CONNECTED, by_loss))[3:] == ["partner 1 4", "partner 5 RST"]
     by_a_probe: list[Entry] = [Answered("C1", "probe", (7,), Fault("shutdown", "ENOTCONN")), call("abort")]
     assert told(written(tmp_path / "4", CONNECTED, by_a_probe))[3:] == ["partner 1 RST"]
+
+
+@pytest.mark.parametrize(
+    ("error", "packets"),
+    [
+        ("ECONNREFUSED", ["plc 0 SYN", "partner 0 RST"]),
+        ("ECONNRESET", ["plc 0 SYN", "partner 0 SYN", "plc 1", "partner 1 RST"]),
+    ],
+)
+def test_a_call_that_is_refused_and_one_that_is_taken_and_reset_are_two(
+    error: str, packets: list[str], tmp_path: Path
+) -> None:
+    begin, fault = call("connect", Endpoint("10.0.0.9", 2000)), Fault("connect", error)
+    found = written(tmp_path / "R", begin, call("connect_result", answer=fault), call("close"))
+    assert told(found) == packets
 
 
 def test_a_line_that_is_dead_has_no_end(tmp_path: Path) -> None:

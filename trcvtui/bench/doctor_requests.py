@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot
+from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
@@ -140,11 +140,19 @@ def found(
             where["scan"],
             where["byte"],
             tuple(one["evidence"]),
-            tuple([(mend["text"], mend["command"] or "", mend["set"] or "") for mend in one.get("mend", ())]),
+            tuple(
+                [
+                    RemedySnapshot(
+                        mend["text"], mend["command"] or "", mend["set"] or "", mend.get("tried", False)
+                    )
+                    for mend in one.get("mend", ())
+                ]
+            ),
             one["title"],
             tuple(one.get("status", ())),
             tuple(one["packets"]),
             one["filter"],
+            tuple([text for text in one.get("explains", ()) if text not in one["evidence"]]),
         )
 
     findings, remarks = (tuple(map(made, answered[kind])) for kind in ("findings", "remarks"))
@@ -199,6 +207,8 @@ def finding_lines(one: FindingSnapshot) -> list[str]:
     whose = one.instance or one.connect
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]
-    for text, command, _ in one.mends:
-        lines.append(f"  mend: {text}" + (f"  [{command}]" if command else ""))
+    lines += [f"  explains: {text}" for text in one.explains]
+    for mend in one.mends:
+        label = "mend" if mend.is_tried else "mend, as advice"
+        lines.append(f"  {label}: {mend.text}" + (f"  [{mend.command}]" if mend.command else ""))
     return lines

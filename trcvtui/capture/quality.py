@@ -25,6 +25,7 @@ class Quality(StrEnum):
     ENDS_EARLY = "ends-early"  # neither FIN nor RST
     DROPS = "drops"  # the program that captured says that it lost packets
     LARGE_SEGMENTS = "large-segments"
+    SESSION = "session"  # TLS or ISO-on-TCP, where bytes as they are were expected
 
 
 def qualities_of(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:

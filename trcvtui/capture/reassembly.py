@@ -477,8 +477,9 @@ class Conversations:
         return made.there
 
     def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
-        if direction.syn == seq:
-            return False
+        conversation = direction.conversation
+        if direction.syn == seq:  # a copy, but where all has ended: our recordings count from 0 each time
+            return not flags & _ACK and conversation.is_established and conversation.end is not None
         if flags & _ACK:
             return direction.has_base and direction.is_firm
         if direction.syn is None and direction.other.syn is not None and not direction.is_firm:
@@ -513,7 +514,9 @@ class Conversations:
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            self._tell(ns, direction, SegmentKind.RETRANSMISSION)
+            is_refused = not conversation.is_established and conversation.end == ("rst", direction.other)
+            conversation.end = None if is_refused else conversation.end  # some stacks call again, as before
+            self._tell(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
         direction.next = (seq + 1) & _MASK

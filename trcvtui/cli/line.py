@@ -263,7 +263,7 @@ def _run_for(path: Path, args: Args, folder: str) -> list[str]:
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))
     limits = limits_of(None, None, None, None, None)
-    record(path, out, args.kernel, limits, None, args.time, False, follow(), is_kept=False)
+    record(path, out, args.kernel, limits, None, args.time, True, follow(), is_kept=False)
     return [str(file) for file in sorted(out.iterdir())]
 
 

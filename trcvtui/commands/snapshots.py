@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from msgspec import Struct
 
@@ -215,13 +215,25 @@ class TriggerEvent(Struct, frozen=True):
     holds: bool = False
 
 
+class RemedySnapshot(NamedTuple):
+    """What mends a finding: in words, as a bench command, as `--set` of a what-if, "": there is none.
+
+    One that was not tried on the evidence is advice.
+    """
+
+    text: str
+    command: str = ""
+    set: str = ""
+    is_tried: bool = False
+
+
 class FindingSnapshot(Struct, frozen=True):
     """One cause that the doctor has found: how sure, of which CONNECT and instance ("": of no one alone).
 
     `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
-    the direction, None: unknown. `mends`: text, bench command, `--set` of a what-if, "": there is none.
+    the direction, None: unknown.
     `title`: the cause in plain words; `status`: STATUS words that it leads to; `packets`: numbers in the
-    capture, `filter`: a display filter of Wireshark. A remark is such a finding, too.
+    capture, `filter`: a display filter of Wireshark; `explains`: symptoms of blocks. A remark is one, too.
     """
 
     cause: str
@@ -234,11 +246,12 @@ class FindingSnapshot(Struct, frozen=True):
     scan: int | None
     byte: int | None
     evidence: tuple[str, ...]
-    mends: tuple[tuple[str, str, str], ...]
+    mends: tuple[RemedySnapshot, ...]
     title: str = ""
     status: tuple[str, ...] = ()
     packets: tuple[int, ...] = ()
     filter: str = ""
+    explains: tuple[str, ...] = ()
 
 
 class DoctorSnapshot(Struct, frozen=True):

@@ -180,6 +180,7 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.bursts_do_not_fill,
         receive.ad_hoc_hint,
         receive.nothing_sent,
+        link.may_be_cut,
         link.second_client,
     ),
     *rows(
@@ -233,6 +234,7 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.too_long_messages,
         receive.nothing_sent,
         receive.short_messages,
+        link.may_be_cut,
         link.second_client,
         of=Moves.MESSAGES,
     ),

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
-from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule
+from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -26,8 +26,8 @@ from trcvtui.diagnosis.line_facts import (
     Reads,
     SegmentFacts,
 )
-from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
+from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
+from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
 
@@ -40,7 +40,6 @@ NEAR_NS: Final = 30_000_000
 SHORT_LIFE_NS: Final = 30 * SECOND
 STORM: Final = 4  # connections
 NEW_NS: Final = 10 * SECOND  # in which the same ends build a new connection
-TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
 SURE: Final = 0.95  # a fact of the protocol, or a remedy that was tried
 UNTRIED: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
@@ -99,8 +98,12 @@ class EndsGroup:
         return sum(1 for one in self.ended if _is_ordinary(one))
 
     @cached_property
+    def turned_away(self) -> int:
+        return sum(map(_is_turned_away, self.ended))
+
+    @cached_property
     def refusals(self) -> int:
-        return sum(1 for one in self.lines if not one.is_built and one.listener.reset is not None)
+        return sum(one.listener.resets for one in self.lines if not one.is_built)
 
     @cached_property
     def by_plc_and_resets(self) -> tuple[int, int]:
@@ -125,6 +128,7 @@ class LineCase(NamedTuple):
     receiver: Receiver | None
     receivers: tuple[Receiver, ...]
     last_ns: int
+    is_foreign: bool = False  # of another program: it has no port of the project
 
 
 class LineFinding(NamedTuple):
@@ -176,6 +180,25 @@ def _refused(case: LineCase) -> Sign | None:
         at=reset,
         is_fact=True,
     )
+
+
+def _is_turned_away(line: LineFacts) -> bool:
+    end, begun = line.end, line.established_ns or line.answered_ns
+    is_silent = not line.to_plc.bytes and not line.from_plc.bytes
+    is_theirs = end is not None and bool(line.plc_calls) and not end.by_plc
+    return is_theirs and is_silent and begun is not None and end is not None and end.ns - begun < AT_ONCE_NS
+
+
+def _turned_away(case: LineCase) -> Sign | None:
+    line, end, often = case.line, case.line.end, case.group.turned_away
+    if end is None or not _is_tcp(case) or not _is_turned_away(line):
+        return None
+    is_asked = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
+    if often < (STORM if not is_asked else 1 if end.kind == "rst" else FEW):
+        return None
+    text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
+    at = SegmentFacts(end.ns, 0, 0, end.packet)
+    return Sign(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), way="to-plc", at=at)
 
 
 def _filtered(case: LineCase) -> Sign | None:
@@ -316,7 +339,10 @@ def _storm(case: LineCase) -> Sign | None:
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
-    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
+    share = by_plc / len(ended)
+    by = "the PLC end" if share >= 0.9 else "the partner" if share <= 0.1 else ""
+    mend = (Remedy(f"find out why {by} closes the connections"),) if by else ()
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
 
 def _resets(case: LineCase) -> Sign | None:
@@ -358,14 +384,15 @@ def _resets(case: LineCase) -> Sign | None:
 def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
     """Return that the stream ends inside a job, "" where it does not, or that is not known."""
     said = line.to_plc
-    if receiver is None or not line.has_begin or said.missing:
+    if receiver is None or receiver.is_secure or not line.has_begin or said.missing:
         return ""
     if receiver.is_whole:
         at, content = 0, said.content
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
         return "in mid unit of ISO-on-TCP" if len(content) == said.bytes and at != len(content) else ""
-    part = said.bytes % receiver.need if receiver.need and not receiver.adhoc else 0
+    is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
+    part = said.bytes % receiver.need if is_static else 0
     return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
 
 
@@ -377,6 +404,9 @@ def _part_of_message(line: LineFacts) -> str:
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
     content, part = bytes(line.to_plc.content), line.messages[-1]
+    in_turn = abs(len(line.answers) - len(line.messages)) < 2  # else the PLC end talks on its own
+    if sizes.count(sizes[-1]) > 1 or (in_turn and line.answers[-1].ns > part.ns):
+        return ""  # as long as whole ones, or answered as one
     whole = [content[one.at : one.at + part.size] for one in line.messages if one.size == usual]
     begin = content[part.at : part.at + part.size]
     if any(
@@ -436,7 +466,8 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
-    if line.to_plc.keep_alives or line.from_plc.keep_alives:
+    is_here = line.plc_end[0] == line.partner_end[0] or line.plc_end[0][:1] == LOOPBACK
+    if line.to_plc.keep_alives or line.from_plc.keep_alives or is_here:
         return None
     dead = _outage(line)
     end = line.end
@@ -457,7 +488,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
         lines = case.group.lines
         after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
         size = after.first_ns - line.last_ns if after is not None else 0
-        if size >= IDLE_NS and dead is None:
+        if size >= IDLE_NS and dead is None and not _is_beside(case, line.last_ns):
             texts = [
                 f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
@@ -471,6 +502,12 @@ def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
     return bool(writes) and writes[-1].ns >= since_ns
 
 
+def _is_beside(case: LineCase, ns: int) -> bool:
+    """Return whether another connection of the same ends lived then: a new one takes the place of none."""
+    others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
+    return any(one.first_ns <= ns < one.last_ns for one in others)
+
+
 def _left_behind(case: LineCase) -> Sign | None:
     line = case.line
     for idle in line.idles:
@@ -479,7 +516,7 @@ def _left_behind(case: LineCase) -> Sign | None:
         new = [
             one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
         ]
-        if new and heard < 2:
+        if new and heard < 2 and not _is_beside(case, since):
             texts = (
                 f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
@@ -669,13 +706,14 @@ def _without_receiver(
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
-_REFUSED: Final = ("second-client", "wrong-tsap", "tls-refused")
+_REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
+    CauseRule("turned-away", _turned_away, ("address", "second-client")),
     CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
     CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
@@ -691,7 +729,10 @@ RULES: Final = (
     CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
     CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
     CauseRule("capture-incomplete", _incomplete),
-    *(CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by) for row in FRAME_JUDGES),
+    *(
+        CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by, (Quality.SESSION,))
+        for row in FRAME_JUDGES
+    ),
 )
 
 
@@ -710,8 +751,11 @@ def verdict_of(case: LineCase) -> LineVerdict:
         if by_cause[cause].is_remark
     ]
     causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
+    findings = weighed(by_cause, RULES, judge)
+    if case.is_foreign:
+        remarks += [LineFinding(one.cause, 0.0, one.said, ()) for one in findings]
     return LineVerdict(
-        weighed(by_cause, RULES, judge),
+        () if case.is_foreign else findings,
         tuple(remarks),
         tuple((cause, dict(blind)[cause]) for cause in causes),
     )
@@ -739,7 +783,7 @@ def weighed(
         if said.cured is not None:
             after = {cause for cause, one in judge(said.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
-            mend = mend if is_tried else ()
+            mend = tuple([one._replace(is_tried=True) for one in mend]) if is_tried else said.otherwise
         sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
         found.append(LineFinding(rule.cause, sure, said, mend or remedy_of(rule.cause)))
     return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))
@@ -755,12 +799,18 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
     fitting = [_receiver_of(line, receivers, only) for line in lines]
+    pairs = [*zip(lines, fitting, strict=True)]
+    stands = any(known is not None and known.connect and line.is_built for line, known in pairs)
+    ports = frozenset[int]().union(*(one.ports for one in receivers))
     before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
-    for line, receiver in zip(lines, fitting, strict=True):
+    for line, receiver in pairs:
         older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
         kind, caller, listener = _hosts(line)
         reverse = reverses.get((kind, listener, caller), _NO_LINES) if caller != listener else _NO_LINES
-        yield LineCase(line, groups[_between(line)], tuple(older), reverse, receiver, receivers, last_ns)
+        is_other = receiver is None and not line.connect and _listener_end(line)[1] not in ports
+        foreign = is_other and (stands or is_http(line))
+        group = groups[_between(line)]
+        yield LineCase(line, group, tuple(older), reverse, receiver, receivers, last_ns, foreign)
         older.append(line)
 
 
@@ -770,6 +820,8 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
         found = only if only.has_end_of(line) else None
     if found is not None:
         line.since_ns, line.until_ns = found.since_ns, found.until_ns
+        is_seen = found.need and not (found.is_whole or found.is_secure)
+        line.qualities |= {Quality.SESSION} if is_seen and is_session(line, found) else set()
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found

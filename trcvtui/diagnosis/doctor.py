@@ -19,6 +19,7 @@ from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.diagnosis.symptoms import Symptom, causes_of
 from trcvtui.errors import UserError, one_line
 from trcvtui.wording import count, json_text, times
 
@@ -26,7 +27,14 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.udt.layout.layout import Layout
 
-HEALTHY, FOUND, NOT_READ = 0, 1, 2
+HEALTHY, FOUND, NOT_JUDGED = 0, 1, 2
+# The `verdict` of a conversation; `partly`: no finding, and not everything could be judged.
+HEALTHY_WORD, FINDINGS, PARTLY, NOTHING = "healthy", "findings", "partly", "nothing"
+IN_WORDS: Final = {
+    HEALTHY_WORD: "healthy",
+    PARTLY: "nothing wrong in what could be judged",
+    NOTHING: "nothing could be judged",
+}
 NO_LINE: Final = 0  # the number of no conversation
 
 
@@ -35,7 +43,8 @@ NO_LINE: Final = 0  # the number of no conversation
 # fmt: off
 TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-                (Remedy("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
+                (Remedy("keep EN_R at 1 until DONE"),
+                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
     "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
     "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
@@ -48,7 +57,7 @@ TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 }
 # fmt: on
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
-OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "filtered", "second-client")
+OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 Verdict = dict[str, Any]
 
@@ -62,6 +71,7 @@ class JobTrouble(NamedTuple):
     scan: int
     ns: int
     times: int
+    mend: tuple[Remedy, ...] = ()  # in place of that of its cause
 
 
 class RecordedFacts(NamedTuple):
@@ -79,6 +89,7 @@ class RecordedFacts(NamedTuple):
     until_ns: int = 0
     lint: tuple[LineFinding, ...] = ()
     is_running: bool = False  # the run goes on
+    symptoms: tuple[Symptom, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
@@ -133,8 +144,13 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     is_running = known is not None and known.is_running
     verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
+    if known is not None:
+        alone = _judge_symptoms(known, cases, verdicts, alone)
     if alone:
-        verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
+        verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
+    if not verdicts:  # the run of a recording was judged all the same
+        word = NOTHING if known is None else HEALTHY_WORD
+        verdicts.append({**_verdict(path, None, (), None), "verdict": word})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
     return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
 
@@ -142,18 +158,79 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
 def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
     for one in troubles:
-        lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
-        line = next((each for each in lines if each.first_ns <= one.ns <= each.last_ns), None)
-        line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
-        line = line or (lines[0] if lines else None)
+        line = _line_of(one.connect, one.ns, cases)
         sure, text, mends = TROUBLES[one.cause]
-        mend = tuple([_for_instance(each, one.instance) for each in mends or remedy_of(one.cause)])
+        mends = one.mend or mends or remedy_of(one.cause)
+        mend = tuple([_for_instance(each, one.instance) for each in mends])
         said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
         made = finding_row(None, LineFinding(one.cause, sure, said, mend))
         made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
         made["where"]["scan"] = one.scan
         found.setdefault(NO_LINE if line is None else line.number, []).append(made)
     return found
+
+
+def _line_of(connect: str, ns: int, cases: Sequence[LineCase]) -> LineFacts | None:
+    """Return the conversation of a CONNECT at a time, or the last one before it, or the first one."""
+    lines = [case.line for case in cases if case.line.connect in (None, connect)]
+    line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
+    line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
+    return line or (lines[0] if lines else None)
+
+
+def _judge_symptoms(
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict], told: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Write into each finding which symptoms it explains; return all findings that have no conversation.
+
+    A symptom that nothing explains is a finding of its conversation. `told`: those without one so far.
+    """
+    rows = [
+        (case.line.connect, row)
+        for case, made in zip(cases, verdicts, strict=True)
+        for row in made["findings"]
+    ]
+    connects = {trouble.instance: trouble.connect for trouble in known.troubles}
+    rows += [(connects.get(row["where"]["instance"], ""), row) for row in told]
+    alone = [*told]
+    for one in known.symptoms:
+        causes = causes_of(one)
+        found = [row for connect, row in rows if row["cause"] in causes and connect in (None, one.connect)]
+        if not found:  # what is wrong with the project shows without any traffic
+            lint = [
+                each for each in known.lint if each.cause in causes and each.said.instance == one.instance
+            ]
+            found = [finding_row(None, each) for each in lint]
+            alone += found
+        for row in found:
+            row["explains"].append(one.text)
+            if one.is_of_session:
+                row["mend"] = _mend_rows(one.mend)
+        if found:
+            continue
+        line = _line_of(one.connect, one.ns, cases)
+        said = Sign(one.confidence, (one.text, *one.card), instance=one.instance)
+        row = finding_row(
+            None, LineFinding(one.cause, one.confidence, said, one.mend or remedy_of(one.cause))
+        )
+        row["status"], row["explains"], row["where"]["scan"] = (
+            [one.status] * bool(one.status),
+            [one.text],
+            one.scan,
+        )
+        if line is None:
+            alone.append(row)
+            continue
+        row["t_s"] = max(line.seconds(one.ns), 0.0)
+        number = next(n for n, case in enumerate(cases) if case.line is line)
+        verdicts[number] = _with_findings(verdicts[number], [row])
+    return alone
+
+
+def _with_findings(made: Verdict, more: Sequence[dict[str, Any]]) -> Verdict:
+    """Return a verdict with further findings; of two that are as sure, the one that was there comes first."""
+    found = sorted((*made["findings"], *more), key=lambda one: -one["confidence"])
+    return {**made, "healthy": False, "verdict": FINDINGS, "findings": found}
 
 
 def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
@@ -186,13 +263,25 @@ def verdict(
     made["quality"] = sorted(line.qualities)
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
+    if judged.not_judged and made["healthy"]:
+        made["verdict"] = PARTLY
     if told:
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
         made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
-        made["findings"] = sorted((*told, *made["findings"]), key=lambda one: -one["confidence"])
-        made["healthy"] = False
+        return _with_findings({**made, "findings": []}, _merged(told, made["findings"]))
     return made
+
+
+def _merged(told: Sequence[dict[str, Any]], found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one finding for a cause that both the program and the packets show: that of the packets."""
+    same = {one["cause"]: one for one in found}
+    alone = [one for one in told if one["cause"] not in same]
+    for one in told:
+        if (other := same.get(one["cause"])) is not None:
+            other["evidence"] += one["evidence"]
+            other["where"]["scan"] = one["where"]["scan"]
+    return [*alone, *found]
 
 
 def _verdict(
@@ -204,31 +293,38 @@ def _verdict(
 ) -> Verdict:
     findings = [finding_row(line, one, words) for one in found]
     empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
-    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings, **empty}
+    word = FINDINGS if findings else HEALTHY_WORD
+    said = {"healthy": not findings, "verdict": word, "findings": findings}
+    return {"file": path, "conversation": ends, **said, **empty}
 
 
 def verdict_on_project(project: Project) -> Verdict:
     from trcvtui.diagnosis.lint import lint
 
-    return _verdict(str(project.path), None, lint(project), None)
+    return _verdict(str(project.path), None, lint(project, has_run=False), None)
 
 
 def _for_instance(mend: Remedy, instance: str) -> Remedy:
-    text, command, set_ = (part and part.replace("{instance}", instance) for part in mend)
-    return Remedy(text or "", command, set_)
+    command, set_ = (part and part.replace("{instance}", instance) for part in (mend.command, mend.set))
+    return mend._replace(command=command, set=set_)
 
 
 def finding_row(
     line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
 ) -> dict[str, Any]:
     """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
-    status = [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
+    status = found.said.status or [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
     return {
         **_remark_row(line, found),
         "confidence": round(found.confidence, 2),
         "status": [f"{one:04X}" for one in status if one is not None],
-        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+        "explains": [],
+        "mend": _mend_rows(found.mend),
     }
+
+
+def _mend_rows(mend: Sequence[Remedy]) -> list[dict[str, Any]]:
+    return [{"text": one.text, "command": one.command, "set": one.set, "tried": one.is_tried} for one in mend]
 
 
 def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
@@ -265,7 +361,7 @@ def doctor(
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
-    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing read.
+    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing judged.
 
     `names`: how a file is called in its verdicts, where that is another name. `scheduler`: of a Dask cluster,
     which judges in the place of `jobs` processes.
@@ -293,8 +389,8 @@ def doctor(
         sys.stdout.flush()
     if form == "json":
         write("[]\n" if is_first else "\n]\n")
-    if not (total.files or total.conversations):
-        return NOT_READ
+    if not total.judged:
+        return NOT_JUDGED
     if len(paths) > 1:
         sys.stderr.write(total.text() + "\n")
     return FOUND if total.causes else HEALTHY
@@ -302,12 +398,13 @@ def doctor(
 
 class _Total:
     def __init__(self) -> None:
-        self.files = self.conversations = 0
+        self.files = self.conversations = self.judged = 0
         self.hours = 0.0
         self.causes: Counter[str] = Counter()
 
     def add(self, made: Verdict) -> None:
-        self.conversations += 1
+        self.conversations += made["conversation"] is not None
+        self.judged += made["verdict"] != NOTHING
         self.causes.update({one["cause"] for one in made["findings"]})
 
     def text(self) -> str:
@@ -331,12 +428,12 @@ def answer_form() -> Any:
     where = form(direction=text, byte=number, packet=number, scan=number, instance=text)
     row = {"cause": str, "title": str, "t_s": float | None, "where": where, "evidence": list[str],
            "packets": list[int], "filter": str}  # fmt: skip
-    mend: Any = form(text=str, command=text, set=text)
-    finding: Any = form(**row, confidence=float, status=list[str], mend=list[mend])
+    mend: Any = form(text=str, command=text, set=text, tried=bool)
+    finding: Any = form(**row, confidence=float, status=list[str], explains=list[str], mend=list[mend])
     remark: Any = form(**{**row, "evidence": Annotated[list[str], Meta(min_length=1)]})
     ends: Any = form(plc=str, partner=str, protocol=str)
     unjudged: Any = form(cause=str, quality=str)
-    made: Any = form(file=str, conversation=ends | None, healthy=bool, findings=list[finding],
+    made: Any = form(file=str, conversation=ends | None, healthy=bool, verdict=str, findings=list[finding],
                      quality=list[str], remarks=list[remark], not_judged=list[unjudged])  # fmt: skip
     return tuple[list[made], list[str], float]
 
@@ -376,6 +473,7 @@ def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, i
 
 
 MARK: Final = "    "
+ADVICE: Final = "mend, as advice"  # a remedy that was not tried on the evidence
 MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
@@ -395,19 +493,19 @@ def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
         if len(lines) > 1:
             more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
             yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
-    healthy = [made for made in verdicts if made["healthy"]]
-    if healthy:
-        ends = "".join(_ends_text(healthy[0]["conversation"])) if len(healthy) == 1 else ""
-        what = count(len(healthy), "conversation") if len(healthy) > 1 else ends
-        yield ": ".join(filter(None, (file, what, "healthy")))
+    for verdict, words in IN_WORDS.items():
+        some = [made for made in verdicts if made["verdict"] == verdict]
+        ends = "".join(_ends_text(some[0]["conversation"])) if len(some) == 1 else ""
+        what = count(len(some), "conversation") if len(some) > 1 else ends
+        yield from [": ".join(filter(None, (file, what, words)))] if some else []
     yield from _notes(verdicts)
 
 
 def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
-    """Return what equal findings of several conversations have in common: the cause, whose, which port."""
+    """Return what equal findings of several conversations share: cause, STATUS, whose, which port."""
     where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
     ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
-    return one["cause"], where["direction"], where["instance"], min(ports, default=0)
+    return one["cause"], *one.get("status", ()), where["direction"], where["instance"], min(ports, default=0)
 
 
 def _ends_text(ends: dict[str, str] | None) -> list[str]:
@@ -420,13 +518,15 @@ def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
     place = "".join(f", {each}" for each in (way and way.replace("-", " "), one["where"]["instance"]) if each)
     yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
     yield from (MARK + text for text in one["evidence"])
+    yield from (f"{MARK}explains: {text}" for text in one["explains"] if text not in one["evidence"])
     if one["status"]:
         yield f"{MARK}STATUS {', '.join(one['status'])}"
     packets = ", ".join(map(str, one["packets"]))
     seen = filter(None, (f"packets {packets}" if packets else "", one["filter"]))
     yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one["filter"] else []
     for mend in one["mend"]:
-        yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+        label = "mend" if mend["tried"] else ADVICE
+        yield f"{MARK}{label}: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
 
 
 def _notes(some: Sequence[Verdict]) -> Iterator[str]:

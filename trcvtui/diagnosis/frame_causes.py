@@ -12,14 +12,16 @@ from itertools import pairwise
 from math import gcd
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
 from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
 
 if TYPE_CHECKING:
     from trcvtui.udt.compare.fit import Fit
-    from trcvtui.udt.layout.layout import Profile
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
@@ -79,7 +81,7 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 
 
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
-    if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
+    if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
         len(line.from_plc.closed) >= FEW
@@ -88,7 +90,8 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     ):
         return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    return receiver if known == kind and not is_session(line) else None
+    is_read = known == kind and line.to_plc.writes and not is_session(line, receiver)
+    return receiver if is_read else None
 
 
 def _start(line: LineFacts) -> int:
@@ -121,16 +124,44 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
         return (Remedy(f"a type, or LEN, of {size} bytes"),)
     length = Remedy(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
     if not receiver.room or size <= receiver.room:
-        return (length._replace(text=f"LEN {size}, and DATA of that size"),)
+        left = unwritten_members(receiver, size)
+        then = f"; {left.names} is then not written" if left else ", and DATA of that size"
+        return (length._replace(text=f"LEN {size}{then}"), *_anew(receiver))
     more = _room_mends(receiver, size)
-    return (*more, length._replace(command=None)) if has_len and more[0].set else more
+    mends = (*more, length) if has_len and more[0].set else more
+    return (*mends, *_anew(receiver)) if more[0].set else mends
+
+
+def _anew(receiver: Receiver) -> tuple[Remedy, ...]:
+    """Return what lets frames begin with a message after their length has changed."""
+    text = "COM_RST: the next frame then begins with a message"
+    is_stream = receiver.has_reset and not receiver.is_datagram
+    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()
+
+
+def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
+    """Return what is left to do where LEN alone would cut members, or read them at wrong places."""
+    if isinstance(receiver.type, StringType):
+        text = f"the partner sends no header of a STRING: receive into ARRAY[0..{size - 1}] OF CHAR"
+        return (Remedy(f"{text}, and make a STRING of it in the program"),)
+    left = unwritten_members(receiver, size)
+    if left is None:
+        return ()
+    text = (
+        f"compare {receiver.type_name} with what the partner sends: a member is narrower, packed, or missing"
+    )
+    return (Remedy(f"{text}; LEN {size} would leave {left.names} unwritten"),)
 
 
 class RemedyOffer(NamedTuple):
-    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried."""
+    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
+
+    `otherwise` is offered where the trial fails.
+    """
 
     mend: tuple[Remedy, ...] = ()
     cured: Receiver | None = None
+    otherwise: tuple[Remedy, ...] = ()
 
 
 NO_OFFER: Final = RemedyOffer()
@@ -144,12 +175,24 @@ def _sign(
     offer: RemedyOffer = NO_OFFER,
 ) -> Sign:
     """Return what speaks for a cause in what the partner says to a receiver."""
-    return Sign(sure, texts, "to-plc", at, receiver.instance or None, offer.mend, cured=offer.cured)
+    return Sign(
+        sure,
+        texts,
+        "to-plc",
+        at,
+        receiver.instance or None,
+        offer.mend,
+        cured=offer.cured,
+        otherwise=offer.otherwise,
+    )
 
 
 def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
     room = max(receiver.room, size) if receiver.room else 0
-    return RemedyOffer(_len_mends(receiver, size), receiver._replace(need=size, room=room))
+    has_members = layout_of(receiver) is not None
+    # What further bytes mean is not known: a type with members cannot be tried with them.
+    cured = None if has_members and size > receiver.room else receiver._replace(need=size, room=room)
+    return RemedyOffer(_len_mends(receiver, size), cured, _type_mends(receiver, size))
 
 
 def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
@@ -160,7 +203,9 @@ def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if getattr(element, "size", 0) != 1:
         return (Remedy(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
     array = f"ARRAY[0..{size - 1}] OF BYTE"
-    return (Remedy(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
+    change = f"{receiver.data} type={array}"
+    path = f"data.{receiver.data}.type={array}"
+    return (Remedy(f"DATA of {size} bytes: {array}", f"set data {change}", path),)
 
 
 def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -212,7 +257,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     sizes = sizes_of(judged_messages(line))
     too_long = [one for one in judged_messages(line) if one.size > room.need]
-    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
@@ -267,7 +312,15 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
-    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd))
+    is_first = line.has_begin and not odd.at
+    again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
+    offer = RemedyOffer(_anew(wanted))  # where nothing brings it again
+    if again > 1 or (is_first and again):
+        ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
+        name = "the greeting" if is_first else "these messages"
+        take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
+        offer = RemedyOffer((Remedy(take),))
+    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -293,7 +346,7 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )  # fmt: skip
     size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer((mend, size) if name else (), cured)
+    offer = RemedyOffer((mend, size, *_anew(wanted)) if name else (), cured)
     return _sign(wanted, sure, (text, more), _at(split[0]), offer)
 
 
@@ -312,7 +365,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     amount, others = sum(several.values()), len(writes) - often - sum(several.values())
     share = amount / len(writes)
     sure = 0.92 if known is not None else 0.7
-    if known is not None and known.type is not None and base % known.need == 0 and base > known.need:
+    of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
+    if known is not None and of_type and _recurs(line, known.need):
         base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
         several = counted
     elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
@@ -322,7 +376,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return _merged_in_a_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
         return None
-    if known is None and often and not _begins_alike(line, base):
+    if often and not _begins_alike(line, base):  # a size that divides another by chance
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
@@ -346,13 +400,23 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
     mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
-    return RemedyOffer((mend,), receiver._replace(adhoc=False, need=base))
+    return RemedyOffer((mend, *_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 
-def is_session(line: LineFacts) -> bool:
-    """Return whether bytes to the PLC are TLS, or ISO-on-TCP."""
-    begins = bytes(line.to_plc.content[:3])
-    return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
+def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
+    """Return whether the ends speak TLS, or ISO-on-TCP: whole units with their lengths, one behind the other.
+
+    Where a project calls the connection plain, a handshake has to prove it, and both ends speak it.
+    """
+    if line.protocol != "tcp":
+        return False
+    ways = [units_of(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
+    if not all(ways) or len({is_tls(units[0]) for units in ways}) != 1:
+        return False
+    has_call = any(is_call(units[0]) for units in ways)
+    if receiver is not None and receiver.connect:
+        return has_call and len(ways) == 2
+    return has_call or sum(map(len, ways)) >= FEW
 
 
 def _recurs(line: LineFacts, beat: int) -> bool:
@@ -382,9 +446,8 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     if not single or not inner:
         return False
     fixed = [n for n in range(base) if len({part[n] for part in single}) == 1]
-    return bool(fixed) and all(
-        sum(part[n] == single[0][n] for n in fixed) * 10 >= 9 * len(fixed) for part in inner
-    )
+    hits = sum(part[n] == single[0][n] for n in fixed for part in inner)
+    return bool(fixed) and hits * 10 >= 9 * len(fixed) * len(inner)
 
 
 def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -452,10 +515,10 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
-    if receiver.is_whole or is_session(line) or line.to_plc.cut:
+    if receiver.is_whole or receiver.is_secure or is_session(line, receiver) or line.to_plc.cut:
         return None
     frames = _frames(line, receiver)
-    if len(frames) < 2 or len(frames[0]) > 4096:
+    if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_alone(line, receiver)):
         return None
     key = (receiver.instance, receiver.need, receiver.type, receiver.rules, tuple(frames))
     if key not in _READ:
@@ -480,6 +543,8 @@ def _read(
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
             return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
+    if len(frames) < 2 and len(frames[0]) != receiver.need:
+        return _read_by_size(frames, receiver, type_, rules)
     fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
     best = fits[0] if fits else None
@@ -490,14 +555,39 @@ def _read(
     is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
     if ahead < CLEAR or (is_own_size and not is_clear):
         return None
-    cause, mends = _meaning(best, frames, receiver, rules)
+    cause, offer = _meaning(best, frames, receiver, rules)
     ours = "none" if own is None else f"{own.score:+.1f}"
     said = (
         f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
     )
     sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
     texts = (said, *(reason.text for reason in best.reasons[:2]))
-    return (cause, _sign(receiver, sure, texts, None, RemedyOffer(mends))) if cause else None
+    return (cause, _sign(receiver, sure, texts, None, offer)) if cause else None
+
+
+def _read_by_size(
+    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
+) -> tuple[str, Sign] | None:
+    """Read the only message in another layout that has exactly its size and values that machines send."""
+    from trcvtui.udt.compare.fit import fit
+
+    size = len(frames[0])
+    found = [
+        one
+        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
+        if not one.cause.kind
+        and one.layout.size == size
+        and one.members > 0
+        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
+    ]
+    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
+        return None  # with one message nothing else tells two layouts apart
+    best = found[0]
+    text = (
+        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
+    )
+    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
+    return "padding", _sign(receiver, 0.7, (f"{text} has {size}",), None, offer)
 
 
 def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
@@ -506,7 +596,7 @@ def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
 
 def _meaning(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules
-) -> tuple[str, tuple[Remedy, ...]]:
+) -> tuple[str, RemedyOffer]:
     """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
     from trcvtui.udt.compare.causes import has_length_field
     from trcvtui.udt.compare.drift import MOST_LEAVES
@@ -515,35 +605,40 @@ def _meaning(
     if kind in ("header", "trailer"):
         has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
         if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
-            return "", ()  # bytes alone read as well wherever they begin
-        return "header", (_declared(best.cause.n, "before" if kind == "header" else "after"),)
+            return "", NO_OFFER  # bytes alone read as well wherever they begin
+        return "header", RemedyOffer((_declared(best.cause.n, "before" if kind == "header" else "after"),))
     if kind in ("word-swap", "byte-swap"):
-        return "byte-order", (Remedy("swap what the partner swaps: words or bytes of each number"),)
+        swap = Remedy("swap what the partner swaps: words or bytes of each number")
+        return "byte-order", RemedyOffer((swap,))
     if kind is not None:
-        return "", ()
+        return "", NO_OFFER
     if best.layout.size != receiver.need or order == rules.byte_order:
-        text = f"the partner packs as {best.profile}"
-        return "padding", _as_partner(text, best.profile, rules, receiver.data)
-    text = f"the partner's numbers are {order}-endian"
-    return "byte-order", _as_partner(text, best.profile, rules, receiver.data)
+        text = f"lay DATA out as the partner does: {best.profile}"
+        return "padding", _as_partner(text, best, receiver, rules)
+    text = f"read DATA as the partner sends it: {order}-endian"
+    return "byte-order", _as_partner(text, best, receiver, rules)
 
 
 def _declared(size: int, side: str) -> Remedy:
     return Remedy(f"declare the {size} bytes {side} the members, or let the partner leave them out")
 
 
-def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Remedy, ...]:
+def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
+    """Offer to lay DATA out as the partner does."""
+    profile, data = best.profile, receiver.data
     ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
     theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
     other = [f"{key}={has}" for (key, had), has in theirs if has != had]
     if not (data and other):
-        return (Remedy(text),)
-    return tuple(
-        [
-            Remedy(text if not n else f"with it {one}", None, f"data.{data}.{one}")
-            for n, one in enumerate(other)
-        ]
-    )
+        return RemedyOffer((Remedy(text),))
+    first, *more = other
+    line, size = f"set data {data} {' '.join(other)}", best.layout.size
+    mends = [Remedy(f"with it {one}", None, f"data.{data}.{one}") for one in more]
+    cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
+    if receiver.need == receiver.room:
+        cured = cured._replace(need=size)
+    anew = _anew(receiver) if cured.need != receiver.need else ()
+    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
@@ -554,12 +649,62 @@ def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
     return judge
 
 
+# -- symptoms of DATA: causes above explain them -------------------------------------------------------------
+
+
+def _unwritten(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Say which members frames do not write; where they end between two members, that may be wanted."""
+    if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
+        return None
+    size = receiver.need
+    if receiver.adhoc or line.protocol == "udp":
+        sizes = sizes_of(judged_messages(line))
+        if sizes.share < 0.6 or sizes.messages < FEW:
+            return None
+        size = min(size, sizes.usual)
+    left = unwritten_members(receiver, size)
+    if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
+        return None
+    text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
+    sign = _sign(receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size)))
+    return sign._replace(is_remark=not left.is_cut)
+
+
+def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if receiver is None or not receiver.need or receiver.is_whole or receiver.type is None:
+        return None
+    if not line.messages or is_session(line) or line.to_plc.cut:
+        return None
+    content, need = bytes(line.to_plc.content), receiver.need
+    if receiver.adhoc or line.protocol == "udp":
+        some = [(one.at, min(one.size, need)) for one in line.messages]
+    else:
+        some = [(at, need) for at in range(_start(line), len(content) - need + 1, need)]
+    frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
+    texts = odd_values(receiver, frames)
+    if not texts:
+        return None
+    sure = 0.8 if len(frames) >= FEW else 0.6
+    return _sign(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]))
+
+
 def _at(message: LineMessage) -> SegmentFacts:
     return SegmentFacts(message.ns, message.at, message.size, message.packet)
 
 
+def _is_alone(line: LineFacts, receiver: Receiver) -> bool:
+    """Return whether one message came, and a job has waited for the rest of it for a second or longer."""
+    only = line.messages[0]
+    is_over = line.end is not None or line.last_ns - only.ns >= SECOND
+    return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over
+
+
 _MEANT: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
+_EXPLAINS_DATA: Final = (
+    *_OTHER, *_MEANT, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted", "adhoc-splits",
+    "merged", "datagram-size", "framing",
+)  # fmt: skip
 FRAME_JUDGES: Final = (
     FrameRule("header", _means("header"), _OTHER),
     FrameRule("padding", _means("padding"), _OTHER),
@@ -572,4 +717,6 @@ FRAME_JUDGES: Final = (
     FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),
     FrameRule("datagram-size", _datagram_size),
     FrameRule("framing", _framing, (), ("line-errors",)),
+    FrameRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
+    FrameRule("odd-values", _odd, _EXPLAINS_DATA),
 )

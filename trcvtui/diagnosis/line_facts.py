@@ -147,6 +147,7 @@ class DirectionFacts:
     unacked: int = 0
     ended: SegmentFacts | None = None
     reset: SegmentFacts | None = None
+    resets: int = 0
 
     def mark(self, write: SegmentFacts, kind: str) -> None:
         """Keep the place of something odd."""
@@ -376,6 +377,7 @@ class _Collector:
                 own.ended = own.ended or at
             case SegmentKind.RST:
                 own.reset = own.reset or at
+                own.resets += 1
                 own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
             case SegmentKind.KEEP_ALIVE:
                 own.keep_alives += 1

@@ -17,6 +17,8 @@ from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.wording import SECOND, age, count, duration, times
 
 ANY: Final = "0.0.0.0"
+MS: Final = SECOND // 1000
+QUIET_NS: Final = 10 * SECOND  # without a byte, after messages: longer than most senders pause
 MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
 
 # How an attempt failed -> what that proves, and after a line break what to do.
@@ -259,6 +261,23 @@ def dead_link(e: Evidence) -> str:
     return (
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
         f"{e.config.keep_alive_s} s){stood}{DO}look at cable, switch and its power, not at its program"
+    )
+
+
+def may_be_cut(e: Evidence) -> str:
+    """Messages came and come no more: STATUS shows no cut line before keep-alive does."""
+    since, patience = e.facts.up_since, max(QUIET_NS, 2 * e.facts.longest_gap_ns)
+    if e.config is None or since is None or e.is_past or e.have or e.last_bytes_ns is None:
+        return ""
+    if e.last_bytes_ns < since.t_ns or e.quiet_ns is None or e.quiet_ns < patience:
+        return ""
+    limit, peer = (
+        duration(e.config.dead_after_ms * MS),
+        e.link.remote if e.link is not None else "its partner",
+    )
+    return (
+        f"no byte for {age(e.quiet_ns)}: a line cut, or a partner without power, looks just like this for up "
+        f"to {limit}, then keep-alive ends the connection{DO}look at cable and power of {peer}, or `ping` it"
     )
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec.structs import replace
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
@@ -16,12 +16,18 @@ from trcvtui.commands.peer import read_routines
 from trcvtui.commands.table import parse_script
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import LineFinding, weighed
+from trcvtui.diagnosis.data_values import unwritten_members
 from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
-from trcvtui.net.results import ANY_ADDRESS, octets
+from trcvtui.net.connection.description import rows
+from trcvtui.net.connection.description_check import Flaw
+from trcvtui.net.connection.resources import ConnectionIds, IdHolder
+from trcvtui.net.connection.set_up import SetUpStage, StepFault, judge_description, wrong_local_address
+from trcvtui.net.connection.udp import NO_ADDR
+from trcvtui.net.results import ANY_ADDRESS, Fault, octets
 from trcvtui.project.project import SERIAL
 from trcvtui.udt.types import Struct
 
@@ -56,14 +62,9 @@ def receivers_of(
 def _as_started(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
-    steps = [
-        step
-        for text, place in ((project.start, "start"), (project.program, "program"))
-        for step in parse_script(text, project, f"{project.path}: {place}")
-    ]
     pins: dict[str, Pins] = {}
     written: dict[str, bytes] = {}
-    for step in steps:
+    for step in _steps(project):
         if isinstance(step.command, words.Set):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
@@ -80,6 +81,11 @@ def _as_started(
     return replace(project, instances=instances), written
 
 
+def _steps(project: Project) -> Iterator[words.Step]:
+    for text, place in ((project.start, "start"), (project.program, "program")):
+        yield from parse_script(text, project, f"{project.path}: {place}")
+
+
 def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     inputs = dict(decl.inputs)
     config, udp = project.connect(decl.connect), project.udp_config(decl.connect)
@@ -87,7 +93,8 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     asked = inputs.get("LEN")
     length = asked if isinstance(asked, int) and not isinstance(asked, bool) else 0
     size = data.size if data is not None else 0
-    has_adhoc = any(pin.name == "ADHOC" for pin in project.pins(decl.block))
+    pins = {pin.name for pin in project.pins(decl.block)}
+    has_adhoc = "ADHOC" in pins
     is_adhoc = bool(inputs.get("ADHOC")) if has_adhoc else length in project.rules.area.adhoc_lens
     task = project.task(decl.task)
     is_datagram = udp is not None or (config is not None and config.is_datagram)
@@ -95,6 +102,9 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     local = config.local if config is not None else udp.local if udp is not None else ANY_END
     rules = project.rules
     known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
+    shown = {one: one for one in TOLD}
+    if is_datagram and not rules.large_datagram_cut:
+        shown[Condition.MESSAGE_TOO_LONG] = rules.datagram_too_long
     return Receiver(
         decl.name,
         decl.connect,
@@ -114,8 +124,18 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         room=size,
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
-        words={one: rules.word(decl.block, one) for one in TOLD if one in known},
+        has_reset="COM_RST" in pins,
+        words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
+        is_secure=config is not None and config.session is not None and not config.is_message_oriented,
+        ports=_ports(project),
     )
+
+
+def _ports(project: Project) -> frozenset[int]:
+    """Return the ports of all CONNECTs and UDP_CONFIGs."""
+    some = [port for each in project.connects for port in (each.local.port, each.remote_port)]
+    some += [each.local.port for each in project.udp_configs]
+    return frozenset(port for port in some if isinstance(port, int) and port)
 
 
 def _host(address: str) -> bytes:
@@ -158,14 +178,17 @@ class LintRule(NamedTuple):
     judge: Callable[[Project], Iterator[Sign]]
 
 
-def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
+def lint(
+    project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
+) -> tuple[LineFinding, ...]:
     """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
     started = replace(_as_started(project, now=pins)[0], start="", program="")
-    found = [
-        LineFinding(rule.cause, said.confidence, said, said.mend)
-        for rule in LINT_RULES
-        for said in rule.judge(started)
-    ]
+    signs = [(rule.cause, said) for rule in LINT_RULES for said in rule.judge(started)]
+    written = _written_pins(project)
+    signs += [("limits", said) for said in _two_receivers(started, written)]
+    if not has_run:  # else a command may have set CONT
+        signs[:0] = [("not-connected-request", said) for said in _without_cont(started, written)]
+    found = [LineFinding(cause, said.confidence, said, said.mend) for cause, said in signs]
     found += _of_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
@@ -200,20 +223,6 @@ def _limits(project: Project) -> Iterator[Sign]:
 
 
 def _address(project: Project) -> Iterator[Sign]:
-    listens = Counter(
-        (each.local.address, each.local.port)
-        for each in project.connects
-        if not each.active and each.local.port and not each.is_datagram
-    )
-    for (address, port), times in listens.items():
-        names = [
-            each.name
-            for each in project.connects
-            if not each.active and (each.local.address, each.local.port) == (address, port)
-        ]
-        if times > 1:
-            text = f"{', '.join(names)} listen on the same end {address}:{port}"
-            yield Sign(0.85, (text,), mend=(Remedy("give each passive CONNECT a LocalPort of its own"),))
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
@@ -221,6 +230,79 @@ def _address(project: Project) -> Iterator[Sign]:
             text = f"{connect.name} is active and has no RemotePort"
             yield Sign(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
         yield from _of_peers(project, connect)
+
+
+# What the blocks themselves refuse, asked of the same functions.
+
+
+def _sockets(project: Project) -> Iterator[tuple[ConnectConfig, list[InstanceDecl]]]:
+    """Yield each CONNECT and UDP_CONFIG that an instance opens, with those instances."""
+    sockets = [ConnectConfig(each.name, local=each.local, is_datagram=True) for each in project.udp_configs]
+    for config in (*project.connects, *sockets):
+        on = [each for each in project.instances if each.connect == config.name]
+        openers = [each for each in on if block_row(each.block).opens]
+        if openers:
+            yield config, openers
+
+
+def _refused(project: Project) -> Iterator[Sign]:
+    ids, strict = ConnectionIds(), project.rules.policy.strict_local_address
+    for config, openers in _sockets(project):
+        holder = IdHolder(config)
+        failed = judge_description(config, ids, holder)
+        holder.has_been_up = True
+        wrong = "" if config.any_local else wrong_local_address(config.local.address, (), strict)
+        if failed is None and wrong:
+            failed = StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong)
+        for decl in openers:
+            is_bare = config.is_datagram and decl.addr is None and block_row(decl.block).builds
+            found = failed or (NO_ADDR if is_bare else None)
+            if found is not None:
+                sure = 0.8 if found.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
+                key, value = _key_of(config, found, holder)
+                text = found.detail
+                if key and not (key in text and value.split(" ")[0] in text):
+                    text = f"{key} is {value or 'empty'}: {text}"
+                mend = (Remedy(f"correct {key or 'the description'} of {config.name}"),)
+                condition = project.rules.course.of_set_up(found.stage, found.fault.error)
+                status, text = _status(project, decl.block, condition), f"{config.name} is refused: {text}"
+                yield Sign(sure, (text,), instance=decl.name, mend=mend, status=status)
+
+
+def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple[str, str]:
+    """Return the key that is wrong, and its value as the view of a description shows it; "": the whole is."""
+    if failed.stage is SetUpStage.IDENTITY:
+        return "ID", str(holder.identity)
+    if failed.stage is SetUpStage.ADDRESS or failed.fault.error == Flaw.NO_LOCAL_ADDRESS:
+        return "LocalAddress", config.local.address
+    key = config.flaw.field if config.flaw is not None else ""
+    fields = rows(config.description, {}) if config.description is not None else ()
+    return key, next((row.value for row in fields if row.field == key), "")
+
+
+def _status(project: Project, block: str, condition: Condition) -> tuple[int, ...]:
+    """Return the STATUS of a block for that, () where its table has none."""
+    known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
+    return (project.rules.word(block, condition),) if condition in known else ()
+
+
+def _one_port_twice(project: Project) -> Iterator[Sign]:
+    before: list[ConnectConfig] = []
+    taken = project.rules.course.of_set_up(SetUpStage.BIND, "EADDRINUSE")
+    for config, openers in _sockets(project):
+        shares = config.session is not None and config.session.shares_port
+        if config.flaw is not None or shares or not config.local.port:
+            continue
+        ends = config.local, config.is_datagram
+        other = next((each for each in before if (each.local, each.is_datagram) == ends), None)
+        before.append(config)
+        if other is not None:
+            text = f"{other.name} and {config.name} have one local port, {config.local}"
+            unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
+            sure, said = (0.5, (text, unsure)) if other.active and config.active else (0.85, (text,))
+            mend = (Remedy("give each of them a LocalPort of its own"),)
+            status = _status(project, openers[0].block, taken)
+            yield Sign(sure, said, instance=openers[0].name, mend=mend, status=status)
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -252,6 +334,49 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
                 yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Remedy("four numbers"),))
 
 
+WrittenPins = dict[tuple[str, str], set[PinValue]]
+
+
+def _written_pins(project: Project) -> WrittenPins:
+    """Return every value that an input has by its declaration, by `start` and by `program`."""
+    found = {(each.name, pin): {value} for each in project.instances for pin, value in each.inputs}
+    for step in _steps(project):
+        match step.command:
+            case words.Set(instance, pins):
+                for pin, value in pins:
+                    found.setdefault((instance, pin), set()).update((0, 1) if value == "blink" else (value,))
+            case words.Pulse(instance, pin):
+                found.setdefault((instance, pin), set()).update((0, 1))
+    return found
+
+
+def _without_cont(project: Project, written: WrittenPins) -> Iterator[Sign]:
+    """Yield what asks for data and never gets the CONT that it needs for a connection."""
+    for decl in project.instances:
+        pins = {pin.name for pin in project.pins(decl.block)}
+        asks = [pin for pin in ("EN_R", "REQ") if any(written.get((decl.name, pin), ()))]
+        holds = any(written.get((decl.name, "CONT"), ()))
+        if "CONT" not in pins or not asks or holds or project.rules.course.request_connects:
+            continue
+        name, word = decl.name, project.rules.word(decl.block, Condition.NO_JOB)
+        text = f"{asks[0]} is 1, and nothing sets CONT: {name} stays in {word:04X}"
+        mend = Remedy("CONT 1: it builds the connection", f"set {name} CONT=1", f"instance.{name}.CONT=true")
+        yield Sign(0.95, (text,), instance=name, mend=(mend,), status=(word,))
+
+
+def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Sign]:
+    """Yield who has EN_R at 1, always, on a CONNECT of another such receiver."""
+    first: dict[tuple[str, str], InstanceDecl] = {}
+    for decl in project.instances:
+        is_held = dict(decl.inputs).get("EN_R") and all(written.get((decl.name, "EN_R"), ()))
+        other = first.setdefault((decl.connect, decl.task), decl) if is_held else decl
+        if other is not decl:
+            text = f"{other.name} and {decl.name} both receive on {decl.connect}: only one gets data"
+            status = _status(project, decl.block, Condition.CONNECT_IN_USE)
+            mend = Remedy("keep EN_R at 1 at one of them", f"set {decl.name} EN_R=0")
+            yield Sign(0.85, (text,), instance=decl.name, mend=(mend,), status=status)
+
+
 def _keep_alive(project: Project) -> Iterator[Sign]:
     for connect in project.connects:
         asked = connect.keep_alive_interval_s
@@ -275,13 +400,14 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
 def _short_len(project: Project) -> Iterator[Sign]:
     for receiver in receivers_of(project):
         data = project.data_decl(receiver.data) if receiver.data else None
-        if data is None or receiver.adhoc or not isinstance(receiver.type, Struct) or not receiver.need:
+        if data is None or receiver.adhoc or not receiver.need or receiver.is_datagram:
             continue
-        if receiver.need < data.size and not receiver.is_datagram:
+        left = unwritten_members(receiver, receiver.need)
+        if left is not None and left.is_cut:  # between two members the end may be wanted
+            name, size = receiver.instance, receiver.need
             text = (
-                f"{receiver.instance} takes {receiver.need} bytes of {data.type_name}, which has {data.size}"
+                f"{name} takes {size} bytes of {data.type_name}, which has {data.size}: {left.names} is cut"
             )
-            name = receiver.instance
             mend = Remedy("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
             yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
@@ -289,9 +415,11 @@ def _short_len(project: Project) -> Iterator[Sign]:
 LINT_RULES: Final = (
     LintRule("limits", _limits),
     LintRule("address", _address),
+    LintRule("address", _refused),
+    LintRule("address", _one_port_twice),
     LintRule("no-keep-alive", _keep_alive),
     LintRule("adhoc-splits", _adhoc_fixed),
-    LintRule("frame-long", _short_len),
+    LintRule("members-unwritten", _short_len),
 )
 
 

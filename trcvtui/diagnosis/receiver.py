@@ -45,7 +45,10 @@ class Receiver(NamedTuple):
     partner_address: bytes = b""
     since_ns: int = 0
     until_ns: int = NEVER_NS
+    has_reset: bool = False  # its block has COM_RST
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
+    is_secure: bool = False  # TLS: the wire has none of its bytes
+    ports: frozenset[int] = frozenset()  # that its project names, its CONNECTs without a receiver included
 
     def fits(self, line: LineFacts) -> bool:
         if self.is_serial or line.protocol == "serial":

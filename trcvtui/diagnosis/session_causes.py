@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
@@ -18,15 +19,72 @@ _ALERTS: Final = {
     113: "bad_certificate_status_response", 115: "unknown_psk_identity", 116: "certificate_required",
     120: "no_application_protocol",
 }  # fmt: skip
+_MEANINGS: Final = {  # RFC 8446, section 6.2
+    42: "the certificate of {other} is damaged, or its signature is wrong",
+    43: "the certificate of {other} is of a kind that it does not take",
+    44: "who signed the certificate of {other} has revoked it",
+    45: "the certificate of {other} has expired, or is not valid yet: compare the clocks, too",
+    46: "it does not accept the certificate of {other}, and tells no reason",
+    47: "a field of the handshake of {other} is wrong, or contradicts another one",
+    48: "it does not trust who signed the certificate of {other}: the CA is missing there",
+    70: "it does not speak the TLS version that {other} asks for",
+    116: "it asks for a certificate, and {other} shows none",
+}
+_HTTP: Final = re.compile(rb"[A-Z]{3,10} [^\s]+ HTTP/1\.[01]\r?\n|HTTP/1\.[01] [1-5]")
 _REASONS: Final = {
     0: "no reason", 1: "congestion", 2: "not attached", 3: "address unknown", 0x80: "normal",
     0x81: "congestion", 0x82: "negotiation failed", 0x83: "duplicate source", 0x84: "mismatched references",
     0x85: "protocol error", 0x87: "reference overflow", 0x88: "refused on this network",
     0x8A: "header length invalid",
 }  # fmt: skip
-_CR, _CC, _DR = 0xE0, 0xD0, 0x80
+_CR, _CC, _DR, _DT = 0xE0, 0xD0, 0x80, 0xF0
+TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
+MOST_UNITS: Final = 8
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
+
+
+def units_of(said: DirectionFacts, has_begin: bool) -> list[bytes]:
+    """Return the heads of the first units of TLS or ISO-on-TCP, one right behind the other; []: others come.
+
+    Where the begin is not in the capture, they may begin at one of the first writes.
+    """
+    content = said.content
+    for at in [0] if has_begin else [write.at for write in said.writes[:MOST_UNITS]]:
+        heads, size = list[bytes](), 1
+        while size and at + 7 <= len(content) and len(heads) < MOST_UNITS:
+            head = bytes(content[at : at + 7])
+            size = _unit_size(head) if not heads or is_tls(head) == is_tls(heads[0]) else 0
+            at += size
+            heads += [head] if at <= len(content) else []
+        if size and heads:
+            return heads
+    return []
+
+
+def is_tls(head: bytes) -> bool:
+    return head[0] != TPKT
+
+
+def is_call(head: bytes) -> bool:
+    """Return whether a session begins with this unit."""
+    return (head[0], head[5]) in ((_HANDSHAKE, 1), (TPKT, _CR))
+
+
+def _unit_size(head: bytes) -> int:
+    """Return how long a unit is, 0: it is none."""
+    if is_tls(head):
+        size = int.from_bytes(head[3:5], "big") + 5
+        fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
+        return size if fits and 5 < size <= 18_500 else 0
+    size = int.from_bytes(head[2:4], "big")
+    fits = not head[1] and 2 <= head[4] <= size - 5 and head[5] & 0xF0 in (_CR, _CC, _DR, _DT)
+    return size if fits else 0
+
+
+def is_http(line: LineFacts) -> bool:
+    """Return whether an end begins with a request, or a response, of HTTP/1."""
+    return any(_HTTP.match(way.content) for way in (line.to_plc, line.from_plc))
 
 
 def _first(said: DirectionFacts) -> SegmentFacts | None:
@@ -110,7 +168,9 @@ def tls_refused(line: LineFacts) -> Sign | None:
             who = "the partner" if way == "to-plc" else "the PLC end"
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
-                text = f"TLS alert {body[1]} ({name}) from {who}"
+                whose = "the PLC end" if way == "to-plc" else "the partner"
+                means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
+                text = f"TLS alert {body[1]} ({name}) from {who}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
                 return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):

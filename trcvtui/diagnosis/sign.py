@@ -11,18 +11,22 @@ if TYPE_CHECKING:
 
 
 class Remedy(NamedTuple):
-    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none."""
+    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none.
+
+    `is_tried`: the evidence was judged again with it, and nothing was left. Any other one is advice.
+    """
 
     text: str
     command: str | None = None
     set: str | None = None
+    is_tried: bool = False
 
 
 class Sign(NamedTuple):
     """What speaks for a cause; `way` is to-plc or from-plc, None: both. `mend`: () is that of the row.
 
     A remark is worth knowing, and no fault; a fact is proved by the protocol. `cured`: the receiver as it is
-    with all of `mend`; None: it cannot be tried.
+    with all of `mend`; None: it cannot be tried. `otherwise` is offered where the trial fails.
     """
 
     confidence: float
@@ -34,4 +38,6 @@ class Sign(NamedTuple):
     is_remark: bool = False
     is_fact: bool = False
     cured: Receiver | None = None
+    otherwise: tuple[Remedy, ...] = ()
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
+    status: tuple[int, ...] = ()  # what the blocks show for it; (): what the cause leads to

@@ -241,7 +241,7 @@ class SeenBench:
 
 def _finding_record(one: FindingSnapshot, with_payload: bool) -> dict[str, object]:
     """Return a finding as an event has it; its evidence may have bytes of the payload."""
-    text, command, _ = one.mends[0] if one.mends else ("", "", "")
+    text, command, *_ = one.mends[0] if one.mends else ("", "")
     told = f"{one.confidence:.0%} sure; {text}" if text else f"{one.confidence:.0%} sure"
     made: dict[str, object] = {"cause": one.cause, "confidence": one.confidence, "text": told}
     if command:

@@ -241,8 +241,7 @@ class CapturePlayer:
         is_plc = event.direction is self._plc_of(event.conversation)
         for part in self._plan.parts[event.conversation.number]:
             if not part.calls and part.plays_plc == is_plc:
-                self.shadows.network.wire.refuse(part.connect)
-                self.shadows.wake()
+                self.shadows.refuse(part.connect)
 
     def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
         if event.kind is SegmentKind.MISSING:

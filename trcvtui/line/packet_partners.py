@@ -25,6 +25,7 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
 MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
 FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
+NEXT_CALL: Final = 5  # scans at most from a refused call to the next one
 QUIET: Final = 3  # scans without a change, after which none comes by itself
 MOST_QUIET: Final = 100_000  # such scans that are run, where it is not known that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
@@ -76,6 +77,17 @@ class ShadowBench:
     def wake(self) -> None:
         """Run the next scans: a CONNECT that still calls looks what became of it, no poll tells."""
         self._quiet = 0
+
+    def refuse(self, connect: str) -> None:
+        """Refuse the call of a shadow. The PLC has called, so one that would pause before it calls now."""
+        runtime = self.bench.runtime
+        for _ in range(NEXT_CALL):
+            is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
+            if self.network.wire.refuse(connect) or is_ahead:
+                break
+            runtime.call_at_once(connect)
+            self.step()
+        self.wake()
 
     def scans_of_task(self, connect: str) -> int:
         """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
@@ -238,6 +250,7 @@ class PlayedEnd:
         else:
             stream = wire.answer(self.connect)
             if stream is None:
+                runtime.call_at_once(self.connect)
                 return
         self._stream = stream
         self._shadows.wake()

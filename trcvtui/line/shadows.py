@@ -45,7 +45,7 @@ _DATAGRAM_SERVICES: Final = {
 }  # fmt: skip
 STAND_IN: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
 ON: Final = ("EN_R", "CONT")  # 1 where nothing sets them
-AD_HOC_TYPE: Final = "ARRAY[0..65534] OF BYTE"
+AD_HOC_BYTES: Final = 65535  # of an ad-hoc job, where the dialect allows so many
 
 
 ShadowChoice = tuple[Path | None, str | None, str | None]  # project, PLC end, dialect; None: not chosen
@@ -104,8 +104,10 @@ def _guesses(
 
 def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) -> ShadowPlan:
     """Return a plan with two TRCV_Cs for each PLC end: what goes to it, and what comes from it."""
+    rules = read_project({"dialect": dialect}, "--dialect", Path()).rules
+    of_bytes = f"ARRAY[0..{min(AD_HOC_BYTES, rules.max_len) - 1}] OF BYTE"
     base = read_project(
-        {"dialect": dialect, "data": [{"name": "bytes", "type": AD_HOC_TYPE}]}, "--dialect", Path()
+        {"dialect": dialect, "data": [{"name": "bytes", "type": of_bytes}]}, "--dialect", Path()
     )
     unassigned: dict[int, str] = {}
     usable = _guesses(found, None if plc is None else parse_plc(plc), NOTHING_KNOWN, unassigned)

@@ -218,6 +218,12 @@ class Runtime:
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
+    def call_at_once(self, connect: str) -> None:
+        """End the pause of a CONNECT before its next attempt."""
+        connection = self._connections.get(connect)
+        if connection is not None:
+            connection.retry_at = None
+
     @property
     def called(self) -> tuple[StatusEdge, ...]:
         """Return what the instances show that were due in the last scan, in call order."""

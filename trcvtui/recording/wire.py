@@ -233,11 +233,14 @@ class WirePackets:
         return flows
 
     def _connected(self, call: WireCall) -> Iterator[WirePacket]:
-        stream = self._streams.get(call.handle)
-        if stream is not None and call.answer is None and not stream.stands:
+        stream, answer = self._streams.get(call.handle), call.answer
+        if stream is None:
+            return
+        # The stack calls an RST in place of the partner's SYN ECONNREFUSED: it stood before this one.
+        is_reset = isinstance(answer, Fault) and answer.error == "ECONNRESET" and not answer.injected
+        if not stream.stands and (answer is None or is_reset):
             yield from self._answered(call, stream, 1)
-        elif stream is not None:
-            yield from self._refused(call, stream, call.answer)
+        yield from self._refused(call, stream, answer)
 
     def _answered(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
         stream.stands = True

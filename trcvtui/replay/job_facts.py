@@ -16,6 +16,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
+from trcvtui.diagnosis.sign import Remedy
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.kernel import PathInfo
@@ -24,6 +25,7 @@ from trcvtui.project.project import Project
 from trcvtui.recording.arrivals import ARRIVED
 from trcvtui.recording.journal import GAP, STEP, Answered, Entry
 from trcvtui.recording.recording import Recording
+from trcvtui.replay.block_symptoms import BlockSymptoms
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf
@@ -36,6 +38,7 @@ RECENT_S: Final = 10
 GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
+NOT_CALLED: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
 PassScan = Callable[[ReplayRun, int], bool]
 
 
@@ -162,6 +165,7 @@ def _facts_of(
     facts.take_all(scan)
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
+    project = bench.project if is_running else project  # as it has been edited
     receivers = receivers_of(project, held, pins)
     receivers = tuple([facts.as_called(one, is_running) for one in receivers])
     until_ns = facts.wall_ns + bench.now
@@ -173,6 +177,7 @@ def _facts_of(
         until_ns,
         lint(project, pins),
         is_running,
+        facts.symptoms.found(is_running),
     )
 
 
@@ -188,6 +193,7 @@ class _RunFacts:
         self.by_ends: dict[tuple[int, str], str] = {}
         self.harms: dict[str, list[int]] = {}
         self._bench, self._stack = bench, _Stack(run)
+        self.symptoms = BlockSymptoms(bench, self.wall_ns)
         self._found: dict[tuple[str, str], JobTrouble] = {}
         self._jobs: dict[str, JobStarted] = {}  # the first of each instance
         self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
@@ -218,6 +224,7 @@ class _RunFacts:
             pass  # the recording ends here
 
     def _take(self, scan: int, t_ns: int, event: object) -> None:
+        self.symptoms.take(scan, t_ns, event)
         match event:
             case InputEdge(instance, "REQ" | "EN_R" as pin, value) if value:
                 if pin == "REQ" and instance in self._sends:
@@ -297,6 +304,14 @@ class _RunFacts:
         until_ns = self._until.get(receiver.instance, NEVER_NS)
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
+    def _has_en_r(self, instance: str) -> bool:
+        shown = self._bench.runtime.snapshot().instance(instance)
+        return shown is not None and bool(shown.pin("EN_R"))
+
+    def _is_refused(self, cause: str, instance: str) -> bool:
+        """Return whether bytes wait because the instance refuses its jobs, which is a symptom by itself."""
+        return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
+
     def troubles(self, is_running: bool) -> tuple[JobTrouble, ...]:
         """Return what the program did wrong, and what the stack of a CONNECT shows for long.
 
@@ -315,9 +330,11 @@ class _RunFacts:
             ("dead-link", self._senders, self._stack.dead_links()),
         ):
             for connect, since, seconds in some:
-                if connect in blocks:
+                if connect in blocks and not self._is_refused(cause, blocks[connect]):
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
                     at = self.wall_ns + since * SECOND
                     trouble = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
+                    if cause == "plc-not-reading" and self._has_en_r(blocks[connect]):
+                        trouble = trouble._replace(mend=(NOT_CALLED,))
                     self._found[cause, connect] = trouble
         return tuple([one for one in self._found.values() if one.instance not in self._stopped])

@@ -98,7 +98,8 @@ def record(
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
     told = bench.containment.take_newest()
-    _say("".join(f"{line}\n" for line in (*[told] * bool(told), *recorder.lines())))
+    lines = recorder.lines() if is_kept else [recorder.trouble] * bool(recorder.trouble)
+    _say("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
     return 1 if recorder.trouble else 0
 
 

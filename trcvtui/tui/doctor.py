@@ -106,6 +106,7 @@ class FindingList(CardText):
         rows = self._labelled("", [one.title] if one.title else [], "strong")
         rows.append(ruled(self._width, ("── evidence ", "dim")))
         rows += self._labelled("", one.evidence, "")
+        rows += self._labelled("explains", one.explains, "") if one.explains else []
         where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
         rows += self._labelled("line", [where], "dim") if where else []
         rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []
@@ -119,7 +120,9 @@ class FindingList(CardText):
         if stream is not None:
             rows += self._labelled("b", [f"byte {stream.byte} of what came"], "key")
         rows.append(ruled(self._width, ("── remedy ", "dim")))
-        rows += self._labelled("", [text for text, _, _ in one.mends], "strong")
+        for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
+            texts = [mend.text for mend in one.mends if mend.is_tried is is_tried]
+            rows += self._labelled(label, texts, style) if texts else []
         remedy = self.remedy()
         rows += self._labelled("enter", [f"types `{remedy}`"], "key") if remedy else []
         return rows
@@ -158,8 +161,8 @@ class FindingList(CardText):
         if one is None or picture is None:
             return ""
         if picture.position is not None:
-            return next((f"if {change}" for _, _, change in one.mends if change), "")
-        return next((command for _, command, _ in one.mends if command), "")
+            return next((f"if {mend.set}" for mend in one.mends if mend.set), "")
+        return next((mend.command for mend in one.mends if mend.command), "")
 
     def action_page(self, pages: int) -> None:
         self.scroll_relative(y=pages * (self.size.height - 1), animate=False)

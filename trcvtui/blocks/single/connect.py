@@ -52,7 +52,7 @@ def end_of_job(loss: ConnectionLoss, job: Job, course: StatusSequence, failed: C
     return Outcome(course.job_loss.get(loss.kind, failed), loss_cause(loss, job))
 
 
-IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
+IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
@@ -147,11 +147,14 @@ class SingleTcon:
             self._incarnation = self._connection.incarnation
         else:
             self._connection.step(self._env.scan, self._env.now)
-        return _KEEPING
+        return _KEEPING if self._connection.is_up else _REBUILDING
 
 
 _BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))
 _KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has not risen", pin="REQ"))
+_REBUILDING = Outcome(
+    Condition.NO_JOB, Cause(Why.WAITING, "it builds the lost connection again; REQ has not risen", pin="REQ")
+)
 
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 

@@ -49,7 +49,7 @@ def _conditions(loss: ConnectionLoss, rules: Rules, failed: Condition | None) ->
     if kind is LossKind.REFUSED and loss.fault is not None:
         return [course.of_set_up(SetUpStage.CONNECT, loss.fault.error)]  # as an attempt that failed
     if kind is LossKind.OURS:
-        return list(course.let_go)
+        return [] if loss.is_played else list(course.let_go)
     if failed is None:
         idle = Condition.LINK_DEAD if kind is LossKind.LINK_DEAD else None
         return [found for found in (course.idle_loss or idle,) if found]

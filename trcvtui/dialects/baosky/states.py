@@ -146,6 +146,7 @@ STATES: Final = (
         (
             "TRCV_C: pin EN_R has to be 1 and stay 1",
             "TSEND_C: REQ has to go back to 0 before the next edge",
+            "quiet for long: a cut line or a partner without power looks the same until keep-alive ends it",
             "`ss -tn`: Recv-Q above 0 means that the partner sends and no block reads",
         ),
         Reproducibility.REAL,
@@ -177,7 +178,8 @@ STATES: Final = (
         False,
         "Receiving, or ready and waiting",
         (
-            "nothing has come: with EN_R = 1 this is the normal state",
+            "nothing has come: normal with EN_R = 1; a cut line or a partner without power looks the same "
+            "until keep-alive ends it",
             "LEN (or the size of DATA when LEN is 0) is larger than what the partner sends",
             "padding makes DATA larger than the partner's record: UDT parts fill up to 4, a STRING is 82",
             "an earlier frame was cut (EN_R dropped, DATA resized), so the stream is shifted",

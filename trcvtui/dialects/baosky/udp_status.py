@@ -126,6 +126,7 @@ UDP_STATES: Final = (
         (
             "EN_R is 1 and no datagram has come since the last job",
             "a datagram is here and shows in the next scan: one 7006 stands before each 7008",
+            "a cut line or a partner without power looks the same: UDP cannot detect it",
         ),
         (
             "the partner's target: it must be this LocalAddress and LocalPort",

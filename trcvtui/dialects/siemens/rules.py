@@ -366,7 +366,8 @@ OWN_ROWS: Final = (
     replace(
         _row(0x7006, "TRCV_C"),
         causes=(
-            "nothing has come: with EN_R at 1 this is the normal state of rest",
+            "nothing has come: normal with EN_R at 1; a cut line or a partner without power looks the same "
+            "until keep-alive ends it",
             "LEN is 0 (or 65535): ad hoc, what is there ends the job; any other LEN is awaited whole",
             "EN_R fell, and the job goes on all the same until data is there",
         ),

@@ -205,6 +205,7 @@ STATES: Final = (
             "TCON: the partner has not come or answered yet",
             "TSEND, TUSEND: the stack has not taken all bytes, or has, which shows in the next scan",
             "TRCV, TURCV: ready and waiting; on TCP perhaps with part of the frame here",
+            "TRCV: a cut line or a partner without power looks the same until keep-alive ends it",
         ),
         (
             "TRCV: on TCP a LEN larger than the partner's frame waits forever; messages are whole",
@@ -245,6 +246,7 @@ STATES: Final = (
             "TSEND_C: no rising edge at REQ; a REQ that stays 1 sends once only",
             "TRCV_C: EN_R is 0, so what arrives piles up unread in the socket; the connection stays",
             "TRCV_C: the other block on this connection closes it, 80AA follows",
+            "quiet for long: a cut line or a partner without power looks the same until keep-alive ends it",
         ),
         (
             "TSEND_C: REQ has to go back to 0 for one call before the next edge",
@@ -279,7 +281,8 @@ STATES: Final = (
         False,
         "Receiving, or ready and waiting",
         (
-            "nothing has come: with EN_R = 1 this is the normal state",
+            "nothing has come: normal with EN_R = 1; a cut line or a partner without power looks the same "
+            "until keep-alive ends it",
             "on TCP: LEN (0: the size of DATA) is larger than what the partner sends, so it is never full",
             "EN_R fell, and the job goes on: cont_mode level to its end, manual once a byte is here",
             "on TCP: an earlier frame was cut, so the stream is shifted",

@@ -58,6 +58,7 @@ class ConnectionLoss(Struct, frozen=True):
     peer: str
     fault: Fault | None = None
     release_fault: Fault | None = None
+    is_played: bool = False  # closed by the PLC of a capture: which of its blocks did is not known
 
 
 def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
@@ -66,7 +67,7 @@ def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> Connect
     `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
     """
     if fault is not None and fault.error == OWN_END:
-        return ConnectionLoss(LossKind.OURS, peer)
+        return ConnectionLoss(LossKind.OURS, peer, is_played=True)
     if may_refuse and fault is not None and fault.error == TlsError.REFUSED:
         kind = LossKind.REFUSED
     elif fault is None or fault.error in ENDED_ERRORS:

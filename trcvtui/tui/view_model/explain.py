@@ -48,7 +48,7 @@ class Explainer:
         from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
-            remedy = f"{one.mends[0][0]}. " if one.mends else ""
+            remedy = f"{one.mends[0].text}. " if one.mends else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
             return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", f"{remedy}`J` shows the evidence"
         return "", ""

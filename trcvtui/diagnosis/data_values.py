@@ -1,0 +1,71 @@
+"""What frames make of DATA, without a guess why: members not written, values that no machine sends."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.udt.compare.likelihood import evidence
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out
+from trcvtui.udt.types import Elementary, Struct, ValueKind
+
+MOST_LEAVES: Final = 256  # members that are looked at
+NAMED: Final = 2  # that a sentence names
+
+
+class UnwrittenMembers(NamedTuple):
+    """The members behind the last byte of a frame; `is_cut`: the frame ends inside the first one."""
+
+    names: str
+    is_cut: bool
+
+
+def layout_of(receiver: Receiver) -> Layout | None:
+    """Return how DATA lies; None where it has no members, so that its bytes mean nothing by themselves."""
+    if receiver.rules is None or not isinstance(receiver.type, Struct):
+        return None
+    return lay_out(receiver.type, receiver.rules, receiver.type_name)
+
+
+def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
+    """Return the members that frames of `size` bytes do not write, None where there are none."""
+    layout = layout_of(receiver)
+    if layout is None or not 0 < size < layout.size:
+        return None
+    first, last = layout.leaves_within(size), layout.leaf_count
+    if first == last:
+        return None  # padding alone
+    names = ", ".join(f"`{leaf.path}`" for leaf in layout.leaves(first, min(first + NAMED, last)))
+    more = f" and {last - first - NAMED} more" if last - first > NAMED else ""
+    return UnwrittenMembers(names + more, layout.leaf(first).offset < size)
+
+
+def odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
+    """Return a text for each member that has a value which no machine sends, in two of three frames or more.
+
+    A number that is not finite is none of them: devices send it for "no value".
+    """
+    if receiver.type is None or receiver.rules is None or not frames:
+        return ()
+    layout = lay_out(receiver.type, receiver.rules, receiver.type_name)
+    texts = []
+    for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
+        parts = [one[leaf.offset : leaf.offset + leaf.size] for one in frames]
+        whys = [why for part in parts if len(part) == leaf.size and (why := _odd(layout, leaf, part))]
+        if whys and len(whys) * 3 >= len(frames) * 2:
+            texts.append(f"{leaf.path or 'the value'}: {whys[-1]}")
+    return tuple(texts)
+
+
+def _odd(layout: Layout, leaf: Leaf, part: bytes) -> str:
+    said = evidence(leaf, part, layout.rules)
+    if said is None or not said.is_odd:
+        return ""
+    row = leaf.type
+    if isinstance(row, Elementary) and row.kind is ValueKind.REAL:
+        (number,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + row.code, part)
+        return f"{number:.7g} is {said.why}" if math.isfinite(number) else ""
+    return said.why

@@ -1,0 +1,88 @@
+"""Symptoms: what a block showed that is not as it should be, and which causes explain it.
+
+Rule: a symptom that no cause explains is a finding of its own, so that a run with an ERROR is never healthy.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.diagnosis.cause_words import CAUSES
+from trcvtui.diagnosis.sign import Remedy
+
+C = Condition
+LINK_CAUSES: Final = frozenset({
+    "address", "second-client", "refused", "filtered", "wrong-tsap", "tls-refused", "closes-each-message",
+    "reconnect-storm", "no-keep-alive", "dead-link", "resets", "turned-away",
+})  # fmt: skip
+FRAME_CAUSES: Final = frozenset({
+    "frame-short", "frame-long", "adhoc-missing", "adhoc-splits", "header", "padding", "byte-order",
+    "shifted", "merged", "framing", "datagram-size",
+})  # fmt: skip
+LINK_ERRORS: Final = frozenset({
+    C.CONNECT_FAILED, C.NOT_CONNECTED, C.SEND_FAILED, C.RECEIVE_FAILED, C.LINK_DEAD, C.PARTNER_CLOSED,
+    C.REFUSED, C.UNREACHABLE, C.NOT_NOW, C.FOUND_CLOSED, C.STILL_ASKED, C.ENDPOINT_GONE, C.SHORT_FRAME,
+    C.ACCEPT_FAILED, C.DISCONNECT_FAILED, C.RESET_FAILED,
+})  # fmt: skip
+# A job that a block refuses whatever the line does: nothing that waits in the stack is then the line's fault.
+REFUSED_JOBS: Final = frozenset({
+    C.DATA_EMPTY, C.LENGTH_WRONG, C.LEN_OVER_DATA, C.DATA_MISSING, C.DATA_REFUSED, C.DATA_SYMBOLIC,
+    C.LEN_OF_TEXT, C.CONNECT_IN_USE, C.NO_BUFFER, C.OTHER_TRANSPORT, C.NULL_POINTER, C.NULL_RECEIVE_POINTER,
+    C.RECEIVE_LENGTH_WRONG,
+})  # fmt: skip
+_DESCRIPTION: Final = ("address", "limits")
+# What explains an ERROR beside the causes that lead to its condition (cause_words.py).
+_EXPLAINED: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
+    (LINK_ERRORS, LINK_CAUSES),
+    (frozenset({C.NOT_CONNECTED, C.STILL_ASKED}), frozenset({"not-connected-request"})),
+    (frozenset({C.SHORT_FRAME}), FRAME_CAUSES),
+    (
+        frozenset({C.QUEUE_FULL, C.SEND_BUFFER_FULL, C.PARAMETER_CHANGED}),
+        frozenset({"request-too-fast", "partner-not-reading", "dead-link"}),
+    ),
+    (frozenset({C.MESSAGE_TOO_LONG}), frozenset({"datagram-size", "frame-long", "limits"})),
+    (frozenset({C.DATA_OVERRUN, C.STRING_OVERRUN}), frozenset({"framing"})),
+    (frozenset({C.AREA_CHANGED}), frozenset({"shifted"})),
+    (frozenset(one for one in Condition if one.name.startswith("TLS_")), frozenset({"tls-refused"})),
+    (
+        frozenset({
+            C.LENGTH_WRONG, C.LEN_OVER_DATA, C.CONNECT_IN_USE, C.BIND_FAILED, C.PORT_IN_USE, C.PORT_RESERVED,
+            C.WRONG_LOCAL_ADDRESS, C.REMOTE_WRONG, C.ID_WRONG, C.ID_OTHER, C.ID_BUILDING, C.TSAP_WRONG,
+            C.TYPE_WRONG, C.INTERFACE_WRONG, C.INTERFACE_BARE, C.NO_DESCRIPTION, C.DESCRIPTION_LENGTH,
+            C.PARAMETER_WRONG,
+            C.NEEDS_ADDR, C.OTHER_TRANSPORT, C.UDP_ACTIVE, C.NAME_EMPTY, C.NAME_NOT_FULL, C.TLS_REFERENCE,
+            C.TLS_DATAGRAMS,
+        }),
+        frozenset(_DESCRIPTION),
+    ),
+)  # fmt: skip
+
+
+class Symptom(NamedTuple):
+    """What an instance showed: `cause` is the row of cause_words.py where nothing explains it.
+
+    `ns`: when first, UTC. `condition`: that of an ERROR, with its STATUS in hex. `card`: sentences of the
+    STATUS card.
+    """
+
+    cause: str
+    instance: str
+    connect: str
+    text: str
+    scan: int
+    ns: int
+    confidence: float
+    condition: Condition | None = None
+    status: str = ""
+    card: tuple[str, ...] = ()
+    mend: tuple[Remedy, ...] = ()
+    is_of_session: bool = False  # the block knows what the handshake said: its remedy is the better one
+
+
+def causes_of(symptom: Symptom) -> frozenset[str]:
+    """Return the causes that explain a symptom where they are found on its line."""
+    if symptom.condition is None:
+        return LINK_CAUSES if symptom.cause == "not-connected" else FRAME_CAUSES | LINK_CAUSES
+    leading = {cause for cause, row in CAUSES.items() if symptom.condition in row.leads_to}
+    return frozenset(leading.union(*(causes for errors, causes in _EXPLAINED if symptom.condition in errors)))

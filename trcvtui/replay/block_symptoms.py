@@ -1,0 +1,189 @@
+"""What the blocks of a run showed that is not as it should be, found while it runs again.
+
+Rule: an ERROR counts where it stands at the end, or came again after all was well: the one 80C4 of a start is
+no fault.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.conditions import BUSY, DONE, Condition
+from trcvtui.blocks.environment import JobEnded, SendEnded
+from trcvtui.blocks.table import block_row
+from trcvtui.diagnosis.advice import advice_on
+from trcvtui.diagnosis.evidence import NOTHING_KNOWN, evidence_then
+from trcvtui.diagnosis.sign import Remedy
+from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS, Symptom
+from trcvtui.history.records import ScanStamp
+from trcvtui.net.events import BytesReceived
+from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.wording import SECOND, count, duration, times
+
+LINKED: Final = (BUSY | DONE | {Condition.CONNECTED, Condition.ESTABLISHED}) - {Condition.NOTHING_TO_RESET}
+BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
+UNCONNECTED_NS: Final = 10 * SECOND
+QUIET_NS: Final = SECOND  # a job with bytes waits so long at least, with one message ten times as long
+KEPT_PAUSES: Final = 64
+GOOD_JOBS: Final = 2
+RECENT_NS: Final = 10 * SECOND
+FACT: Final = 0.95
+
+
+@dataclass
+class _ErrorRecord:
+    """One ERROR of one instance; `good`: DONEs since it showed last."""
+
+    line: Line
+    edge: StatusEdge
+    last_ns: int
+    times: int = 0
+    good: int = 0
+    is_over: bool = False
+    has_recurred: bool = False
+
+
+def _last_ns(item: tuple[object, _ErrorRecord]) -> int:
+    return item[1].last_ns
+
+
+class BlockSymptoms:
+    """Takes the ledger of a run, line by line; `found` is asked at its end."""
+
+    def __init__(self, bench: Bench, wall_ns: int) -> None:
+        self._bench, self._wall_ns = bench, wall_ns
+        self._errors: dict[tuple[str, str], _ErrorRecord] = {}
+        self._linked_ns: dict[str, int] = {}  # when an instance was connected last, or asked for it
+        self._came: dict[str, deque[int]] = {}  # when bytes of each CONNECT came
+
+    def take(self, scan: int, t_ns: int, event: object) -> None:
+        match event:
+            case StatusEdge() if event.outputs.error and not event.cause.is_expected:
+                self._take_error(scan, t_ns, event)
+            case StatusEdge():
+                if event.condition in LINKED:
+                    self._linked_ns[event.instance] = t_ns
+                    self._end(event.instance, LINK_ERRORS)
+                if event.outputs.done:
+                    self._end(event.instance)
+            case JobEnded() | SendEnded() if event.done:
+                self._end(event.instance)
+            case InputEdge(instance, "CONT" | "REQ", value) if value:
+                self._linked_ns[instance] = t_ns
+            case BytesReceived(connection):
+                self._came.setdefault(connection, deque(maxlen=KEPT_PAUSES)).append(t_ns)
+
+    def _take_error(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
+        first = _ErrorRecord(Line(0, scan, t_ns, edge), edge, t_ns)
+        record = self._errors.setdefault((edge.instance, edge.condition), first)
+        record.has_recurred = record.has_recurred or record.is_over
+        record.times, record.last_ns, record.good, record.is_over = record.times + 1, t_ns, 0, False
+
+    def _end(self, instance: str, errors: frozenset[Condition] | None = None) -> None:
+        for (name, condition), record in self._errors.items():
+            if name == instance and (errors is None or condition in errors):
+                record.is_over, record.good = True, record.good + (errors is None)
+
+    def refuses_jobs(self, instance: str) -> bool:
+        """Return whether an instance refuses its jobs to the end, whatever the line does."""
+        return any(
+            name == instance and condition in REFUSED_JOBS and not record.is_over
+            for (name, condition), record in self._errors.items()
+        )
+
+    def found(self, is_running: bool) -> tuple[Symptom, ...]:
+        """Return the symptoms of the run, of one that goes on what is not over."""
+        snapshot = self._bench.runtime.snapshot()
+        found = [*self._standing_errors(is_running)]
+        named = {one.instance for one in found}
+        for shown in snapshot.instances:
+            if shown.name not in named:
+                found += [*self._unconnected(shown), *self._unfinished(shown)]
+        return tuple(found)
+
+    def _standing_errors(self, is_running: bool) -> Iterator[Symptom]:
+        newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_ns)}
+        for (name, _), record in self._errors.items():
+            is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
+            if record.is_over and (not record.has_recurred or (is_running and is_old)):
+                continue
+            if record is newest[name] or record.times > 1:  # else another ERROR took its place
+                yield self._symptom(record)
+
+    def _symptom(self, record: _ErrorRecord) -> Symptom:
+        bench, edge = self._bench, record.edge
+        name, scan, t_ns, word = (
+            edge.instance,
+            record.line.scan,
+            record.line.t_ns,
+            f"{edge.outputs.status:04X}",
+        )
+        row = bench.project.dialect.row(edge.outputs.status, edge.block)
+        then = ScanStamp(scan, t_ns)
+        card = advice_on(
+            evidence_then(record.line, edge, NOTHING_KNOWN, then, bench.project, bench.runtime.interval_ns)
+        )
+        checks = card.do or (row.checks_of(edge.block)[:2] if row is not None else ())
+        shown = bench.runtime.snapshot().instance(name)
+        stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
+        often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
+        return Symptom(
+            "block-error", name, self._connect_of(name),
+            f"{name} showed {word} {often}: {card.why}", scan,
+            self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
+            tuple([Remedy(text) for text in checks]), edge.cause.call == "session" and bool(card.do),
+        )  # fmt: skip
+
+    def _connect_of(self, name: str) -> str:
+        """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""
+        project = self._bench.project
+        decl = project.instance(name)
+        own = decl.connect if decl is not None else ""
+        source = next((each.source for each in project.combuffers if each.name == own), "")
+        feeds = project.instance(source)
+        return feeds.connect if feeds is not None else own
+
+    def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
+        """Yield that a connection was asked for and does not stand, where no ERROR says so."""
+        config = self._bench.project.connect(shown.connect)
+        is_stream = config is not None and not config.is_datagram
+        if shown.condition not in BUILDING or not shown.pin("CONT") or not is_stream:
+            return
+        now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
+        if now - since >= UNCONNECTED_NS:
+            text = f"{shown.name} has asked for a connection for {duration(now - since)}, and none stands"
+            scan = since // self._bench.runtime.interval_ns + 1
+            yield Symptom("not-connected", shown.name, shown.connect, text, scan, self._wall_ns + since, FACT)
+
+    def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
+        """Yield that a job holds bytes, and none came for longer than between two messages."""
+        last = shown.last_receive_ns
+        if not block_row(shown.block).receives or not 0 < shown.have < shown.need or last is None:
+            return
+        gaps = [b - a for a, b in pairwise(self._came.get(shown.connect, ()))]
+        pauses = [one for one in gaps if one > 2 * self._bench.runtime.interval_ns]
+        quiet, usual = self._bench.now - last, int(median(pauses)) if pauses else 0
+        if quiet < (max(QUIET_NS, 2 * usual) if pauses else 10 * QUIET_NS):
+            return
+        here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
+        text = f"{here}, and none came for {duration(quiet)}"
+        scan = last // self._bench.runtime.interval_ns + 1
+        sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
+        found = Symptom("job-waits", shown.name, shown.connect, text, scan, self._wall_ns + last, sure)
+        yield found._replace(mend=self._begin_anew(shown))
+
+    def _begin_anew(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
+        """Return COM_RST for a job that wants another length than the next one will."""
+        data = self._bench.project.data_decl(shown.data) if shown.data else None
+        wanted = shown.pin("LEN") or (data.size if data is not None else shown.need)
+        if wanted == shown.need or shown.pin("COM_RST") is None:
+            return ()
+        text = f"this job began before its length was changed to {wanted}: end it with COM_RST"
+        return (Remedy(text, f"pulse {shown.name} COM_RST"),)

@@ -202,3 +202,78 @@ def test_the_remedy_of_a_missing_cont_takes_the_finding_away(
     (mend,) = finding["mend"]
     assert mend["command"] == "set TRCV_C_1 CONT=1"
     assert main(["doctor", str(path), "--set", mend["set"]]) == 0
+
+
+SYMBOLIC = """
+dialect = "s7-1200"
+[[data]]
+name = "rx"
+type = "ARRAY[0..9] OF INT"
+optimized = true
+[[connect]]
+name = "C1"
+type = "TCON_IP_v4"
+ID = 1
+ConnectionType = 11
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+RemotePort = "@P1"
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+ADHOC = true
+[[peer]]
+name = "P1"
+active = false
+"""
+SELECTORS = """
+dialect = "s7-1500"
+[[data]]
+name = "rx"
+type = "ARRAY[0..9] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+LocalTSelector = "E0.02"
+RemoteTSelector = "E0.03"
+IsoPort = "@P1"
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+[[peer]]
+name = "P1"
+active = false
+iso = true
+local_tsap = "E0.0{}"
+remote_tsap = "E0.02"
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "status"),
+    [
+        (SYMBOLIC, "8088"),
+        (SYMBOLIC.replace("OF INT", "OF BYTE"), ""),
+        (SELECTORS.replace("{}", "7"), "80C5"),
+        (SELECTORS.replace("{}", "3"), ""),
+        (CALLS + "RemotePort = 2000\n" + INSTANCE, ""),  # its partner is not in the project
+    ],
+    ids=["a refused job", "DATA of bytes", "TSAPs that do not fit", "TSAPs that fit", "no partner here"],
+)
+def test_a_dry_run_of_three_seconds_finds_what_blocks_refuse(
+    text: str, status: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(text)
+    assert main(["doctor", str(path), "--format", "json"]) == bool(status)
+    (one,) = json.loads(capsys.readouterr().out)
+    assert [code for finding in one["findings"] for code in finding["status"]] == [status] * bool(status)
+    assert all(finding["mend"] for finding in one["findings"])

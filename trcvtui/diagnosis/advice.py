@@ -141,6 +141,7 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     *rows((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.wrong_length),
     *rows(Condition.AREA_CHANGED, job.must_stay),
+    *rows(Condition.DATA_SYMBOLIC, job.symbolic_data),
     *rows(Condition.MESSAGE_TOO_LONG, job.message_too_long),
     *rows((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.no_data),
     *rows(Condition.RESULT_WRONG, job.result_too_small),

@@ -192,16 +192,17 @@ def _judge_symptoms(
     ]
     connects = {trouble.instance: trouble.connect for trouble in known.troubles}
     rows += [(connects.get(row["where"]["instance"], ""), row) for row in told]
-    alone = [*told]
+    alone, lint = [*told], [(each, finding_row(None, each)) for each in known.lint]
     for one in known.symptoms:
         causes = causes_of(one)
         found = [row for connect, row in rows if row["cause"] in causes and connect in (None, one.connect)]
         if not found:  # what is wrong with the project shows without any traffic
-            lint = [
-                each for each in known.lint if each.cause in causes and each.said.instance == one.instance
+            found = [
+                row
+                for each, row in lint
+                if each.cause in causes and each.said.instance in (None, one.instance)
             ]
-            found = [finding_row(None, each) for each in lint]
-            alone += found
+            alone += [row for row in found if row not in alone]
         for row in found:
             row["explains"].append(one.text)
             if one.is_of_session:
@@ -299,9 +300,16 @@ def _verdict(
 
 
 def verdict_on_project(project: Project) -> Verdict:
+    """Return what is wrong with a project before it runs: by its text, and by a dry run of three seconds."""
+    from trcvtui.diagnosis.dry_run import refusals
     from trcvtui.diagnosis.lint import lint
 
-    return _verdict(str(project.path), None, lint(project, has_run=False), None)
+    known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=refusals(project))
+    shown = _judge_symptoms(known, [], [], [])
+    told = {(row["cause"], *row["evidence"]) for row in shown}
+    rows = [finding_row(None, one) for one in known.lint if (one.cause, *one.said.evidence) not in told]
+    made = _verdict(str(project.path), None, (), None)
+    return _with_findings(made, [*rows, *shown]) if rows or shown else made
 
 
 def _for_instance(mend: Remedy, instance: str) -> Remedy:

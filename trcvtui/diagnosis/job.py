@@ -300,6 +300,13 @@ def must_stay(e: Evidence) -> str:
     return f"{DO}keep {pin} as it is {held}"
 
 
+def symbolic_data(e: Evidence) -> str:
+    """Return what a symbolic DATA (of an optimized block) does not go together with."""
+    if e.cause.pin == "LEN":
+        return f"{DO}`set {e.instance} LEN=0`, or DATA in a block that is not optimized (`optimized = false`)"
+    return f"{DO}DATA as ARRAY OF BYTE or CHAR, or in a block that is not optimized (`optimized = false`)"
+
+
 def result_too_small(e: Evidence) -> str:
     if e.cause.have is None or e.cause.need is None:
         return ""

@@ -47,7 +47,8 @@ _EXPLAINED: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
     (frozenset(one for one in Condition if one.name.startswith("TLS_")), frozenset({"tls-refused"})),
     (
         frozenset({
-            C.LENGTH_WRONG, C.LEN_OVER_DATA, C.CONNECT_IN_USE, C.BIND_FAILED, C.PORT_IN_USE, C.PORT_RESERVED,
+            C.NO_SOCKET, C.LENGTH_WRONG, C.LEN_OVER_DATA, C.CONNECT_IN_USE, C.BIND_FAILED, C.PORT_IN_USE,
+            C.PORT_RESERVED,
             C.WRONG_LOCAL_ADDRESS, C.REMOTE_WRONG, C.ID_WRONG, C.ID_OTHER, C.ID_BUILDING, C.TSAP_WRONG,
             C.TYPE_WRONG, C.INTERFACE_WRONG, C.INTERFACE_BARE, C.NO_DESCRIPTION, C.DESCRIPTION_LENGTH,
             C.PARAMETER_WRONG,

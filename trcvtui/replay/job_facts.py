@@ -13,6 +13,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
+from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
@@ -25,7 +26,6 @@ from trcvtui.project.project import Project
 from trcvtui.recording.arrivals import ARRIVED
 from trcvtui.recording.journal import GAP, STEP, Answered, Entry
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.block_symptoms import BlockSymptoms
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf

@@ -1,0 +1,71 @@
+"""A project run for three seconds on the simulated network: what its blocks refuse before it really runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
+from trcvtui.commands.table import parse_script
+from trcvtui.commands.words import Set
+from trcvtui.diagnosis.block_symptoms import BlockSymptoms
+from trcvtui.diagnosis.symptoms import LINK_ERRORS, Symptom
+from trcvtui.wording import SECOND
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import Project
+
+LENGTH_NS: Final = 3 * SECOND
+CONNECTED_NS: Final = SECOND  # what can be connected is, and EN_R rises
+UNASKED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
+
+
+def refusals(project: Project) -> tuple[Symptom, ...]:
+    """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
+
+    An ERROR of the link counts where the partner is in the project: nothing else listens on this network.
+    """
+    bench = Bench(project, "sim")
+    symptoms, seq = BlockSymptoms(bench, 0), 0
+    try:
+        for step in parse_script(project.start, project, f"{project.path}: start"):
+            bench.do(step.command)
+        _raise(bench, "CONT", [each.name for each in project.instances])
+        alone = _only_receivers(project)
+        while bench.now < LENGTH_NS:
+            if alone and bench.now >= CONNECTED_NS:
+                _raise(bench, "EN_R", alone)
+                alone = []
+            bench.step()
+            news, seq = bench.runtime.ledger.stamped_since(seq), bench.runtime.ledger.last_seq
+            for scan, t_ns, event in news:
+                symptoms.take(scan, t_ns, event)
+        found = symptoms.found(is_running=False)
+    finally:
+        bench.close()
+    partners: set[object] = {each.end for each in project.peers}
+    return tuple([one for one in found if _counts(one, project, partners)])
+
+
+def _raise(bench: Bench, pin: str, names: list[str]) -> None:
+    for name in names:
+        shown = bench.runtime.snapshot().instance(name)
+        if shown is not None and pin in dict(shown.inputs):
+            bench.do(Set(name, ((pin, True),)))
+
+
+def _only_receivers(project: Project) -> list[str]:
+    """Return the receivers that have a CONNECT for themselves: of several a program may let one at a time."""
+    some = [each for each in project.instances if block_row(each.block).receives]
+    return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
+
+
+def _counts(one: Symptom, project: Project, partners: set[object]) -> bool:
+    if one.condition is None or one.condition in UNASKED:
+        return False
+    config = project.connect(one.connect)
+    has_partner = config is not None and (
+        f"@{config.name}" in partners or str(config.remote_port).startswith("@")
+    )
+    return one.condition not in LINK_ERRORS or has_partner

@@ -67,8 +67,9 @@ def _parsed_once(sheet: Stylesheet, css: str, *place: object, **told: object) ->
 
 @pytest.fixture(autouse=True)
 def styles_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep the parsed styles from test to test."""
+    """Keep the parsed styles from test to test; rules are hashed as Textual does, but not by Python code."""
     monkeypatch.setattr(Stylesheet, "_parse_rules", _parsed_once)
+    monkeypatch.setattr(RuleSet, "__hash__", object.__hash__)
 
 
 async def _wait_for_the_busy(pilot: Any, timeout: float = 240.0) -> bool:

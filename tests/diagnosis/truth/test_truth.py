@@ -29,9 +29,10 @@ from tests.diagnosis.truth.runs import CANNOT, Case, ask, judge, run, sizes
 from tests.scenario.scenarios import CONFIGS
 
 
-def test_of_sixty_random_questions_none_is_answered_wrong_without_a_word(tmp_path: Path) -> None:
-    found, every = [], 1 if "TRCVTUI_SOAK" in os.environ else 3
-    for number, case in list(enumerate(cases()))[::every]:
+def test_of_random_questions_none_is_answered_wrong_without_a_word(tmp_path: Path) -> None:
+    # A third of them with the one whose answer is wrong and says that it is a guess: 41.
+    found, (first, every) = [], (0, 1) if "TRCVTUI_SOAK" in os.environ else (2, 3)
+    for number, case in list(enumerate(cases()))[first::every]:
         verdict = judge(case, tmp_path / f"{number}")
         question = case.sets[0] if case.sets else case.dialect
         found.append((verdict.word, f"{number:2} {case.kind:9} {question:35} {verdict}"))

@@ -144,7 +144,7 @@ _render_update = Compositor.render_update
 
 
 def _render_what_is_kept(compositor: Compositor, full: bool = False, **asked: Any) -> Any:
-    """Paint screenshots alone; a picture that a test asks for (`screen_text`) shows the screens below, too."""
+    """Paint screenshots alone; a picture that a test asks for (`screen_text`) shows the screens below too."""
     if full:
         return _render_update(compositor, full, **asked)
     visible_screen_stack.set(asked["screen_stack"])

@@ -137,7 +137,7 @@ def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "wait_for_idle", _wait_until_nothing_is_left)
 
 
-PAINTED = ("test_snapshots", "test_edges", "test_hostile_bytes", "test_flood", "test_stories")
+PAINTED = ("test_snapshots", "test_edges", "test_hostile_bytes", "test_doctor_card", "test_flood", "test_stories")
 
 
 _render_update = Compositor.render_update

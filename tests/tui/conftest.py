@@ -137,7 +137,7 @@ def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "wait_for_idle", _wait_until_nothing_is_left)
 
 
-PAINTED = ("test_snapshots", "test_edges", "test_hostile_bytes", "test_doctor_card", "test_flood", "test_stories")
+PAINTED = ("snapshots", "edges", "hostile_bytes", "doctor_card", "flood", "stories")
 
 
 _render_update = Compositor.render_update
@@ -155,7 +155,7 @@ def _render_what_is_kept(compositor: Compositor, full: bool = False, **asked: An
 @pytest.fixture(autouse=True)
 def pictures_when_asked_for(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Paint what a test reads: the headless terminal throws its pictures away."""
-    if request.path.stem not in PAINTED:
+    if request.path.stem.removeprefix("test_") not in PAINTED:
         monkeypatch.setattr(Compositor, "render_update", _render_what_is_kept)
 
 

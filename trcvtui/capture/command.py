@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import heappop, heappush
-from typing import Any, Final
+from ipaddress import ip_address
+from typing import Any, Final, NamedTuple
 
+from trcvtui.capture.hosts import MOST_PACKETS, AskedInVain, HeardNote, IcmpNote
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
 from trcvtui.capture.plc_end import (
     NOTHING_KNOWN,
@@ -19,10 +21,21 @@ from trcvtui.capture.plc_end import (
 from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
-from trcvtui.wording import json_text
+from trcvtui.wording import json_text, times
 
+MOST_FACTS: Final = 32  # of hosts, that are listed
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
 WIDTH: Final = 80  # columns of text
+
+
+class HostFact(NamedTuple):
+    """What ARP or ICMP says of hosts, and of no conversation."""
+
+    protocol: str
+    kind: str
+    ns: int
+    text: str
+    packets: tuple[int, ...]
 
 
 def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
@@ -92,12 +105,24 @@ def conversations_of(
     if troubles and not found.packets:
         raise UserError(troubles)
     rows = (conversation_row(found, one, given, known or NOTHING_KNOWN) for one in found.all)
-    yield from _as_json(rows) if form == "json" else _as_table(rows)
-    for line in capture_notes(found, troubles):
+    facts = host_facts(found)
+    if form == "json":
+        told = [
+            fact._asdict() | {"id": None, "t_s": (fact.ns - (found.first_ns or 0)) / 1e9} for fact in facts
+        ]
+        yield from _as_json((*rows, *told))
+    else:
+        yield from _as_table(rows)
+        yield from ["beside the conversations"] * bool(facts)
+        yield from (f"    {fact.protocol}: {fact.text}" for fact in facts)
+    for line in capture_notes(found, troubles, with_hosts=False):
         sys.stderr.write(line + "\n")
 
 
-def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
+def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
+    """Yield what is to be said of a capture as a whole; `with_hosts`: also what ARP and ICMP say."""
+    if with_hosts:
+        yield from (f"{fact.protocol}: {fact.text}" for fact in host_facts(found))
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     for why, count in found.not_read.items():
@@ -136,6 +161,35 @@ def conversation_row(
     }
 
 
+def host_facts(found: Conversations) -> list[HostFact]:
+    """Return what ARP and ICMP say that belongs to no conversation: the first of each kind."""
+    hosts = found.hosts
+    facts = [
+        *(HostFact("arp", "no-such-host", one.ns, one.text, one.packets) for one in vain_of(found)),
+        *(HostFact("arp", "duplicate-ip", one.ns, one.text, one.packets) for one in hosts.doubled()),
+    ]
+    same: dict[str, list[HeardNote]] = {}
+    for heard in hosts.icmps:
+        same.setdefault(f"{heard.note.text}, for {ends_text(heard.note)}", []).append(heard)
+    for text, notes in same.items():
+        packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
+        facts.append(HostFact("icmp", "unreachable", notes[0].ns, f"{text}, {times(len(notes))}", packets))
+    return sorted(facts, key=lambda fact: fact.ns)[:MOST_FACTS]
+
+
+def vain_of(found: Conversations) -> list[AskedInVain]:
+    """Return which addresses ARP asked for in vain, to the end of the capture."""
+    return [*found.hosts.asked_in_vain(found.heard_ns)]
+
+
+def ends_text(note: IcmpNote) -> str:
+    """Return of which packet ICMP speaks, as `10.0.0.5:4000 -> 10.0.0.9:2000`."""
+    if not note.ports:
+        return f"{ip_address(note.source)} -> {ip_address(note.target)}"
+    source, target = int.from_bytes(note.ports[:2], "big"), int.from_bytes(note.ports[2:], "big")
+    return f"{address_text((note.source, source))} -> {address_text((note.target, target))}"
+
+
 def _counts(direction: WireDirection) -> dict[str, int | None]:
     return {
         "bytes": direction.bytes,
@@ -146,7 +200,7 @@ def _counts(direction: WireDirection) -> dict[str, int | None]:
     }
 
 
-def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
+def _as_json(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
     before = "["
     for row in rows:
         yield before + json_text(row)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -22,6 +23,9 @@ _AUTHENTICATION: Final = 51
 _IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").unpack_from
 _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
 _PORTS: Final = struct.Struct(">HH").unpack_from
+_BLOCK: Final = struct.Struct(">II").unpack_from
+_SCALE: Final = 3  # options of TCP
+SACK: Final = 5
 
 
 class SkippedPacket(Enum):
@@ -113,20 +117,22 @@ class Fragments:
         return whole, len(pieces.content)
 
 
-def ip_start(link_type: int, data: bytes) -> int:
-    """Return where the IP header begins; -1 for a packet without one."""
+def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
+    """Return where the IP header begins, or what else has one of these types; -1 for a packet without one."""
     if link_type == pcap.ETHERNET:
         kind_at = 12
     elif link_type == pcap.LINUX_SLL:
         kind_at = 14
     elif link_type == pcap.LINUX_SLL2:
-        return _past_vlans(data, 20) if data[:2] in _VLAN_TYPES else 20 if data[:2] in _IP_TYPES else -1
+        return _past_vlans(data, 20, types) if data[:2] in _VLAN_TYPES else 20 if data[:2] in types else -1
     elif link_type in _IP_ALONE:
         return 0
     else:
         return 4 if link_type in (pcap.NULL, pcap.LOOP) else -1
     kind = data[kind_at : kind_at + 2]
-    return kind_at + 2 if kind in _IP_TYPES else _past_vlans(data, kind_at + 2) if kind in _VLAN_TYPES else -1
+    if kind in types:
+        return kind_at + 2
+    return _past_vlans(data, kind_at + 2, types) if kind in _VLAN_TYPES else -1
 
 
 def ip_number(link_type: int, data: bytes) -> int:
@@ -135,12 +141,12 @@ def ip_number(link_type: int, data: bytes) -> int:
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
 
-def _past_vlans(data: bytes, at: int) -> int:
+def _past_vlans(data: bytes, at: int, types: tuple[bytes, ...]) -> int:
     while True:
         kind = data[at + 2 : at + 4]
         at += 4
         if kind not in _VLAN_TYPES:
-            return at if kind in _IP_TYPES else -1
+            return at if kind in types else -1
 
 
 def carried_by(link_type: int, data: bytes, length: int) -> IpPayload | Fragment | SkippedPacket:
@@ -225,3 +231,22 @@ def macs_of(link_type: int, data: bytes) -> tuple[bytes, bytes]:
     if link_type == pcap.LINUX_SLL:
         return (data[6:12], b"") if data[4:6] == b"\0\x06" else (b"", b"")
     return (data[12:18], b"") if link_type == pcap.LINUX_SLL2 and data[11:12] == b"\x06" else (b"", b"")
+
+
+def _tcp_options(options: bytes) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 2 < len(options) and options[at]:
+        size = 1 if options[at] == 1 else max(options[at + 1], 2)
+        yield options[at], options[at + 2 : at + size]
+        at += size
+
+
+def scale_of(options: bytes) -> int:
+    """Return by how many bits the windows are moved that the sender of a SYN tells."""
+    return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE and body), 0)
+
+
+def sack_blocks(options: bytes) -> list[tuple[int, int]]:
+    """Return the sequence numbers from and to which the receiver has bytes behind a hole."""
+    blocks = [body for kind, body in _tcp_options(options) if kind == SACK]
+    return [_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]

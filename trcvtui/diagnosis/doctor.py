@@ -152,7 +152,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
         word = NOTHING if known is None else HEALTHY_WORD
         verdicts.append({**_verdict(path, None, (), None), "verdict": word})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
-    return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
+    return verdicts, [*capture_notes(facts.found, list(facts.troubles), with_hosts=False)], hours
 
 
 def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:

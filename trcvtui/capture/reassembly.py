@@ -87,6 +87,7 @@ class SegmentKind(Enum):
     EARLY = "early"
     LATE = "late"
     LINE_ERROR = "line error"
+    CHALLENGE = "challenge ACK"
 
 
 class ConversationEvent(NamedTuple):
@@ -433,6 +434,9 @@ class Conversations:
             direction.copies += 1
             return
         self._pass_time(ns, direction)
+        if flags & 0x17 == _ACK and not size and _is_challenge(direction, ack):
+            self._tell(ns, direction, SegmentKind.CHALLENGE)
+            return
         if flags & _SYN:
             direction.scale = scale_of(packet.data[at + 20 : begin])
             self._synchronise(ns, direction, seq, flags)
@@ -553,8 +557,10 @@ class Conversations:
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            is_refused = not conversation.is_established and conversation.end == ("rst", direction.other)
-            conversation.end = None if is_refused else conversation.end  # some stacks call again, as before
+            end = conversation.end if not conversation.is_established else None
+            is_refused = end == ("rst", direction.other)
+            # Some stacks call again, as before; also after an RST of their own at an old connection.
+            conversation.end = None if end is not None and end[0] == "rst" else conversation.end
             self._tell(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
@@ -797,3 +803,10 @@ def _see_sack(said: WireDirection, options: bytes) -> None:
     for begin, end in sack_blocks(options):
         if begin in said.sacked or len(said.sacked) < MOST_SACKED:
             said.sacked[begin] = end
+
+
+def _is_challenge(direction: WireDirection, ack: int) -> bool:
+    """Return whether an ACK that answers a SYN is one of an older connection (RFC 5961)."""
+    caller = direction.other
+    is_first = direction.syn is None and caller.syn is not None and not direction.conversation.is_established
+    return is_first and not caller.segments and not direction.segments and ack != caller.next

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
 from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
+from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, mtu, no_way_by_icmp, refused_by_icmp
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -85,6 +86,27 @@ class EndsGroup:
         return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
 
     @cached_property
+    def half_open(self) -> Mapping[LineFacts, LineFacts]:
+        """Return the connections whose caller has started anew, each with the first call after that."""
+        stood: dict[tuple[bytes, int], LineFacts] = {}
+        found: dict[LineFacts, LineFacts] = {}
+        for number, line in enumerate(self.lines):
+            old = stood.get(line.caller_end)
+            if (
+                old is not None
+                and old.end is None
+                and line.has_begin
+                and _answers_for(old, line, self.lines[number:])
+            ):
+                found[old] = line
+            if line.is_built:
+                stood[line.caller_end] = line
+        for one in self.ended:
+            new = next((each for each in self.lines[-MOST_AROUND:] if _knows_no_more(one, each)), None)
+            found |= {one: new} if new is not None else {}
+        return found
+
+    @cached_property
     def goes_on(self) -> bool:
         return any(one.is_built and one.end is None and len(one.messages) >= FEW for one in self.lines)
 
@@ -116,6 +138,25 @@ class EndsGroup:
         """Return how long connections stood, and after what time the next one was built."""
         life = int(median(one.lasted_ns for one in self.ended))
         return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
+
+
+def _answers_for(old: LineFacts, new: LineFacts, later: Sequence[LineFacts]) -> bool:
+    """Return whether a SYN is answered by a connection that stands at the same two ends."""
+    if new.listener.challenges:
+        return True
+    is_built = any(one.is_built and one.first_ns - new.first_ns < NEW_NS for one in later[1:MOST_AROUND])
+    return new.listener.reset is not None and not new.is_built and is_built and old.last_ns <= new.first_ns
+
+
+def _knows_no_more(old: LineFacts, new: LineFacts) -> bool:
+    """Return whether a caller resets its old connection, when it is spoken to, after it has called anew."""
+    end, listener = old.end, old.listener
+    is_silent = not old.caller.writes or old.caller.writes[-1].ns < new.first_ns
+    if end is None or end.kind != "rst" or end.by_plc != bool(old.plc_calls) or end.is_ours or not is_silent:
+        return False
+    is_between = old.first_ns < new.first_ns < end.ns and new.is_built and new.has_begin
+    spoken = listener.writes[-1].ns if listener.writes else 0
+    return is_between and new.first_ns < spoken <= end.ns < spoken + NEW_NS // 20
 
 
 class LineCase(NamedTuple):
@@ -169,8 +210,13 @@ def _is_tcp(case: LineCase) -> bool:
 def _refused(case: LineCase) -> Sign | None:
     line = case.line
     reset = line.listener.reset
+    by_icmp = refused_by_icmp(line, case.receivers)
+    if by_icmp is not None:
+        return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
+    if line in case.group.half_open.values():
+        return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
     return Sign(
@@ -203,6 +249,9 @@ def _turned_away(case: LineCase) -> Sign | None:
 
 def _filtered(case: LineCase) -> Sign | None:
     line, syns = case.line, case.line.caller.syns
+    by_icmp = no_way_by_icmp(line, case.receivers)
+    if by_icmp is not None:
+        return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
         return None
     if line.listener.segments or line.listener.acks or line.caller.segments:
@@ -325,7 +374,7 @@ def _storm(case: LineCase) -> Sign | None:
         return None
     if case.receiver is None and case.group.ordinary * 2 >= len(ended):
         return None  # short sessions that their caller ended
-    if case.group.harmful * 2 <= len(ended):
+    if case.group.harmful * 2 <= len(ended) or len(case.group.half_open) * 2 >= len(built):
         return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
@@ -362,6 +411,8 @@ def _resets(case: LineCase) -> Sign | None:
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None):
         return said(0.0, "it was asked for here", is_remark=True)
+    if (line.from_plc if end.by_plc else line.to_plc).probes_open:
+        return said(0.0, "its keep-alive probe had no answer: it gave the connection up", is_remark=True)
     if not line.has_harm_at(end.ns):
         return said(0.0, "no block lost anything by it", is_remark=True)
     part = _part_of_job(line, case.receiver) or _part_of_message(line)
@@ -449,17 +500,50 @@ def _dead_link(case: LineCase) -> Sign | None:
         texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
+        texts += [_GONE] * bool(line.gone)
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Sign(sure, tuple(texts), way=way, at=at) if sure else None
-    for said in (line.from_plc, line.to_plc):
+    return _probed_in_vain(line)
+
+
+def _probed_in_vain(line: LineFacts) -> Sign | None:
+    for said, who, way in (
+        (line.from_plc, "the PLC end", "from-plc"),
+        (line.to_plc, "the partner", "to-plc"),
+    ):
+        if not line.is_wire:
+            break
+        gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == (way == "from-plc")
+        n, since = said.probes_open, said.probes_since
+        if n >= (2 if gives_up or line.gone else 3):
+            texts = [f"the last {n} keep-alive probes of {who} have no answer"]
+            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * bool(line.gone)
+            return Sign(0.92, tuple(texts), way=way, at=since)
+        if n and line.last_ns - since.ns >= SECOND:
+            text = f"the last keep-alive probe of {who} has no answer in {duration(line.last_ns - since.ns)}"
+            return Sign(0.0, (text,), way=way, at=since, is_remark=True)
         lacking = said.keep_alives - said.keep_alives_answered
-        if line.is_wire and lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
-            who = "the PLC end" if said is line.from_plc else "the partner"
-            way = "from-plc" if said is line.from_plc else "to-plc"
+        if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
             return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
     return None
+
+
+def _half_open(case: LineCase) -> Sign | None:
+    line, new = case.line, case.group.half_open.get(case.line)
+    if new is None:
+        return None
+    who = "the PLC end" if line.plc_calls else "the partner"
+    texts = [f"{who} calls anew after {duration(new.first_ns - line.last_ns)}, and its old connection stands"]
+    if new.caller_end == line.caller_end:
+        texts.append("the other end answers for the old connection, and the caller does not know it any more")
+    else:
+        texts = [f"{who} calls anew, and answers with RST what the other end says on its old connection"]
+    at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
+    way = "from-plc" if line.plc_calls else "to-plc"
+    sure = 0.95 if new.listener.challenges else 0.85
+    return Sign(sure, tuple(texts), way=way, at=at, is_fact=bool(new.listener.challenges))
 
 
 def _no_keep_alive(case: LineCase) -> Sign | None:
@@ -705,12 +789,14 @@ def _without_receiver(
 
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
-LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
+LOSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
+_GONE: Final = "ARP asks for the other end in vain: it is off, or its cable is out"
 _REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
+    CauseRule("duplicate-ip", lambda case: double_address(case.line)),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("turned-away", _turned_away, ("address", "second-client")),
@@ -719,10 +805,17 @@ RULES: Final = (
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
     CauseRule("line-errors", lambda case: line_errors(case.line)),
     CauseRule("closes-each-message", _closes, _REFUSED),
-    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message"), blind=_NO_TIMES),
-    CauseRule("no-keep-alive", _no_keep_alive, blind=_NO_WAY_BACK),
-    CauseRule("dead-link", _dead_link, ("no-keep-alive",), blind=_NO_WAY_BACK),
-    CauseRule("resets", _resets, (*_REFUSED, *LOSES, "no-keep-alive"), (*_READ_WRONG, "reconnect-storm")),
+    CauseRule("half-open", _half_open, blind=_NO_TIMES),
+    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES),
+    CauseRule("no-keep-alive", _no_keep_alive, ("half-open",), blind=_NO_WAY_BACK),
+    CauseRule("mtu", lambda case: mtu(case.line), blind=_NO_TIMES),
+    CauseRule("dead-link", _dead_link, ("no-keep-alive", "half-open", "mtu"), blind=_NO_WAY_BACK),
+    CauseRule(
+        "resets",
+        _resets,
+        (*_REFUSED, *LOSES, "no-keep-alive", "half-open"),
+        (*_READ_WRONG, "reconnect-storm"),
+    ),
     CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
     CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
     CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
@@ -745,6 +838,8 @@ def verdict_of(case: LineCase) -> LineVerdict:
         return {cause: said for cause, said in told.items() if said is not None}
 
     by_cause = judge(case.receiver)
+    if "duplicate-ip" in by_cause:
+        by_cause = {cause: said for cause, said in by_cause.items() if cause not in OF_DOUBLE}
     remarks = [
         LineFinding(cause, 0.0, by_cause.pop(cause), ())
         for cause in tuple(by_cause)

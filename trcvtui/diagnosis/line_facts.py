@@ -14,7 +14,8 @@ from ipaddress import ip_address
 from math import log
 from typing import Final, NamedTuple
 
-from trcvtui.capture.command import take_captures
+from trcvtui.capture.command import take_captures, vain_of
+from trcvtui.capture.hosts import AskedInVain, DoubleAddress
 from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
 from trcvtui.capture.quality import Quality, qualities_of
@@ -141,6 +142,15 @@ class DirectionFacts:
     acks: int = 0
     keep_alives: int = 0
     keep_alives_answered: int = 0
+    probes_open: int = 0  # since the other end was heard
+    probes_since: SegmentFacts = NOWHERE
+    challenges: int = 0  # ACKs of an old connection, in answer to a SYN
+    again: SegmentFacts = NOWHERE  # what is said again, and how often so far; `stuck`: most often
+    again_often: int = 0
+    stuck: SegmentFacts = NOWHERE
+    stuck_often: int = 0
+    sacked: tuple[tuple[int, int], ...] = ()  # bytes from and to, that the other end has behind a hole
+    acked_at: int = 0  # up to which byte the other end has all
     slow: list[LateAck] = field(default_factory=list)
     late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
     last_ns: int = 0
@@ -204,6 +214,9 @@ class LineFacts:
         self.established_ns = talk.established_ns
         self.answered_ns = talk.answered_ns
         self.idles = talk.idles
+        self.undelivered = conversation.undelivered
+        self.doubled: tuple[DoubleAddress, ...] = ()  # addresses of its ends that two devices have
+        self.gone: frozenset[bytes] = frozenset()  # ends that ARP asks for in vain at last
         listener = conversation.listener
         self.plc_calls = None if listener is None else listener is not guess.says
         self.end: WireEnd | None = None
@@ -224,6 +237,10 @@ class LineFacts:
     @property
     def caller(self) -> DirectionFacts:
         return self.from_plc if self.plc_calls else self.to_plc
+
+    @property
+    def caller_end(self) -> tuple[bytes, int]:
+        return self.plc_end if self.plc_calls else self.partner_end
 
     @property
     def listener(self) -> DirectionFacts:
@@ -283,6 +300,8 @@ class CaptureFacts(NamedTuple):
     found: Conversations
     troubles: tuple[Problem, ...]
     last_ns: int
+    vain: tuple[AskedInVain, ...] = ()
+    doubled: tuple[DoubleAddress, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -322,6 +341,7 @@ class _Collector:
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
+            other.probes_open = 0
             if other.resent_since_heard:
                 _heard(other, ns)
 
@@ -373,6 +393,8 @@ class _Collector:
                 talk.answered_ns = talk.answered_ns or at.ns
             case SegmentKind.ESTABLISHED:
                 talk.established_ns = talk.established_ns or at.ns
+            case SegmentKind.CHALLENGE:
+                own.challenges += 1
             case SegmentKind.FIN:
                 own.ended = own.ended or at
             case SegmentKind.RST:
@@ -381,6 +403,8 @@ class _Collector:
                 own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
             case SegmentKind.KEEP_ALIVE:
                 own.keep_alives += 1
+                own.probes_open += 1
+                own.probes_since = at if own.probes_open == 1 else own.probes_since
             case SegmentKind.KEEP_ALIVE_ACK:
                 other.keep_alives_answered += 1
             case SegmentKind.ZERO_WINDOW if len(own.closed) < MOST_MOMENTS:
@@ -405,6 +429,10 @@ class _Collector:
                 own.spurious += 1
                 own.mark(at, "spurious")
             return
+        is_same = (own.again.at, own.again.size) == (at.at, at.size)
+        own.again, own.again_often = at, own.again_often + 1 if is_same else 1
+        if own.again_often > own.stuck_often:
+            own.stuck, own.stuck_often = at, own.again_often
         own.longest_wait_ns = max(own.longest_wait_ns, wait)
         own.resent += 1
         own.resent_since_heard += 1
@@ -470,7 +498,8 @@ def facts_of(
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_Talk(found.all[len(collector.talks)]))
-    lines = []
+    lines, vain, doubled = [], tuple(vain_of(found)), tuple(found.hosts.doubled())
+    gone = frozenset(one.target for one in vain)
     for talk in collector.talks:
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
@@ -481,16 +510,26 @@ def facts_of(
             left = (direction.next - direction.acked) & 0xFFFFFFFF
             _heard(facts, None)
             facts.unacked = left if left < MOST_JUMP and direction.has_base else 0
+            facts.acked_at = direction.position - facts.unacked
+            base = direction.position, direction.next
+            facts.sacked = tuple([(_byte(a, *base), _byte(b, *base)) for a, b in direction.sacked.items()])
             facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
         lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
         lines[-1].connect = known.connect_of(guess.says) if known.connects else None
+        ends = {lines[-1].plc_end[0], lines[-1].partner_end[0]}
+        lines[-1].doubled = tuple([one for one in doubled if one.address in ends])
+        lines[-1].gone = gone & ends
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)
     if not is_recording and any(line.is_wire for line in lines):
         for line in lines:
             line.is_wire = True
-    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns)
+    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, vain, doubled)
+
+
+def _byte(seq: int, position: int, following: int) -> int:
+    return position + distance(seq, following)
 
 
 # -- messages ------------------------------------------------------------------------------------------------

@@ -800,7 +800,7 @@ RULES: Final = (
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("turned-away", _turned_away, ("address", "second-client")),
-    CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
+    CauseRule("filtered", _filtered, ("address", "second-client", "refused"), blind=_NO_TIMES),
     CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
     CauseRule("line-errors", lambda case: line_errors(case.line)),

@@ -183,7 +183,14 @@ def _judge_hosts(
             for line, made in rows[:1]:
                 made["remarks"].append({**_remark_row(line, found), "filter": CAUSES[one.cause].filter})
             continue
-        words = next((each.words for each in asked.receivers if each.partner_address in one.ends), {})
+        words = next(
+            (
+                each.words
+                for each in asked.receivers
+                if {each.own_address, each.partner_address} & {*one.ends}
+            ),
+            {},
+        )
         row = finding_row(None, found, words)
         row["t_s"] = 0.0 if one.said.at is None else (one.said.at.ns - (facts.found.first_ns or 0)) / 1e9
         row["filter"] = CAUSES[one.cause].filter

@@ -50,11 +50,11 @@ def _way_of(line: LineFacts, heard: HeardNote) -> str:
 
 def is_service(line: LineFacts) -> bool:
     """Return whether datagrams are those of any network: to all hosts, or of a service."""
-    ports = {line.plc_end[1], line.partner_end[1]}
-    to_all = any(
-        ip_address(end).is_multicast or end[-1:] == b"\xff" for end, _ in (line.plc_end, line.partner_end)
-    )
-    return line.protocol == "udp" and (to_all or min(ports) <= MOST_KNOWN_PORT or bool(ports & _SERVICES))
+    ends = line.plc_end, line.partner_end
+    if line.protocol != "udp":
+        return False
+    is_known = min(port for _, port in ends) <= MOST_KNOWN_PORT or any(port in _SERVICES for _, port in ends)
+    return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
 
 
 def _no_way(line: LineFacts, some: list[HeardNote], *texts: str) -> Sign:

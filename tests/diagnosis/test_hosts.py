@@ -122,6 +122,8 @@ NO_FAULT: dict[str, Callable[[], Net]] = {
     "an address is looked at (RFC 5227)": lambda: Net().put(*[arp(1, A, "0.0.0.0", PARTNER)] * 5),
     "announcements": lambda: Net().put(*[arp(1, A, PLC, PLC)] * 5),
     "a scan of a network": lambda: Net().put(*[arp(1, A, PLC, f"10.0.0.{n}") for n in range(20, 90)], every=0.1),
+    "a scan that insists": lambda: Net().put(
+        *[arp(1, A, PLC, f"10.0.0.{20 + n % 20}") for n in range(100)], every=0.1),
     "VRRP": lambda: Net().put(*[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x5e\0\1\7", B, b"\0\0\x5e\0\1\7")]),
     "HSRP": lambda: Net().put(*[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x0c\x07\xac\1", B, C[:0] + B)]),
     "a proxy": lambda: Net().put(*[arp(2, C, f"10.0.0.{n}", PLC) for n in (7, 8, 9)], arp(2, B, PARTNER, PLC)),
@@ -499,8 +501,8 @@ def test_conversations_lists_below_the_others_what_belongs_to_none(
     assert [line.split()[0] for line in below] == ["arp:", "icmp:", "arp:"] and text.startswith("ID")
     assert main(["conversations", str(path), "--format", "json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert [(row["id"], row.get("kind")) for row in rows] == [
-        ("C1", None), (None, "no-such-host"), (None, "unreachable"), (None, "duplicate-ip"),
+    assert [(row["id"], row.get("cause")) for row in rows] == [
+        ("C1", None), (None, "no-such-host"), (None, "undelivered"), (None, "duplicate-ip"),
     ]  # fmt: skip
 
 

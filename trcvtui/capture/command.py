@@ -5,10 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from heapq import heappop, heappush
-from ipaddress import ip_address
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-from trcvtui.capture.hosts import MOST_PACKETS, AskedInVain, HeardNote, IcmpNote
+from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
 from trcvtui.capture.plc_end import (
     NOTHING_KNOWN,
@@ -21,21 +20,10 @@ from trcvtui.capture.plc_end import (
 from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
-from trcvtui.wording import json_text, times
+from trcvtui.wording import json_text
 
-MOST_FACTS: Final = 32  # of hosts, that are listed
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
 WIDTH: Final = 80  # columns of text
-
-
-class HostFact(NamedTuple):
-    """What ARP or ICMP says of hosts, and of no conversation."""
-
-    protocol: str
-    kind: str
-    ns: int
-    text: str
-    packets: tuple[int, ...]
 
 
 def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
@@ -105,16 +93,13 @@ def conversations_of(
     if troubles and not found.packets:
         raise UserError(troubles)
     rows = (conversation_row(found, one, given, known or NOTHING_KNOWN) for one in found.all)
-    facts = host_facts(found)
     if form == "json":
-        told = [
-            fact._asdict() | {"id": None, "t_s": (fact.ns - (found.first_ns or 0)) / 1e9} for fact in facts
-        ]
-        yield from _as_json((*rows, *told))
+        yield from _as_json((*rows, *(_fact_row(one, found.first_ns or 0) for one in found.host_facts())))
     else:
         yield from _as_table(rows)
-        yield from ["beside the conversations"] * bool(facts)
-        yield from (f"    {fact.protocol}: {fact.text}" for fact in facts)
+        for number, fact in enumerate(found.host_facts()):
+            yield from ["beside the conversations"] * (not number)
+            yield f"    {fact.line}"
     for line in capture_notes(found, troubles, with_hosts=False):
         sys.stderr.write(line + "\n")
 
@@ -122,7 +107,7 @@ def conversations_of(
 def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
     """Yield what is to be said of a capture as a whole; `with_hosts`: also what ARP and ICMP say."""
     if with_hosts:
-        yield from (f"{fact.protocol}: {fact.text}" for fact in host_facts(found))
+        yield from (fact.line for fact in found.host_facts())
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     for why, count in found.not_read.items():
@@ -161,33 +146,11 @@ def conversation_row(
     }
 
 
-def host_facts(found: Conversations) -> list[HostFact]:
-    """Return what ARP and ICMP say that belongs to no conversation: the first of each kind."""
-    hosts = found.hosts
-    facts = [
-        *(HostFact("arp", "no-such-host", one.ns, one.text, one.packets) for one in vain_of(found)),
-        *(HostFact("arp", "duplicate-ip", one.ns, one.text, one.packets) for one in hosts.doubled()),
-    ]
-    same: dict[str, list[HeardNote]] = {}
-    for heard in hosts.icmps:
-        same.setdefault(f"{heard.note.text}, for {ends_text(heard.note)}", []).append(heard)
-    for text, notes in same.items():
-        packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
-        facts.append(HostFact("icmp", "unreachable", notes[0].ns, f"{text}, {times(len(notes))}", packets))
-    return sorted(facts, key=lambda fact: fact.ns)[:MOST_FACTS]
-
-
-def vain_of(found: Conversations) -> list[AskedInVain]:
-    """Return which addresses ARP asked for in vain, to the end of the capture."""
-    return [*found.hosts.asked_in_vain(found.heard_ns)]
-
-
-def ends_text(note: IcmpNote) -> str:
-    """Return of which packet ICMP speaks, as `10.0.0.5:4000 -> 10.0.0.9:2000`."""
-    if not note.ports:
-        return f"{ip_address(note.source)} -> {ip_address(note.target)}"
-    source, target = int.from_bytes(note.ports[:2], "big"), int.from_bytes(note.ports[2:], "big")
-    return f"{address_text((note.source, source))} -> {address_text((note.target, target))}"
+def _fact_row(fact: HostFact, first_ns: int) -> dict[str, Any]:
+    return {
+        "id": None, "cause": fact.cause, "t_s": (fact.ns - first_ns) / 1e9, "text": fact.text,
+        "packets": fact.packets,
+    }  # fmt: skip
 
 
 def _counts(direction: WireDirection) -> dict[str, int | None]:

@@ -6,7 +6,7 @@ Rule 2: what is kept is bounded, whatever comes; the oldest goes first.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -26,6 +26,8 @@ AGAIN_NS: Final = SECOND // 2  # a copy of a mirror port comes sooner
 QUICK_NS: Final = 5 * SECOND  # between two requests for one address, of QUICK in vain
 SLOW_NS: Final = 30 * SECOND  # the same, of SLOW
 QUICK, SLOW = 3, 6
+SCAN: Final = 16  # hosts that one asks for in vain: it looks who is there
+NOT_THERE: Final = "undelivered"  # a packet of no conversation
 MEET_NS: Final = 60 * SECOND  # two devices with one address show so soon; an exchange takes longer
 AT_ONCE_NS: Final = 5 * SECOND  # an exchange is never so quick
 TURNS: Final = 3  # changes of the owner, within TURNS_NS, are no exchange either
@@ -52,8 +54,9 @@ class ArpNote(NamedTuple):
 class IcmpNote(NamedTuple):
     """A host says that a packet did not get there; `ports` are b"" where the packet has none.
 
-    `kind`: port, host, admin (it is forbidden), size (it is too large, `size`: what fits, 0: not said) or
-    fragments (some did not come). `number`: those of both IP packets, by which a mirror's copy is known.
+    `kind`: port (a closed one of who says so), host (no way there), admin (it is forbidden), size (it is too
+    large, `size`: what fits, 0: not said) or fragments (some did not come). `number`: those of both IP
+    packets, by which a mirror's copy is known.
     """
 
     kind: str
@@ -72,9 +75,15 @@ class IcmpNote(NamedTuple):
         return b"".join((b"U" if self.protocol == UDP else b"", self.source, self.target, self.ports))
 
     @property
+    def port(self) -> int:
+        return int.from_bytes(self.ports[2:], "big")
+
+    @property
     def text(self) -> str:
         size = f", {self.size} bytes fit" if self.size else ""
-        return f"{ip_address(self.said_by)} says by ICMP: {self.words}{size}"
+        there = str(ip_address(self.target)) + f" port {self.port}" * bool(self.ports)
+        said_by, source = ip_address(self.said_by), ip_address(self.source)
+        return f"{said_by} says by ICMP to {source}: {self.words}{size}, for {there}"
 
 
 class HeardNote(NamedTuple):
@@ -85,16 +94,16 @@ class HeardNote(NamedTuple):
     note: IcmpNote
 
 
-_HOST, _ADMIN = "host", "admin"
+_HOST, _ADMIN, _PORT = "host", "admin", "port"
 _UNREACHABLE: Final[Mapping[int, tuple[str, str]]] = {
     0: (_HOST, "network unreachable"), 1: (_HOST, "host unreachable"), 2: (_HOST, "protocol unreachable"),
-    3: ("port", "port unreachable"), 4: ("size", "fragmentation needed"), 5: (_HOST, "source route failed"),
+    3: (_PORT, "port unreachable"), 4: ("size", "fragmentation needed"), 5: (_HOST, "source route failed"),
     6: (_HOST, "network unknown"), 7: (_HOST, "host unknown"), 9: (_ADMIN, "network prohibited"),
     10: (_ADMIN, "host prohibited"), 13: (_ADMIN, "administratively filtered"),
 }  # fmt: skip
 _UNREACHABLE_6: Final[Mapping[int, tuple[str, str]]] = {
     0: (_HOST, "no route"), 1: (_ADMIN, "administratively prohibited"), 2: (_HOST, "beyond scope"),
-    3: (_HOST, "address unreachable"), 4: ("port", "port unreachable"), 5: (_ADMIN, "source filtered"),
+    3: (_HOST, "address unreachable"), 4: (_PORT, "port unreachable"), 5: (_ADMIN, "source filtered"),
     6: (_ADMIN, "route rejected"),
 }  # fmt: skip
 _TIME: Final[Mapping[int, tuple[str, str]]] = {
@@ -134,7 +143,7 @@ def _of_version_4(data: bytes, at: int, icmp: int) -> IcmpNote | None:
     size = int.from_bytes(data[icmp + 6 : icmp + 8], "big") if found[0] == "size" else 0
     number = data[at + 4 : at + 6] + data[inner + 4 : inner + 6]
     ends = data[inner + 12 : inner + 16], data[inner + 16 : inner + 20]
-    return IcmpNote(*found, data[at + 12 : at + 16], data[inner + 9], *ends, ports, number, size)
+    return _note(*found, data[at + 12 : at + 16], data[inner + 9], *ends, ports, number, size)
 
 
 def _of_version_6(data: bytes, at: int) -> IcmpNote | None:
@@ -145,7 +154,15 @@ def _of_version_6(data: bytes, at: int) -> IcmpNote | None:
     ports = data[inner + 40 : inner + 44] if data[inner + 6] in (TCP, UDP) else b""
     size = int.from_bytes(data[icmp + 4 : icmp + 8], "big") if found[0] == "size" else 0
     ends = data[inner + 8 : inner + 24], data[inner + 24 : inner + 40]
-    return IcmpNote(*found, data[at + 8 : at + 24], data[inner + 6], *ends, ports, bytes(4), size)
+    return _note(*found, data[at + 8 : at + 24], data[inner + 6], *ends, ports, bytes(4), size)
+
+
+def _note(
+    kind: str, words: str, said_by: bytes, protocol: int, source: bytes, target: bytes, ports: bytes,
+    number: bytes, size: int,
+) -> IcmpNote:  # fmt: skip
+    kind = _ADMIN if kind == _PORT and said_by != target else kind  # a filter refuses in the host's place
+    return IcmpNote(kind, words, said_by, protocol, source, target, ports, number, size)
 
 
 def put_note(notes: list[HeardNote], ns: int, packet: int, note: IcmpNote) -> None:
@@ -156,37 +173,19 @@ def put_note(notes: list[HeardNote], ns: int, packet: int, note: IcmpNote) -> No
         notes.append(HeardNote(ns, packet, note))
 
 
-class AskedInVain(NamedTuple):
-    """`asker` has asked so often who has `target`, and nothing came."""
+class HostFact(NamedTuple):
+    """What is said of hosts and of no conversation; `ends`: of whom, who asks last."""
 
-    asker: bytes
-    target: bytes
-    often: int
+    cause: str
+    sure: float
     ns: int
-    last_ns: int
+    text: str
     packets: tuple[int, ...]
+    ends: tuple[bytes, ...]
 
     @property
-    def text(self) -> str:
-        return (
-            f"{ip_address(self.asker)} asks {times(self.often)} who has {ip_address(self.target)}: no answer"
-        )
-
-
-class DoubleAddress(NamedTuple):
-    """Two devices have one address; `takes_turns`: each was seen again after the other one."""
-
-    address: bytes
-    ns: int
-    macs: tuple[bytes, bytes]
-    packets: tuple[int, int]
-    takes_turns: bool
-    has_others: bool  # one of them has another address, too: it may answer for others
-
-    @property
-    def text(self) -> str:
-        seen = [f"{mac.hex(':')} (packet {n})" for mac, n in zip(self.macs, self.packets, strict=True)]
-        return f"{ip_address(self.address)} is at {seen[0]} and at {seen[1]}"
+    def line(self) -> str:
+        return f"{'icmp' if self.cause == NOT_THERE else 'arp'}: {self.text}"
 
 
 @dataclass(slots=True)
@@ -268,26 +267,44 @@ class HostNotes:
         owner.alone = owner.alone + 1 if is_same else 0
         owner.mac, owner.ns, owner.packet = note.mac, ns, packet
 
-    def asked_in_vain(self, heard_ns: Callable[[bytes], int]) -> Iterator[AskedInVain]:
-        """Yield the addresses of which nothing came after the last request, as ARP and `heard_ns` know."""
-        for target, askers in self._asked.items():
-            for asker, one in askers.items():
-                if one.is_in_vain and heard_ns(target) <= one.last_ns:
-                    yield AskedInVain(asker, target, one.often, one.ns, one.last_ns, tuple(one.packets))
-
-    def doubled(self) -> Iterator[DoubleAddress]:
-        """Yield the addresses of two devices: not those of a proxy, or of a device that was exchanged."""
+    def facts(self, heard_ns: Mapping[bytes, int]) -> Iterator[HostFact]:
+        """Yield what is so at the end; `heard_ns`: when each host was heard last by TCP or UDP."""
+        vain = [
+            (asker, target, one)
+            for target, askers in self._asked.items()
+            for asker, one in askers.items()
+            if one.is_in_vain and heard_ns.get(target, 0) <= one.last_ns
+        ]
+        often = Counter(asker for asker, _, _ in vain)
+        for asker, target, one in vain:
+            if often[asker] < SCAN:
+                text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
+                is_quick = one.often > SLOW - 2 and one.last_ns - one.ns <= QUICK_NS * one.often
+                sure = 0.95 if is_quick else 0.85
+                yield HostFact("no-such-host", sure, one.ns, text, tuple(one.packets), (target, asker))
         for address, owner in self._owners.items():
-            changes = [
-                one for one in owner.changes if not (self._has_many(one.old) or self._has_many(one.new))
-            ]
-            back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
-            often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
-            met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
-            if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
-                continue  # one took the other's place
-            others = max(len(self._addresses.get(mac, ())) for mac in (met.old, met.new)) > 1
-            yield DoubleAddress(address, met.ns, (met.old, met.new), met.packets, back, others)
+            yield from self._doubled(address, owner)
+        same: dict[str, list[HeardNote]] = {}
+        for heard in self.icmps:
+            same.setdefault(heard.note.text, []).append(heard)
+        for text, notes in same.items():
+            packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
+            yield HostFact(NOT_THERE, 0.0, notes[0].ns, f"{text}, {times(len(notes))}", packets, ())
+
+    def _doubled(self, address: bytes, owner: _Owner) -> Iterator[HostFact]:
+        """Yield that two devices have an address: not a proxy, and none took the other's place."""
+        changes = [one for one in owner.changes if not (self._has_many(one.old) or self._has_many(one.new))]
+        back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
+        often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
+        met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
+        if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
+            return
+        others = max(len(self._addresses.get(mac, ())) for mac in (met.old, met.new)) > 1
+        old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
+        text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
+        text += "; one of them has another address, and may answer for others" * others
+        sure = 0.7 if others else 0.95 if back else 0.85
+        yield HostFact("duplicate-ip", sure, met.ns, text, met.packets, (address,))
 
     def _has_many(self, mac: bytes) -> bool:
         return len(self._addresses.get(mac, ())) >= MANY

@@ -15,7 +15,7 @@ from enum import Enum
 from itertools import islice
 from typing import Final, NamedTuple
 
-from trcvtui.capture.hosts import ArpNote, HeardNote, HostNotes, IcmpNote, note_of, put_note
+from trcvtui.capture.hosts import ArpNote, HeardNote, HostFact, HostNotes, IcmpNote, note_of, put_note
 from trcvtui.capture.packets import (
     SACK,
     TCP,
@@ -49,6 +49,7 @@ MOST_RECENT: Final = 4096  # packets that another one may be a copy of
 LEAST_WINDOW: Final = 4096  # a smaller one may be that of a SYN whose scale got lost
 FASTEST: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
 MOST_SACKED: Final = 64  # blocks of SACK that are kept of one direction
+MOST_FACTS: Final = 64  # of hosts
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
 OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
 SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
@@ -384,10 +385,14 @@ class Conversations:
         flow = self._flows.get(note.flow)
         return self.hosts.icmps if flow is None else flow.conversation.undelivered
 
-    def heard_ns(self, address: bytes) -> int:
-        """Return when a host was heard last, by TCP or UDP; 0: never."""
-        ends = (end for each in self.all for end in (each.there, each.back))
-        return max((end.last_ns for end in ends if end.address[0] == address), default=0)
+    def host_facts(self) -> list[HostFact]:
+        """Return what ARP and ICMP say that belongs to no conversation, the first first."""
+        heard_ns: dict[bytes, int] = {}
+        for each in self.all:
+            for end in (each.there, each.back):
+                host = end.address[0]
+                heard_ns[host] = max(heard_ns.get(host, 0), end.last_ns)
+        return sorted(self.hosts.facts(heard_ns), key=lambda fact: fact.ns)[:MOST_FACTS]
 
     def _take_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found

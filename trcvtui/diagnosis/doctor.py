@@ -15,8 +15,8 @@ from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import KnownEnds, PlcEnd, fits_nothing, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
-from trcvtui.diagnosis.causes import SURE, LineCase, LineFinding, cases_of, verdict_of
-from trcvtui.diagnosis.host_causes import host_findings
+from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
+from trcvtui.diagnosis.host_causes import host_findings, sign_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
@@ -164,37 +164,24 @@ def _judge_hosts(
     verdicts: Sequence[Verdict],
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Return the findings of hosts that no conversation has; write the remarks into one of their ends."""
-    alone = []
-    for one in host_findings(facts, asked.receivers, b"" if given is None else given.address):
-        rows = [
-            (case.line, made)
-            for case, made in zip(cases, verdicts, strict=True)
-            if {case.line.plc_end[0], case.line.partner_end[0]} & set(one.ends)
-        ]
-        if any(
-            _GONE & {row["cause"] for row in made["findings"]}
-            for line, made in rows
-            if line.gone & set(one.ends)
-        ):
+    alone, of_host = [], dict[bytes, list[tuple[LineFacts, Verdict]]]()
+    for case, made in zip(cases, verdicts, strict=True):
+        for host in {case.line.plc_end[0], case.line.partner_end[0]}:
+            of_host.setdefault(host, []).append((case.line, made))
+    for one, is_ours in host_findings(facts, asked.receivers, b"" if given is None else given.address):
+        rows = of_host.get(one.ends[0], [])
+        if any(line.gone and row["cause"] in _GONE for line, made in rows for row in made["findings"]):
             continue  # its conversation says so
-        found = LineFinding(one.cause, min(one.said.confidence, SURE), one.said, one.said.mend)
-        rows = rows or [*zip((case.line for case in cases), verdicts, strict=True)][:1]
-        if not one.of_project:
-            for line, made in rows[:1]:
-                made["remarks"].append({**_remark_row(line, found), "filter": CAUSES[one.cause].filter})
+        said = sign_of(one, asked.receivers)
+        found, packet_filter = LineFinding(one.cause, one.sure, said, said.mend), CAUSES[one.cause].filter
+        if not is_ours:
+            line, made = (rows or [(cases[0].line, verdicts[0])])[0]
+            made["remarks"].append({**_remark_row(line, found), "filter": packet_filter})
             continue
-        words = next(
-            (
-                each.words
-                for each in asked.receivers
-                if {each.own_address, each.partner_address} & {*one.ends}
-            ),
-            {},
-        )
-        row = finding_row(None, found, words)
-        row["t_s"] = 0.0 if one.said.at is None else (one.said.at.ns - (facts.found.first_ns or 0)) / 1e9
-        row["filter"] = CAUSES[one.cause].filter
-        alone.append(row)
+        its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
+        words = next((each.words for each in its), {})
+        t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9
+        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": packet_filter})
     return alone
 
 

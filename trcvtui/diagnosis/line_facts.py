@@ -14,8 +14,8 @@ from ipaddress import ip_address
 from math import log
 from typing import Final, NamedTuple
 
-from trcvtui.capture.command import take_captures, vain_of
-from trcvtui.capture.hosts import AskedInVain, DoubleAddress
+from trcvtui.capture.command import take_captures
+from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
 from trcvtui.capture.quality import Quality, qualities_of
@@ -215,7 +215,7 @@ class LineFacts:
         self.answered_ns = talk.answered_ns
         self.idles = talk.idles
         self.undelivered = conversation.undelivered
-        self.doubled: tuple[DoubleAddress, ...] = ()  # addresses of its ends that two devices have
+        self.doubled: HostFact | None = None  # the address of an end has two devices
         self.gone: frozenset[bytes] = frozenset()  # ends that ARP asks for in vain at last
         listener = conversation.listener
         self.plc_calls = None if listener is None else listener is not guess.says
@@ -300,8 +300,7 @@ class CaptureFacts(NamedTuple):
     found: Conversations
     troubles: tuple[Problem, ...]
     last_ns: int
-    vain: tuple[AskedInVain, ...] = ()
-    doubled: tuple[DoubleAddress, ...] = ()
+    hosts: tuple[HostFact, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -498,8 +497,9 @@ def facts_of(
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_Talk(found.all[len(collector.talks)]))
-    lines, vain, doubled = [], tuple(vain_of(found)), tuple(found.hosts.doubled())
-    gone = frozenset(one.target for one in vain)
+    lines, hosts = [], tuple(found.host_facts())
+    doubled = {one.ends[0]: one for one in hosts if one.cause == "duplicate-ip"}
+    gone = frozenset(one.ends[0] for one in hosts if one.cause == "no-such-host")
     for talk in collector.talks:
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
@@ -518,14 +518,14 @@ def facts_of(
         lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
         lines[-1].connect = known.connect_of(guess.says) if known.connects else None
         ends = {lines[-1].plc_end[0], lines[-1].partner_end[0]}
-        lines[-1].doubled = tuple([one for one in doubled if one.address in ends])
+        lines[-1].doubled = next((doubled[end] for end in ends if end in doubled), None)
         lines[-1].gone = gone & ends
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)
     if not is_recording and any(line.is_wire for line in lines):
         for line in lines:
             line.is_wire = True
-    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, vain, doubled)
+    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, hosts)
 
 
 def _byte(seq: int, position: int, following: int) -> int:

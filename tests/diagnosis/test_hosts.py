@@ -121,12 +121,15 @@ NO_FAULT: dict[str, Callable[[], Net]] = {
     "it answers a ping later": lambda: asks(4).put(frame(ip(PARTNER, PLC, 1, bytes(16)))),
     "an address is looked at (RFC 5227)": lambda: Net().put(*[arp(1, A, "0.0.0.0", PARTNER)] * 5),
     "announcements": lambda: Net().put(*[arp(1, A, PLC, PLC)] * 5),
-    "a scan of a network": lambda: Net().put(*[arp(1, A, PLC, f"10.0.0.{n}") for n in range(20, 90)], every=0.1),
+    "a scan of a network": lambda: Net().put(
+        *[arp(1, A, PLC, f"10.0.0.{n}") for n in range(20, 90)], every=0.1),
     "a scan that insists": lambda: Net().put(
         *[arp(1, A, PLC, f"10.0.0.{20 + n % 20}") for n in range(100)], every=0.1),
-    "VRRP": lambda: Net().put(*[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x5e\0\1\7", B, b"\0\0\x5e\0\1\7")]),
-    "HSRP": lambda: Net().put(*[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x0c\x07\xac\1", B, C[:0] + B)]),
-    "a proxy": lambda: Net().put(*[arp(2, C, f"10.0.0.{n}", PLC) for n in (7, 8, 9)], arp(2, B, PARTNER, PLC)),
+    "VRRP": lambda: Net().put(
+        *[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x5e\0\1\7", B, b"\0\0\x5e\0\1\7")]),
+    "HSRP": lambda: Net().put(*[arp(2, mac, GATEWAY, PLC) for mac in (b"\0\0\x0c\x07\xac\1", B, B)]),
+    "a proxy": lambda: Net().put(
+        *[arp(2, C, f"10.0.0.{n}", PLC) for n in (7, 8, 9)], arp(2, B, PARTNER, PLC)),
     "a device that was exchanged": lambda: Net().put(
         *[arp(2, A, PARTNER, PLC)] * 4, every=60.0).put(*[arp(2, B, PARTNER, PLC)] * 9, every=30.0),
     "a device that was exchanged soon": lambda: Net().put(
@@ -165,11 +168,13 @@ def test_no_such_host_names_the_partner_or_the_gateway(
     assert finding["status"] == ["80B7"]
 
 
-LISTENS = {"active": False, "local_port": 2000}
+LISTENS: dict[str, Any] = {"active": False, "local_port": 2000}
 
 
 @pytest.mark.parametrize(("receivers", "key"), [
-    ((receiver(**LISTENS),), "findings"), ((receiver("10.0.0.8", "10.0.0.7", **LISTENS),), "remarks"), ((), "remarks"),
+    ((receiver(**LISTENS),), "findings"),
+    ((receiver("10.0.0.8", "10.0.0.7", **LISTENS),), "remarks"),
+    ((), "remarks"),
 ])  # fmt: skip
 def test_beside_a_healthy_line_a_host_of_the_project_alone_is_a_finding(
     receivers: tuple[Receiver, ...], key: str, tmp_path: Path
@@ -420,54 +425,51 @@ def test_probes_that_are_answered_are_healthy_and_one_in_vain_is_a_remark(
 
 
 def restarted(
-    times_: int = 1, silent: float = 30.0, answer: str = "challenge", new_port: bool = False
+    often: int = 1, silent: float = 30.0, answer: str = "challenge", new_port: bool = False, **ends: Any
 ) -> Net:
-    """Return a partner that starts anew and calls from its old port; `answer`: what the old connection says."""
+    """Return a caller that starts anew and calls again; `answer`: what the old connection says to that."""
     net = Net()
-    at = net.now
-    for n in range(times_ + 1):
-        wire = Wire(Random(n), net.built, at, 40000 + new_port * n)
-        if n and answer:
+    at, old = net.now, None
+    for n in range(often + 1):
+        wire = Wire(Random(n), net.built, at, 40000 + new_port * n, **ends)
+        if old is not None and answer:
             flags = {"challenge": ACK, "rst": RST | ACK}[answer]
-            wire.put("partner", flags=SYN)
-            seq, ack = old.seq["plc"], old.seq["partner"]
+            caller, listener = wire.caller, wire.listener
+            wire.put(caller, flags=SYN)
             wire.wait(MS)
-            packet = tcp(
-                b"",
-                seq,
-                ack if flags == ACK else wire.seq["partner"] + 1,
-                flags,
-                8192,
-                wire.plc,
-                wire.partner,
+            own, wire.seq = (
+                wire.seq,
+                dict(old.seq) if flags == ACK else {**wire.seq, caller: wire.seq[caller] + 1},
             )
-            net.built.packets.append((wire.now, packet))
+            wire.put(listener, flags=flags)
             wire.wait(MS)
             if answer == "challenge":
-                wire.put("partner", flags=RST, seq=ack)
+                wire.put(caller, flags=RST)
             wire.wait(S)
-            wire.seq["partner"] += (answer == "rst") * 77777
+            wire.seq = {**own, caller: own[caller] + 77777 * (answer == "rst")}
         talk(Random(n), wire.open(), Telegrams(Random(1), 20), 6, S, "answered")
-        if n and new_port:
-            net.built.packets.append(
-                (
-                    wire.now,
-                    tcp(b"x" * 20, old.seq["plc"], old.seq["partner"], ACK, 8192, old.plc, old.partner),
-                )
-            )
-            wire.wait(MS)
-            net.built.packets.append(
-                (wire.now, tcp(b"", old.seq["partner"], 0, RST, 0, old.partner, old.plc))
-            )
+        if old is not None and new_port:
+            old.now = wire.now
+            old.say("plc", bytes(20), ack=False)
+            old.rst("partner")
         old, at = wire, wire.now + int(silent * S)
     return net
 
 
 @pytest.mark.parametrize("net", [
-    restarted(), restarted(silent=5.0), restarted(answer="rst"), restarted(5, 4.0), restarted(1, 5.0, "", True),
+    restarted(), restarted(silent=5.0), restarted(answer="rst"), restarted(5, 4.0),
+    restarted(1, 5.0, "", True),
 ])  # fmt: skip
 def test_a_device_that_has_started_anew_is_half_open_and_nothing_else(net: Net, tmp_path: Path) -> None:
     assert set(found(net.judge(tmp_path, receiver(**LISTENS)))) == {"half-open"}
+
+
+@pytest.mark.parametrize("calls", [False, True])
+def test_a_connection_whose_begin_is_not_in_the_capture_is_half_open_too(calls: bool, tmp_path: Path) -> None:
+    net = restarted(plc_calls=calls)
+    net.built.packets = net.built.packets[5:]
+    ours = receiver(**(LISTENS if not calls else {"remote_port": 40000}))
+    assert set(found(net.judge(tmp_path, ours))) == {"half-open"}
 
 
 def test_a_port_that_is_used_again_after_its_end_is_not_half_open(tmp_path: Path) -> None:

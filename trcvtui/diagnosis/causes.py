@@ -28,6 +28,7 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
+from trcvtui.diagnosis.restarts import half_open, restarts_of
 from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
@@ -49,8 +50,9 @@ MOST_AROUND: Final = 64  # conversations that one is compared with
 class EndsGroup:
     """The conversations between the same two ends, in their order."""
 
-    def __init__(self, lines: tuple[LineFacts, ...]) -> None:
+    def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:  # noqa: B006
         self.lines = lines
+        self.restarts = restarts  # of all half-open connections, each with the call that shows it
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
@@ -86,25 +88,12 @@ class EndsGroup:
         return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
 
     @cached_property
-    def half_open(self) -> Mapping[LineFacts, LineFacts]:
-        """Return the connections whose caller has started anew, each with the first call after that."""
-        stood: dict[tuple[bytes, int], LineFacts] = {}
-        found: dict[LineFacts, LineFacts] = {}
-        for number, line in enumerate(self.lines):
-            old = stood.get(line.caller_end)
-            if (
-                old is not None
-                and old.end is None
-                and line.has_begin
-                and _answers_for(old, line, self.lines[number:])
-            ):
-                found[old] = line
-            if line.is_built:
-                stood[line.caller_end] = line
-        for one in self.ended:
-            new = next((each for each in self.lines[-MOST_AROUND:] if _knows_no_more(one, each)), None)
-            found |= {one: new} if new is not None else {}
-        return found
+    def half_open(self) -> int:
+        return sum(one in self.restarts for one in self.built)
+
+    @cached_property
+    def calls_anew(self) -> frozenset[LineFacts]:
+        return frozenset(self.restarts[one] for one in self.lines if one in self.restarts)
 
     @cached_property
     def goes_on(self) -> bool:
@@ -138,25 +127,6 @@ class EndsGroup:
         """Return how long connections stood, and after what time the next one was built."""
         life = int(median(one.lasted_ns for one in self.ended))
         return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
-
-
-def _answers_for(old: LineFacts, new: LineFacts, later: Sequence[LineFacts]) -> bool:
-    """Return whether a SYN is answered by a connection that stands at the same two ends."""
-    if new.listener.challenges:
-        return True
-    is_built = any(one.is_built and one.first_ns - new.first_ns < NEW_NS for one in later[1:MOST_AROUND])
-    return new.listener.reset is not None and not new.is_built and is_built and old.last_ns <= new.first_ns
-
-
-def _knows_no_more(old: LineFacts, new: LineFacts) -> bool:
-    """Return whether a caller resets its old connection, when it is spoken to, after it has called anew."""
-    end, listener = old.end, old.listener
-    is_silent = not old.caller.writes or old.caller.writes[-1].ns < new.first_ns
-    if end is None or end.kind != "rst" or end.by_plc != bool(old.plc_calls) or end.is_ours or not is_silent:
-        return False
-    is_between = old.first_ns < new.first_ns < end.ns and new.is_built and new.has_begin
-    spoken = listener.writes[-1].ns if listener.writes else 0
-    return is_between and new.first_ns < spoken <= end.ns < spoken + NEW_NS // 20
 
 
 class LineCase(NamedTuple):
@@ -215,7 +185,7 @@ def _refused(case: LineCase) -> Sign | None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
-    if line in case.group.half_open.values():
+    if line in case.group.calls_anew:
         return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
@@ -374,7 +344,7 @@ def _storm(case: LineCase) -> Sign | None:
         return None
     if case.receiver is None and case.group.ordinary * 2 >= len(ended):
         return None  # short sessions that their caller ended
-    if case.group.harmful * 2 <= len(ended) or len(case.group.half_open) * 2 >= len(built):
+    if case.group.harmful * 2 <= len(ended) or case.group.half_open * 2 >= len(built):
         return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
@@ -531,19 +501,8 @@ def _probed_in_vain(line: LineFacts) -> Sign | None:
 
 
 def _half_open(case: LineCase) -> Sign | None:
-    line, new = case.line, case.group.half_open.get(case.line)
-    if new is None:
-        return None
-    who = "the PLC end" if line.plc_calls else "the partner"
-    texts = [f"{who} calls anew after {duration(new.first_ns - line.last_ns)}, and its old connection stands"]
-    if new.caller_end == line.caller_end:
-        texts.append("the other end answers for the old connection, and the caller does not know it any more")
-    else:
-        texts = [f"{who} calls anew, and answers with RST what the other end says on its old connection"]
-    at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
-    way = "from-plc" if line.plc_calls else "to-plc"
-    sure = 0.95 if new.listener.challenges else 0.85
-    return Sign(sure, tuple(texts), way=way, at=at, is_fact=bool(new.listener.challenges))
+    new = case.group.restarts.get(case.line)
+    return None if new is None else half_open(case.line, new)
 
 
 def _no_keep_alive(case: LineCase) -> Sign | None:
@@ -890,7 +849,8 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     for line in lines:
         between.setdefault(_between(line), []).append(line)
         calls.setdefault(_hosts(line), []).append(line)
-    groups = {ends: EndsGroup(tuple(found)) for ends, found in between.items()}
+    restarts = restarts_of(lines, between.values())
+    groups = {ends: EndsGroup(tuple(found), restarts) for ends, found in between.items()}
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
     fitting = [_receiver_of(line, receivers, only) for line in lines]

@@ -101,14 +101,17 @@ VLAN = b"\x81\0\0\x07"
 
 
 @pytest.mark.parametrize("vlan", [b"", VLAN], ids=["plain", "vlan"])
-@pytest.mark.parametrize(("often", "every"), [(3, 1.0), (11, 1.0), (20, 0.2), (6, 10.0)])
+@pytest.mark.parametrize(
+    ("often", "every", "sure"), [(3, 1.0, 0.85), (11, 1.0, 0.95), (20, 0.2, 0.95), (6, 10.0, 0.6)]
+)
 def test_an_address_that_is_asked_for_in_vain_is_no_such_host(
-    often: int, every: float, vlan: bytes, tmp_path: Path
+    often: int, every: float, sure: float, vlan: bytes, tmp_path: Path
 ) -> None:
     net = Net().put(*[arp(1, A, PLC, PARTNER, vlan)] * often, every=every)
     (one,) = net.judge(tmp_path)
     assert found([one]) == ["no-such-host"] and one["conversation"] is None and one["verdict"] == "findings"
-    assert one["findings"][0]["packets"][0] == 1 and one["findings"][0]["filter"] == "arp"
+    (finding,) = one["findings"]
+    assert (finding["confidence"], finding["packets"][0], finding["filter"]) == (sure, 1, "arp")
 
 
 NO_FAULT: dict[str, Callable[[], Net]] = {

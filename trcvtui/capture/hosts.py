@@ -94,25 +94,21 @@ class HeardNote(NamedTuple):
     note: IcmpNote
 
 
-_HOST, _ADMIN, _PORT = "host", "admin", "port"
-_UNREACHABLE: Final[Mapping[int, tuple[str, str]]] = {
-    0: (_HOST, "network unreachable"), 1: (_HOST, "host unreachable"), 2: (_HOST, "protocol unreachable"),
-    3: (_PORT, "port unreachable"), 4: ("size", "fragmentation needed"), 5: (_HOST, "source route failed"),
-    6: (_HOST, "network unknown"), 7: (_HOST, "host unknown"), 9: (_ADMIN, "network prohibited"),
-    10: (_ADMIN, "host prohibited"), 13: (_ADMIN, "administratively filtered"),
+_HOST, _ADMIN, _PORT, _SIZE = "host", "admin", "port", "size"
+_SAID: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by protocol, type and code
+    (1, 3, 0): (_HOST, "network unreachable"), (1, 3, 1): (_HOST, "host unreachable"),
+    (1, 3, 2): (_HOST, "protocol unreachable"), (1, 3, 3): (_PORT, "port unreachable"),
+    (1, 3, 4): (_SIZE, "fragmentation needed"), (1, 3, 5): (_HOST, "source route failed"),
+    (1, 3, 6): (_HOST, "network unknown"), (1, 3, 7): (_HOST, "host unknown"),
+    (1, 3, 9): (_ADMIN, "network prohibited"), (1, 3, 10): (_ADMIN, "host prohibited"),
+    (1, 3, 13): (_ADMIN, "administratively filtered"), (1, 11, 0): (_HOST, "time to live exceeded"),
+    (1, 11, 1): ("fragments", "fragments are missing"), (58, 1, 0): (_HOST, "no route"),
+    (58, 1, 1): (_ADMIN, "administratively prohibited"), (58, 1, 2): (_HOST, "beyond scope"),
+    (58, 1, 3): (_HOST, "address unreachable"), (58, 1, 4): (_PORT, "port unreachable"),
+    (58, 1, 5): (_ADMIN, "source filtered"), (58, 1, 6): (_ADMIN, "route rejected"),
+    (58, 2, 0): (_SIZE, "packet too big"), (58, 3, 0): (_HOST, "hop limit exceeded"),
+    (58, 3, 1): ("fragments", "fragments are missing"),
 }  # fmt: skip
-_UNREACHABLE_6: Final[Mapping[int, tuple[str, str]]] = {
-    0: (_HOST, "no route"), 1: (_ADMIN, "administratively prohibited"), 2: (_HOST, "beyond scope"),
-    3: (_HOST, "address unreachable"), 4: (_PORT, "port unreachable"), 5: (_ADMIN, "source filtered"),
-    6: (_ADMIN, "route rejected"),
-}  # fmt: skip
-_TIME: Final[Mapping[int, tuple[str, str]]] = {
-    0: (_HOST, "time to live exceeded (a loop of routes)"),
-    1: ("fragments", "fragments are missing"),
-}
-_TOO_BIG: Final[Mapping[int, tuple[str, str]]] = {0: ("size", "packet too big")}
-_TYPES: Final = {3: _UNREACHABLE, 11: _TIME}
-_TYPES_6: Final = {1: _UNREACHABLE_6, 2: _TOO_BIG, 3: _TIME}
 
 
 def note_of(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
@@ -120,49 +116,40 @@ def note_of(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
     at = ip_start(link_type, data, _ARP)
     if at >= 0 and data[at : at + 6] == _ARP_HEAD and len(data) >= at + 28:
         kind, mac = data[at + 7], data[at + 8 : at + 14]
-        is_host = any(mac) and not mac[0] & 1
-        if not is_host or kind not in (1, 2):
-            return None
-        return ArpNote(kind == 2, mac, data[at + 14 : at + 18], data[at + 24 : at + 28])
+        is_host = any(mac) and not mac[0] & 1 and kind in (1, 2)
+        return ArpNote(kind == 2, mac, data[at + 14 : at + 18], data[at + 24 : at + 28]) if is_host else None
     at = ip_start(link_type, data)
     try:
-        if at >= 0 and data[at] >> 4 == 4 and data[at + 9] == 1 and not (data[at + 6] & 31 or data[at + 7]):
-            return _of_version_4(data, at, at + (data[at] & 15) * 4)
-        return _of_version_6(data, at) if at >= 0 and data[at] >> 4 == 6 and data[at + 6] == 58 else None
+        return _icmp_of(data, at) if at >= 0 else None
     except IndexError:
         return None  # cut
 
 
-def _of_version_4(data: bytes, at: int, icmp: int) -> IcmpNote | None:
-    found, inner = _TYPES.get(data[icmp], {}).get(data[icmp + 1]), icmp + 8
-    if found is None or data[inner] >> 4 != 4 or len(data) < inner + 20:
+def _icmp_of(data: bytes, at: int) -> IcmpNote | None:
+    is_4 = data[at] >> 4 == 4
+    # Of the header of IP: where its protocol and its addresses stand, how long they are.
+    protocol, ends, width = (9, 12, 4) if is_4 else (6, 8, 16)
+    head = (data[at] & 15) * 4 if is_4 else 40
+    inner, is_rest = at + head + 8, is_4 and (data[at + 6] & 31 or data[at + 7])
+    found = _SAID.get((data[at + protocol], data[at + head], data[at + head + 1]))
+    if (
+        found is None
+        or is_rest
+        or data[inner] >> 4 != (4 if is_4 else 6)
+        or len(data) < inner + ends + 2 * width
+    ):
         return None
-    begin = inner + (data[inner] & 15) * 4
-    is_first = not (data[inner + 6] & 31 or data[inner + 7])
-    ports = data[begin : begin + 4] if is_first and data[inner + 9] in (TCP, UDP) else b""
-    size = int.from_bytes(data[icmp + 6 : icmp + 8], "big") if found[0] == "size" else 0
-    number = data[at + 4 : at + 6] + data[inner + 4 : inner + 6]
-    ends = data[inner + 12 : inner + 16], data[inner + 16 : inner + 20]
-    return _note(*found, data[at + 12 : at + 16], data[inner + 9], *ends, ports, number, size)
-
-
-def _of_version_6(data: bytes, at: int) -> IcmpNote | None:
-    icmp, inner = at + 40, at + 48
-    found = _TYPES_6.get(data[icmp], {}).get(data[icmp + 1])
-    if found is None or data[inner] >> 4 != 6 or len(data) < inner + 40:
-        return None
-    ports = data[inner + 40 : inner + 44] if data[inner + 6] in (TCP, UDP) else b""
-    size = int.from_bytes(data[icmp + 4 : icmp + 8], "big") if found[0] == "size" else 0
-    ends = data[inner + 8 : inner + 24], data[inner + 24 : inner + 40]
-    return _note(*found, data[at + 8 : at + 24], data[inner + 6], *ends, ports, bytes(4), size)
-
-
-def _note(
-    kind: str, words: str, said_by: bytes, protocol: int, source: bytes, target: bytes, ports: bytes,
-    number: bytes, size: int,
-) -> IcmpNote:  # fmt: skip
+    kind, words = found
+    said_by, source, target = (data[n : n + width] for n in (at + ends, inner + ends, inner + ends + width))
+    begin = inner + ((data[inner] & 15) * 4 if is_4 else 40)
+    has_ports = data[inner + protocol] in (TCP, UDP) and not (
+        is_4 and (data[inner + 6] & 31 or data[inner + 7])
+    )
+    size = int.from_bytes(data[inner - (2 if is_4 else 4) : inner], "big") if kind == _SIZE else 0
     kind = _ADMIN if kind == _PORT and said_by != target else kind  # a filter refuses in the host's place
-    return IcmpNote(kind, words, said_by, protocol, source, target, ports, number, size)
+    number = data[at + 4 : at + 6] + data[inner + 4 : inner + 6] if is_4 else b""
+    ports = data[begin : begin + 4] if has_ports else b""
+    return IcmpNote(kind, words, said_by, data[inner + protocol], source, target, ports, number, size)
 
 
 def put_note(notes: list[HeardNote], ns: int, packet: int, note: IcmpNote) -> None:
@@ -195,7 +182,7 @@ class _Asked:
     packets: list[int]
     often: int = 1
     quick: int = 1
-    is_in_vain: bool = False
+    in_vain: float = 0.0  # how sure that is
 
 
 class _Change(NamedTuple):
@@ -241,7 +228,8 @@ class HostNotes:
             return
         askers = _kept(self._asked, note.target, dict)
         asked = askers.get(note.sender)
-        if asked is None or ns - asked.last_ns > SLOW_NS:
+        is_in_vain = asked is not None and asked.in_vain > 0
+        if asked is None or (ns - asked.last_ns > SLOW_NS and not is_in_vain):
             if asked is not None or len(askers) < MOST_ASKERS:
                 askers[note.sender] = _Asked(ns, ns, [packet])
             return
@@ -250,7 +238,8 @@ class HostNotes:
             return
         asked.often, asked.last_ns = asked.often + 1, ns
         asked.quick = asked.quick + 1 if pause <= QUICK_NS else 1
-        asked.is_in_vain |= asked.quick >= QUICK or asked.often >= SLOW
+        sure = 0.95 if asked.quick > QUICK + 1 else 0.85 if asked.quick >= QUICK else 0.0
+        asked.in_vain = max(asked.in_vain, sure or 0.6 * (asked.often >= SLOW))
         asked.packets += [packet] if len(asked.packets) < MOST_PACKETS else []
 
     def _own(self, ns: int, packet: int, note: ArpNote) -> None:
@@ -273,15 +262,14 @@ class HostNotes:
             (asker, target, one)
             for target, askers in self._asked.items()
             for asker, one in askers.items()
-            if one.is_in_vain and heard_ns.get(target, 0) <= one.last_ns
+            if one.in_vain and heard_ns.get(target, 0) <= one.last_ns
         ]
         often = Counter(asker for asker, _, _ in vain)
         for asker, target, one in vain:
             if often[asker] < SCAN:
                 text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
-                is_quick = one.often > SLOW - 2 and one.last_ns - one.ns <= QUICK_NS * one.often
-                sure = 0.95 if is_quick else 0.85
-                yield HostFact("no-such-host", sure, one.ns, text, tuple(one.packets), (target, asker))
+                text += " (a port that is no mirror shows none)" * (one.in_vain < 0.7)
+                yield HostFact("no-such-host", one.in_vain, one.ns, text, tuple(one.packets), (target, asker))
         for address, owner in self._owners.items():
             yield from self._doubled(address, owner)
         same: dict[str, list[HeardNote]] = {}

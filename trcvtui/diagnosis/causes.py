@@ -50,7 +50,7 @@ MOST_AROUND: Final = 64  # conversations that one is compared with
 class EndsGroup:
     """The conversations between the same two ends, in their order."""
 
-    def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:  # noqa: B006
+    def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:
         self.lines = lines
         self.restarts = restarts  # of all half-open connections, each with the call that shows it
 

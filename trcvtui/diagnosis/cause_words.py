@@ -41,7 +41,7 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "free the partner's connection: another client holds it, or an old connection of this PLC until its "
      "keep-alive ends; or let the partner's address filter have this PLC",
      _NO_CALL, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
-    ("filtered", "no answer to a call",
+    ("filtered", "a call does not get through",
      "look for a firewall, a wrong address, a cable: nothing comes back",
      (Condition.UNREACHABLE, Condition.CONNECT_FAILED, Condition.ESTABLISHING), _SYN),
     ("wrong-tsap", "the TSAPs of both ends do not fit",

@@ -475,29 +475,28 @@ def _dead_link(case: LineCase) -> Sign | None:
         at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Sign(sure, tuple(texts), way=way, at=at) if sure else None
-    return _probed_in_vain(line)
+    return _probed_in_vain(case)
 
 
-def _probed_in_vain(line: LineFacts) -> Sign | None:
-    for said, who, way in (
-        (line.from_plc, "the PLC end", "from-plc"),
-        (line.to_plc, "the partner", "to-plc"),
-    ):
-        if not line.is_wire:
-            break
-        gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == (way == "from-plc")
+def _probed_in_vain(case: LineCase) -> Sign | None:
+    line, odd = case.line, None
+    ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
+    for said, who, way in ways if line.is_wire else ():
+        is_plc = said is line.from_plc
+        gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == is_plc
+        is_gone = (line.partner_end if is_plc else line.plc_end)[0] in line.gone
         n, since = said.probes_open, said.probes_since
-        if n >= (2 if gives_up or line.gone else 3):
+        if n >= (2 if gives_up or is_gone else 3):
             texts = [f"the last {n} keep-alive probes of {who} have no answer"]
-            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * bool(line.gone)
+            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * is_gone
             return Sign(0.92, tuple(texts), way=way, at=since)
-        if n and line.last_ns - since.ns >= SECOND:
-            text = f"the last keep-alive probe of {who} has no answer in {duration(line.last_ns - since.ns)}"
-            return Sign(0.0, (text,), way=way, at=since, is_remark=True)
         lacking = said.keep_alives - said.keep_alives_answered
         if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
             return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
-    return None
+        if n and case.last_ns - since.ns >= SECOND:
+            text = f"the last keep-alive probe of {who} has no answer in {duration(case.last_ns - since.ns)}"
+            odd = Sign(0.0, (text,), way=way, at=since, is_remark=True)
+    return odd
 
 
 def _half_open(case: LineCase) -> Sign | None:

@@ -173,15 +173,15 @@ def _judge_hosts(
         if any(line.gone and row["cause"] in _GONE for line, made in rows for row in made["findings"]):
             continue  # its conversation says so
         said = sign_of(one, asked.receivers)
-        found, packet_filter = LineFinding(one.cause, one.sure, said, said.mend), CAUSES[one.cause].filter
+        found = LineFinding(one.cause, one.sure, said, said.mend)
         if not is_ours:
             line, made = (rows or [(cases[0].line, verdicts[0])])[0]
-            made["remarks"].append({**_remark_row(line, found), "filter": packet_filter})
+            made["remarks"].append(_remark_row(line, found))
             continue
         its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
         words = next((each.words for each in its), {})
         t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9
-        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": packet_filter})
+        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": CAUSES[one.cause].filter})
     return alone
 
 
@@ -376,7 +376,9 @@ def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
         },
         "evidence": list(said.evidence),
         "packets": [*packets],
-        "filter": "" if line is None else line.filter_of(words.filter, found.cause in OF_GROUP),
+        "filter": ""
+        if line is None
+        else line.filter_of(said.filter or words.filter, found.cause in OF_GROUP),
     }
 
 

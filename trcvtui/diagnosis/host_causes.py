@@ -41,7 +41,8 @@ def _sign(line: LineFacts, some: Sequence[HeardNote], sure: float, *texts: str, 
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
     text, at = f"{first.note.text}, {times(len(some))}", SegmentFacts(first.ns, 0, 0, first.packet)
-    return Sign(sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets)
+    icmp = "icmp" if len(first.note.said_by) == 4 else "icmpv6"
+    return Sign(sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets, filter=icmp)
 
 
 def told_by_icmp(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Sign | None:

@@ -265,8 +265,8 @@ class LineFacts:
 
         `of_group`: and those of all conversations with the same listener.
         """
-        if self.protocol == "serial":
-            return ""
+        if self.protocol == "serial" or evidence == "arp":
+            return "" if self.protocol == "serial" else evidence
         ends, ip = (self.plc_end, self.partner_end), "ip" if len(self.plc_end[0]) == 4 else "ipv6"
         parts = [f"{ip}.addr == {text}" for text in dict.fromkeys(str(ip_address(each)) for each, _ in ends)]
         listener = self.partner_end if self.plc_calls else self.plc_end

@@ -43,3 +43,4 @@ class Sign(NamedTuple):
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
     status: tuple[int, ...] = ()  # what the blocks show for it; (): what it leads to
     leads_to: tuple[Condition, ...] | None = None  # in place of what the cause leads to
+    filter: str = ""  # for Wireshark, in place of that of the cause

@@ -391,6 +391,33 @@ def test_missing_fragments_of_datagrams_are_told_by_who_waited_for_them(tmp_path
     assert found(net.judge(tmp_path)) == ["mtu"]
 
 
+def pieces(n: int, lost: int | None, copies: int = 1) -> list[bytes]:
+    """Return a datagram of 2500 bytes in three fragments; `lost`: the one that does not come."""
+    whole = udp(bytes(2500), (PARTNER, 5100), (PLC, 2000))[20:]
+    found = []
+    for k in range(3):
+        part, flags = whole[k * 1000 : (k + 1) * 1000], (k * 125) | (0x2000 if k < 2 else 0)
+        head = bytearray(ip(PARTNER, PLC, 17, part))
+        head[4:8] = struct.pack(">HH", n, flags)
+        found += [frame(bytes(head))] * copies if k != lost else []
+    return found
+
+
+@pytest.mark.parametrize(("lost", "copies", "causes_"), [
+    ([1, 1, 1], 1, ["mtu"]), ([0, 0, 2], 2, ["mtu"]), ([None] * 4, 2, []), ([1, None, None, None], 1, []),
+])  # fmt: skip
+def test_datagrams_that_lack_fragments_are_mtu_and_copies_of_a_mirror_are_not(
+    lost: list[int | None], copies: int, causes_: list[str], tmp_path: Path
+) -> None:
+    net = Net()
+    for n, one in enumerate(lost, 1):
+        net.put(*pieces(n, one, copies), every=0.001)
+    verdicts = net.judge(tmp_path)
+    assert found(verdicts) == causes_ and all(
+        one["confidence"] < 0.7 for each in verdicts for one in each["findings"]
+    )
+
+
 # -- probes and restarts -------------------------------------------------------------------------------------
 
 

@@ -147,10 +147,8 @@ def conversation_row(
 
 
 def _fact_row(fact: HostFact, first_ns: int) -> dict[str, Any]:
-    return {
-        "id": None, "cause": fact.cause, "t_s": (fact.ns - first_ns) / 1e9, "text": fact.text,
-        "packets": fact.packets,
-    }  # fmt: skip
+    t_s = (fact.ns - first_ns) / 1e9 if fact.packets else None
+    return {"id": None, "cause": fact.cause, "t_s": t_s, "text": fact.text, "packets": fact.packets}
 
 
 def _counts(direction: WireDirection) -> dict[str, int | None]:

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple, TypeVar
 
 from trcvtui.capture.packets import TCP, UDP, ip_start
-from trcvtui.wording import SECOND, times
+from trcvtui.wording import SECOND, count, times
 
 MOST_ADDRESSES: Final = 4096
 MOST_PACKETS: Final = 8  # numbers of packets that are kept of one fact
@@ -37,6 +37,7 @@ UNNUMBERED_NS: Final = 300_000
 _ARP: Final = (b"\x08\x06",)
 _ARP_HEAD: Final = b"\0\1\x08\0\6\4"  # Ethernet and IPv4
 _NO_ADDRESS: Final = bytes(4)
+_HEARD_BY: Final = {NOT_THERE: "icmp", "mtu": "udp"}
 T = TypeVar("T")
 # VRRP and CARP, HSRP, GLBP, load balancing: several hosts have one address, and should.
 _SHARED: Final = (b"\0\0\x5e\0\1", b"\0\0\x0c\x07\xac", b"\0\0\x0c\x9f", b"\0\x07\xb4", b"\2\xbf", b"\3\xbf")
@@ -172,7 +173,7 @@ class HostFact(NamedTuple):
 
     @property
     def line(self) -> str:
-        return f"{'icmp' if self.cause == NOT_THERE else 'arp'}: {self.text}"
+        return f"{_HEARD_BY.get(self.cause, 'arp')}: {self.text}"
 
 
 @dataclass(slots=True)
@@ -256,8 +257,17 @@ class HostNotes:
         owner.alone = owner.alone + 1 if is_same else 0
         owner.mac, owner.ns, owner.packet = note.mac, ns, packet
 
-    def facts(self, heard_ns: Mapping[bytes, int]) -> Iterator[HostFact]:
-        """Yield what is so at the end; `heard_ns`: when each host was heard last by TCP or UDP."""
+    def facts(
+        self, heard_ns: Mapping[bytes, int], lacking: Mapping[tuple[bytes, ...], int]
+    ) -> Iterator[HostFact]:
+        """Yield what is so at the end.
+
+        `heard_ns`: when each host was heard last by TCP or UDP. `lacking`: how many datagrams lack pieces.
+        """
+        for ends, n in lacking.items():
+            source, target = map(ip_address, ends)
+            text = f"{count(n, 'datagram')} of {source} to {target} came without all fragments"
+            yield HostFact("mtu", 0.6, 0, text, (), ends[::-1])
         vain = [
             (asker, target, one)
             for target, askers in self._asked.items()

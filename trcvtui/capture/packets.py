@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from enum import Enum
 from typing import Final, NamedTuple
@@ -95,14 +96,17 @@ class Fragments:
 
     def __init__(self) -> None:
         self._packets: dict[tuple[bytes, ...], _Pieces] = {}
+        self._done: dict[tuple[bytes, ...], int] = {}  # the newest that are whole: a mirror shows copies
+        self._whole = Counter[tuple[bytes, ...]]()  # by sender and receiver
+        self._lost = Counter[tuple[bytes, ...]]()
 
     def put(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
         """Take a piece; return the packet that is whole with it, and of how many pieces."""
         pieces = self._packets.get(piece.of)
         if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
-            self._packets.pop(piece.of, None)
+            self._give_up(piece.of)
             if len(self._packets) == MOST_FRAGMENTED:
-                del self._packets[next(iter(self._packets))]
+                self._give_up(next(iter(self._packets)))
             pieces = self._packets[piece.of] = _Pieces(ns)
         if len(pieces.content) < MOST_FRAGMENTS:
             pieces.content.setdefault(piece.at, piece.content)
@@ -114,7 +118,26 @@ class Fragments:
         if whole is None:
             return None
         del self._packets[piece.of]
+        if len(self._done) == MOST_FRAGMENTED:
+            del self._done[next(iter(self._done))]
+        self._done[piece.of] = ns
+        self._whole[piece.of[:2]] += len(self._whole) < MOST_FRAGMENTS
         return whole, len(pieces.content)
+
+    def _give_up(self, of: tuple[bytes, ...]) -> None:
+        pieces = self._packets.pop(of, None)
+        self._lost[of[:2]] += self._is_lost(of, pieces) and len(self._lost) < MOST_FRAGMENTS
+
+    def _is_lost(self, of: tuple[bytes, ...], pieces: _Pieces | None) -> bool:
+        """Return whether some pieces of a datagram have come; its first one alone may be due to a filter."""
+        is_copy = pieces is None or of in self._done or of[3:] not in ((), (bytes((UDP,)),))
+        return not is_copy and pieces is not None and (len(pieces.content) > 1 or pieces.first is None)
+
+    def lacking(self) -> dict[tuple[bytes, ...], int]:
+        """Return how many datagrams lack pieces, by sender and receiver: where that is the rule."""
+        waiting = (of[:2] for of, pieces in self._packets.items() if self._is_lost(of, pieces))
+        lost = self._lost + Counter(waiting)
+        return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
 
 def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:

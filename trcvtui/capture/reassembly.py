@@ -392,7 +392,9 @@ class Conversations:
             for end in (each.there, each.back):
                 host = end.address[0]
                 heard_ns[host] = max(heard_ns.get(host, 0), end.last_ns)
-        return sorted(self.hosts.facts(heard_ns), key=lambda fact: fact.ns)[:MOST_FACTS]
+        is_whole = not (self.drops or self.not_read[SkippedPacket.CUT])
+        lacking = self._fragments.lacking() if is_whole else {}
+        return sorted(self.hosts.facts(heard_ns, lacking), key=lambda fact: fact.ns)[:MOST_FACTS]
 
     def _take_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found

@@ -180,8 +180,8 @@ def _judge_hosts(
             continue
         its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
         words = next((each.words for each in its), {})
-        t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9
-        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": CAUSES[one.cause].filter})
+        t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9 if one.packets else None
+        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": said.filter})
     return alone
 
 

@@ -19,6 +19,7 @@ MOST_KNOWN_PORT: Final = 1023
 _SERVICES: Final = frozenset({1900, 3702, 5353, 5355})  # SSDP, WS-Discovery, mDNS, LLMNR
 _LAST_BYTES: Final = (1, 254)  # of most gateways
 _NO_CALL: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
+_IN_ONE_PIECE: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
 # What a second device with the address of an end explains, all of it.
 OF_DOUBLE: Final = frozenset({
     "second-client", "refused", "turned-away", "filtered", "closes-each-message", "reconnect-storm",
@@ -89,8 +90,7 @@ def mtu(line: LineFacts) -> Sign | None:
     """Return that large packets do not get there, and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
-        mend = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
-        return _sign(line, pieces, 0.95, mend=mend)
+        return _sign(line, pieces, 0.95, mend=_IN_ONE_PIECE)
     for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = told[0].note.size if told else 0, said.stuck
@@ -144,14 +144,19 @@ def host_findings(
 
 
 def sign_of(fact: HostFact, receivers: Sequence[Receiver]) -> Sign:
-    texts, mend = [fact.text], f"give one of both devices with {ip_address(fact.ends[0])} another address"
+    texts, mend = [fact.text], _IN_ONE_PIECE
+    if fact.cause == "duplicate-ip":
+        mend = f"give one of both devices with {ip_address(fact.ends[0])} another address"
     if fact.cause == "no-such-host":
         more, mend = _no_host(fact.ends[0], fact.ends[1], receivers)
         texts += [more] if more else []
-    at = SegmentFacts(fact.ns, 0, 0, fact.packets[-1] if fact.cause == "duplicate-ip" else fact.packets[0])
+    packet = fact.packets[-1 if fact.cause == "duplicate-ip" else 0] if fact.packets else 0
+    at = SegmentFacts(fact.ns, 0, 0, packet) if packet else None
+    shown = "ip.flags.mf == 1 || ip.frag_offset > 0" if fact.cause == "mtu" else "arp"
     return Sign(
-        fact.sure, tuple(texts), at=at, mend=(Remedy(mend),), is_fact=fact.sure > 0.9, packets=fact.packets
-    )
+        fact.sure, tuple(texts), at=at, mend=(Remedy(mend),), is_fact=fact.sure > 0.9, packets=fact.packets,
+        filter=shown,
+    )  # fmt: skip
 
 
 def _no_host(target: bytes, asker: bytes, receivers: Sequence[Receiver]) -> tuple[str, str]:

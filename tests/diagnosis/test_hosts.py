@@ -16,6 +16,7 @@ from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, t
 from tests.recording.wire import ACK, PSH, RST, SYN, ip, tcp, udp
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.hosts import MOST_ADDRESSES, MOST_NOTES, HostNotes, note_of
+from trcvtui.capture.packets import MOST_FRAGMENTS, Fragment, Fragments
 from trcvtui.capture.pcap import ETHERNET, interface_block, packet_block, section_block
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
@@ -217,7 +218,7 @@ def test_what_is_kept_of_arp_is_bounded() -> None:
             )
             assert note is not None
             notes.take(n * S, n, note)  # type: ignore[arg-type]
-    kept = [len(each) for each in (notes._asked, notes._owners, notes._addresses)]
+    kept = [len(each) for each in (notes._asked, notes._owners)]
     assert max(kept) <= MOST_ADDRESSES
 
 
@@ -416,6 +417,14 @@ def test_datagrams_that_lack_fragments_are_mtu_and_copies_of_a_mirror_are_not(
     assert found(verdicts) == causes_ and all(
         one["confidence"] < 0.7 for each in verdicts for one in each["findings"]
     )
+
+
+def test_what_is_kept_of_fragments_is_bounded() -> None:
+    fragments = Fragments()
+    for n in range(3 * MOST_FRAGMENTS):
+        of = struct.pack(">I", n), bytes(4), bytes(2), b"\x11"
+        fragments.put(Fragment(of, 8, True, b"", 0, 0, b"x"), n)
+    assert max(len(fragments._lost), len(fragments._packets), len(fragments._done)) <= MOST_FRAGMENTS
 
 
 # -- probes and restarts -------------------------------------------------------------------------------------

@@ -206,6 +206,10 @@ class _Owner:
     alone: int = 0
     changes: list[_Change] = field(default_factory=list)
 
+    @property
+    def macs(self) -> set[bytes]:
+        return {self.mac, *(one.old for one in self.changes)}
+
 
 class HostNotes:
     """What ARP says of addresses, and ICMP of packets that belong to no conversation."""
@@ -214,7 +218,6 @@ class HostNotes:
         self.icmps: list[HeardNote] = []
         self._asked: OrderedDict[bytes, dict[bytes, _Asked]] = OrderedDict()
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
-        self._addresses: OrderedDict[bytes, set[bytes]] = OrderedDict()  # of a MAC, up to MANY
 
     def hear(self, address: bytes) -> None:
         """Take that a packet of this address has come."""
@@ -246,9 +249,6 @@ class HostNotes:
     def _own(self, ns: int, packet: int, note: ArpNote) -> None:
         if note.mac.startswith(_SHARED):
             return
-        addresses = _kept(self._addresses, note.mac, set)
-        if len(addresses) < MANY:
-            addresses.add(note.sender)
         owner = _kept(self._owners, note.sender, lambda: _Owner(note.mac, ns, packet))
         is_same = owner.mac == note.mac
         if not is_same and len(owner.changes) < MOST_CHANGES:
@@ -265,8 +265,8 @@ class HostNotes:
         `heard_ns`: when each host was heard last by TCP or UDP. `lacking`: how many datagrams lack pieces.
         """
         for ends, n in lacking.items():
-            source, target = map(ip_address, ends)
-            text = f"{count(n, 'datagram')} of {source} to {target} came without all fragments"
+            there, here = map(ip_address, ends)
+            text = f"{count(n, 'datagram')} of {there} to {here} came without all fragments"
             yield HostFact("mtu", 0.6, 0, text, (), ends[::-1])
         vain = [
             (asker, target, one)
@@ -280,8 +280,9 @@ class HostNotes:
                 text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
                 text += " (a port that is no mirror shows none)" * (one.in_vain < 0.7)
                 yield HostFact("no-such-host", one.in_vain, one.ns, text, tuple(one.packets), (target, asker))
+        addresses = Counter(mac for one in self._owners.values() for mac in one.macs)
         for address, owner in self._owners.items():
-            yield from self._doubled(address, owner)
+            yield from _doubled(address, owner, addresses)
         same: dict[str, list[HeardNote]] = {}
         for heard in self.icmps:
             same.setdefault(heard.note.text, []).append(heard)
@@ -289,23 +290,22 @@ class HostNotes:
             packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
             yield HostFact(NOT_THERE, 0.0, notes[0].ns, f"{text}, {times(len(notes))}", packets, ())
 
-    def _doubled(self, address: bytes, owner: _Owner) -> Iterator[HostFact]:
-        """Yield that two devices have an address: not a proxy, and none took the other's place."""
-        changes = [one for one in owner.changes if not (self._has_many(one.old) or self._has_many(one.new))]
-        back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
-        often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
-        met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
-        if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
-            return
-        others = max(len(self._addresses.get(mac, ())) for mac in (met.old, met.new)) > 1
-        old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
-        text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
-        text += "; one of them has another address, and may answer for others" * others
-        sure = 0.7 if others else 0.95 if back else 0.85
-        yield HostFact("duplicate-ip", sure, met.ns, text, met.packets, (address,))
 
-    def _has_many(self, mac: bytes) -> bool:
-        return len(self._addresses.get(mac, ())) >= MANY
+def _doubled(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
+    """Yield that two devices have an address: not a proxy, and none took the other's place."""
+    changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY]
+    back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
+    often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
+    met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
+    if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
+        return
+    others = addresses[met.old] > 1 or addresses[met.new] > 1
+    old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
+    text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
+    text += "; one of them has another address, and may answer for others" * others
+    yield HostFact(
+        "duplicate-ip", 0.7 if others else 0.95 if back else 0.85, met.ns, text, met.packets, (address,)
+    )
 
 
 def _kept(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:

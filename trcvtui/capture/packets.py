@@ -121,23 +121,29 @@ class Fragments:
         if len(self._done) == MOST_FRAGMENTED:
             del self._done[next(iter(self._done))]
         self._done[piece.of] = ns
-        self._whole[piece.of[:2]] += len(self._whole) < MOST_FRAGMENTS
+        _count(self._whole, piece.of[:2])
         return whole, len(pieces.content)
 
     def _give_up(self, of: tuple[bytes, ...]) -> None:
-        pieces = self._packets.pop(of, None)
-        self._lost[of[:2]] += self._is_lost(of, pieces) and len(self._lost) < MOST_FRAGMENTS
+        if of in self._packets and self._is_lost(of):
+            _count(self._lost, of[:2])
+        self._packets.pop(of, None)
 
-    def _is_lost(self, of: tuple[bytes, ...], pieces: _Pieces | None) -> bool:
+    def _is_lost(self, of: tuple[bytes, ...]) -> bool:
         """Return whether some pieces of a datagram have come; its first one alone may be due to a filter."""
-        is_copy = pieces is None or of in self._done or of[3:] not in ((), (bytes((UDP,)),))
-        return not is_copy and pieces is not None and (len(pieces.content) > 1 or pieces.first is None)
+        pieces = self._packets[of]
+        is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
+        return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def lacking(self) -> dict[tuple[bytes, ...], int]:
         """Return how many datagrams lack pieces, by sender and receiver: where that is the rule."""
-        waiting = (of[:2] for of, pieces in self._packets.items() if self._is_lost(of, pieces))
-        lost = self._lost + Counter(waiting)
+        lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
+
+
+def _count(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
+    if ends in known or len(known) < MOST_FRAGMENTS:
+        known[ends] += 1
 
 
 def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:

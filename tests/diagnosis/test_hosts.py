@@ -82,7 +82,8 @@ def found(verdicts: list[dict[str, Any]], key: str = "findings") -> list[str]:
 def receiver(partner: str = PARTNER, own: str = PLC, **more: Any) -> Receiver:
     ends = {"own_address": ip_address(own).packed, "partner_address": ip_address(partner).packed}
     words = {Condition.UNREACHABLE: 0x80B7, Condition.REFUSED: 0x80B5, Condition.ESTABLISHING: 0x7002}
-    return Receiver("R1", "C1", 20, **{"active": True, "remote_port": 2000, "words": words, **ends, **more})
+    usual = {"need": 20, "active": True, "remote_port": 2000, "words": words}
+    return Receiver("R1", "C1", **{**usual, **ends, **more})
 
 
 def healthy(net: Net) -> Net:
@@ -200,6 +201,12 @@ def test_an_address_of_two_devices_silences_what_it_explains(macs: tuple[bytes, 
     assert found(
         healthy(Net().put(*[arp(2, mac, OTHER, PLC) for mac in macs])).judge(tmp_path), "remarks"
     ) == ["duplicate-ip"]
+
+
+def test_a_double_address_comes_before_what_its_messages_look_like(tmp_path: Path) -> None:
+    net = healthy(Net().put(arp(2, A, PARTNER, PLC), arp(2, B, PARTNER, PLC)))
+    (one,) = net.judge(tmp_path, receiver(need=24, **LISTENS))
+    assert found([one]) == ["duplicate-ip", "frame-short"]
 
 
 def test_a_port_refused_stays_where_the_address_has_one_device(tmp_path: Path) -> None:

@@ -805,6 +805,11 @@ def verdict_of(case: LineCase) -> LineVerdict:
     ]
     causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
     findings = weighed(by_cause, RULES, judge)
+    if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
+        rest = [
+            one._replace(confidence=one.confidence / 2) for one in findings if one.cause != "duplicate-ip"
+        ]
+        findings = (*(one for one in findings if one.cause == "duplicate-ip"), *rest)
     if case.is_foreign:
         remarks += [LineFinding(one.cause, 0.0, one.said, ()) for one in findings]
     return LineVerdict(

@@ -239,10 +239,6 @@ class LineFacts:
         return self.from_plc if self.plc_calls else self.to_plc
 
     @property
-    def caller_end(self) -> tuple[bytes, int]:
-        return self.plc_end if self.plc_calls else self.partner_end
-
-    @property
     def listener(self) -> DirectionFacts:
         return self.to_plc if self.plc_calls else self.from_plc
 

@@ -64,7 +64,8 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
 
 def half_open(old: LineFacts, new: LineFacts) -> Sign:
     who = "the PLC end" if new.plc_calls else "the partner"
-    silence = duration(new.first_ns - min(old.last_ns, new.first_ns))
+    before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
+    silence = duration(new.first_ns - max(before, default=old.first_ns))
     texts = (
         f"{who} calls anew after {silence} of silence, and its old connection stands",
         "the other end still answers for the old one, and the caller answers that with RST",

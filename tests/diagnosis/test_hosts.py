@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import zipfile
 from collections.abc import Callable
 from ipaddress import ip_address
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 
 from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, talk
+from tests.diagnosis.make_host_captures import EXPECTED, ZIP
 from tests.recording.wire import ACK, PSH, RST, SYN, ip, tcp, udp
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.hosts import MOST_ADDRESSES, MOST_NOTES, HostNotes, note_of
@@ -569,3 +571,10 @@ def test_notes_of_one_conversation_are_bounded(tmp_path: Path) -> None:
     net = Net().put(frame(SYN_PACKET)).put(*map(frame, some), every=0.01)
     (one,) = net.judge(tmp_path)
     assert f"{MOST_NOTES} times" in "".join(one["findings"][0]["evidence"])
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_captures_of_real_stacks_have_the_one_cause_that_was_made(name: str, tmp_path: Path) -> None:
+    with zipfile.ZipFile(ZIP) as kept:
+        path = kept.extract(f"{name}.pcapng", tmp_path)
+    assert {*found(judge(path, DoctorQuestion())[0])} == {*filter(None, [EXPECTED[name]])}

@@ -336,7 +336,8 @@ class _Collector:
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
-            other.probes_open = 0
+            if other.probes_open and other.reset is None:
+                other.probes_open = 0
             if other.resent_since_heard:
                 _heard(other, ns)
 

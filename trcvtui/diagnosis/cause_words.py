@@ -28,6 +28,9 @@ _NO_CALL: Final = (Condition.REFUSED, Condition.CONNECT_FAILED)  # a PLC has one
 _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("address", "the ends cannot find each other as they are described",
      "let one end call and the other listen, on one port", (Condition.ESTABLISHING,), _SYN),
+    ("no-such-host", "an address is called that no host has", "correct the address, or plug the host in",
+     (Condition.UNREACHABLE, Condition.CONNECT_FAILED), "arp"),
+    ("duplicate-ip", "two devices have one address", "give one of them another address", (), "arp"),
     ("second-client", "a further client wants the connection of another one",
      "end the first connection before, or give the second client a CONNECT and a port of its own",
      (), f"{_SYN} || {_RST}"),
@@ -38,7 +41,7 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "free the partner's connection: another client holds it, or an old connection of this PLC until its "
      "keep-alive ends; or let the partner's address filter have this PLC",
      _NO_CALL, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
-    ("filtered", "no answer to a call",
+    ("filtered", "a call does not get through",
      "look for a firewall, a wrong address, a cable: nothing comes back",
      (Condition.UNREACHABLE, Condition.CONNECT_FAILED, Condition.ESTABLISHING), _SYN),
     ("wrong-tsap", "the TSAPs of both ends do not fit",
@@ -58,6 +61,12 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("no-keep-alive", "an idle connection was forgotten on the way",
      "set KeepAliveTimeInterval below the time after which the way forgets an idle connection",
      (Condition.LINK_DEAD,), "tcp.time_delta > 20"),
+    ("half-open", "an end has started anew, and the other one keeps its old connection",
+     "look why it starts anew (supply, watchdog, a download); a shorter KeepAliveTimeInterval frees the old "
+     "connection sooner",
+     (Condition.RECEIVE_FAILED, Condition.LINK_DEAD), f"{_SYN} || {_RST}"),
+    ("mtu", "large packets do not get through", "set the MTU at both ends lower, or mend the way",
+     (Condition.LINK_DEAD,), f"{_COPY} || tcp.options.sack_le"),
     ("dead-link", "one end has fallen silent",
      "look at cable, switch and power of the end that is silent; keep-alive tells it sooner",
      (Condition.LINK_DEAD,), f"{_COPY} || tcp.analysis.keep_alive"),

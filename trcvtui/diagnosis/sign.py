@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from trcvtui.diagnosis.line_facts import SegmentFacts
 
 if TYPE_CHECKING:
+    from trcvtui.blocks.conditions import Condition
     from trcvtui.diagnosis.receiver import Receiver
 
 
@@ -40,4 +41,6 @@ class Sign(NamedTuple):
     cured: Receiver | None = None
     otherwise: tuple[Remedy, ...] = ()
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
-    status: tuple[int, ...] = ()  # what the blocks show for it; (): what the cause leads to
+    status: tuple[int, ...] = ()  # what the blocks show for it; (): what it leads to
+    leads_to: tuple[Condition, ...] | None = None  # in place of what the cause leads to
+    filter: str = ""  # for Wireshark, in place of that of the cause

@@ -10,28 +10,21 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
+from trcvtui.diagnosis.frame_readings import FrameReading, read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
-from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
-
-if TYPE_CHECKING:
-    from trcvtui.udt.compare.fit import Fit
-    from trcvtui.udt.layout.rules import LayoutRules
-    from trcvtui.udt.types import Type
 
 FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
-CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
 MOST_FRAMES: Final = 8
-MOST_OF_FIT: Final = 8  # bytes of a header that `fit` tries
-LONGEST_HEADER: Final = 64
 
 
 class FrameRule(NamedTuple):
@@ -126,17 +119,10 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if not receiver.room or size <= receiver.room:
         left = unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (length._replace(text=f"LEN {size}{then}"), *_anew(receiver))
+        return (length._replace(text=f"LEN {size}{then}"), *frames_anew(receiver))
     more = _room_mends(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
-    return (*mends, *_anew(receiver)) if more[0].set else mends
-
-
-def _anew(receiver: Receiver) -> tuple[Remedy, ...]:
-    """Return what lets frames begin with a message after their length has changed."""
-    text = "COM_RST: the next frame then begins with a message"
-    is_stream = receiver.has_reset and not receiver.is_datagram
-    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()
+    return (*mends, *frames_anew(receiver)) if more[0].set else mends
 
 
 def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
@@ -151,40 +137,6 @@ def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
         f"compare {receiver.type_name} with what the partner sends: a member is narrower, packed, or missing"
     )
     return (Remedy(f"{text}; LEN {size} would leave {left.names} unwritten"),)
-
-
-class RemedyOffer(NamedTuple):
-    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
-
-    `otherwise` is offered where the trial fails.
-    """
-
-    mend: tuple[Remedy, ...] = ()
-    cured: Receiver | None = None
-    otherwise: tuple[Remedy, ...] = ()
-
-
-NO_OFFER: Final = RemedyOffer()
-
-
-def _sign(
-    receiver: Receiver,
-    sure: float,
-    texts: tuple[str, ...],
-    at: SegmentFacts | None,
-    offer: RemedyOffer = NO_OFFER,
-) -> Sign:
-    """Return what speaks for a cause in what the partner says to a receiver."""
-    return Sign(
-        sure,
-        texts,
-        "to-plc",
-        at,
-        receiver.instance or None,
-        offer.mend,
-        cured=offer.cured,
-        otherwise=offer.otherwise,
-    )
 
 
 def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
@@ -235,7 +187,7 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
     offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual)
-    return _sign(wanted, sure, (text,), _at(last), offer)
+    return sign_to_plc(wanted, sure, (text,), _at(last), offer)
 
 
 def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -251,7 +203,9 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
-        return _sign(wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual))
+        if (members := _means("frame-long")(line, receiver)) is not None:
+            return members._replace(evidence=(text, more, *members.evidence))
+        return sign_to_plc(wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual))
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -261,7 +215,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    return _sign(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most))
+    return sign_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most))
 
 
 def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -288,7 +242,7 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
     offer = RemedyOffer((mend, *room) if name else (), cured)
-    return _sign(wanted, sure, (text,), _at(messages[0]), offer)
+    return sign_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
 
 
 def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -314,13 +268,13 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
-    offer = RemedyOffer(_anew(wanted))  # where nothing brings it again
+    offer = RemedyOffer(frames_anew(wanted))  # where nothing brings it again
     if again > 1 or (is_first and again):
         ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
         name = "the greeting" if is_first else "these messages"
         take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
-    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
+    return sign_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -346,8 +300,8 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )  # fmt: skip
     size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer((mend, size, *_anew(wanted)) if name else (), cured)
-    return _sign(wanted, sure, (text, more), _at(split[0]), offer)
+    offer = RemedyOffer((mend, size, *frames_anew(wanted)) if name else (), cured)
+    return sign_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
 
 
 def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -383,7 +337,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     if known is None:
         return Sign(sure, (text,), "to-plc", at, is_remark=True)
-    return _sign(known, sure, (text,), at, _one_a_job(known, base))
+    return sign_to_plc(known, sure, (text,), at, _one_a_job(known, base))
 
 
 def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:
@@ -392,7 +346,7 @@ def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: 
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    return _sign(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
+    return sign_to_plc(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
 
 
 def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
@@ -400,7 +354,7 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
     mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
-    return RemedyOffer((mend, *_anew(receiver)), receiver._replace(adhoc=False, need=base))
+    return RemedyOffer((mend, *frames_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 
 def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
@@ -460,7 +414,7 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return _sign(wanted, 0.95, (text,), large[0], _with_len(wanted, most))
+    return sign_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most))
 
 
 def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -481,7 +435,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return _sign(receiver, 0.9, tuple(texts), _at(line.messages[0]))
+            return sign_to_plc(receiver, 0.9, tuple(texts), _at(line.messages[0]))
     return None
 
 
@@ -507,11 +461,11 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
-_READ: Final[dict[tuple[object, ...], tuple[str, Sign] | None]] = {}
+_READ: Final[dict[tuple[object, ...], FrameReading | None]] = {}
 MOST_READ: Final = 256
 
 
-def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | None:
+def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
@@ -524,127 +478,15 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     if key not in _READ:
         if len(_READ) >= MOST_READ:
             _READ.clear()
-        _READ[key] = _read(frames, receiver, receiver.type, receiver.rules)
+        _READ[key] = read(frames, receiver, receiver.type, receiver.rules)
     found = _READ[key]
-    return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
-
-
-def _read(
-    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
-) -> tuple[str, Sign] | None:
-    from trcvtui.udt.compare.fit import fit, without_near_drifts
-
-    extra = len(frames[0]) - receiver.need
-    if MOST_OF_FIT < extra <= LONGEST_HEADER:
-        fitted = [fit(type_, [one[at:][: receiver.need] for one in frames], own=rules) for at in (extra, 0)]
-        after, before = (
-            max((one.members for one in found if not one.cause.kind), default=0.0) for found in fitted
-        )
-        if after > max(before, 0.0) + 2 * CLEAR:
-            text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
-            return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
-    if len(frames) < 2 and len(frames[0]) != receiver.need:
-        return _read_by_size(frames, receiver, type_, rules)
-    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
-    own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
-    best = fits[0] if fits else None
-    if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
-        return None
-    ahead = best.score - own.score if own is not None else 40.0
-    is_own_size = own is not None and own.layout.size == len(frames[0])
-    is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
-    if ahead < CLEAR or (is_own_size and not is_clear):
-        return None
-    cause, offer = _meaning(best, frames, receiver, rules)
-    ours = "none" if own is None else f"{own.score:+.1f}"
-    said = (
-        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
-    )
-    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
-    texts = (said, *(reason.text for reason in best.reasons[:2]))
-    return (cause, _sign(receiver, sure, texts, None, offer)) if cause else None
-
-
-def _read_by_size(
-    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
-) -> tuple[str, Sign] | None:
-    """Read the only message in another layout that has exactly its size and values that machines send."""
-    from trcvtui.udt.compare.fit import fit
-
-    size = len(frames[0])
-    found = [
-        one
-        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
-        if not one.cause.kind
-        and one.layout.size == size
-        and one.members > 0
-        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
-    ]
-    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
-        return None  # with one message nothing else tells two layouts apart
-    best = found[0]
-    text = (
-        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
-    )
-    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
-    return "padding", _sign(receiver, 0.7, (f"{text} has {size}",), None, offer)
-
-
-def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
-    return any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
-
-
-def _meaning(
-    best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules
-) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
-    from trcvtui.udt.compare.causes import has_length_field
-    from trcvtui.udt.compare.drift import MOST_LEAVES
-
-    kind, order = best.cause.kind, best.layout.rules.byte_order
-    if kind in ("header", "trailer"):
-        has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
-        if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
-            return "", NO_OFFER  # bytes alone read as well wherever they begin
-        return "header", RemedyOffer((_declared(best.cause.n, "before" if kind == "header" else "after"),))
-    if kind in ("word-swap", "byte-swap"):
-        swap = Remedy("swap what the partner swaps: words or bytes of each number")
-        return "byte-order", RemedyOffer((swap,))
-    if kind is not None:
-        return "", NO_OFFER
-    if best.layout.size != receiver.need or order == rules.byte_order:
-        text = f"lay DATA out as the partner does: {best.profile}"
-        return "padding", _as_partner(text, best, receiver, rules)
-    text = f"read DATA as the partner sends it: {order}-endian"
-    return "byte-order", _as_partner(text, best, receiver, rules)
-
-
-def _declared(size: int, side: str) -> Remedy:
-    return Remedy(f"declare the {size} bytes {side} the members, or let the partner leave them out")
-
-
-def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
-    """Offer to lay DATA out as the partner does."""
-    profile, data = best.profile, receiver.data
-    ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
-    theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
-    other = [f"{key}={has}" for (key, had), has in theirs if has != had]
-    if not (data and other):
-        return RemedyOffer((Remedy(text),))
-    first, *more = other
-    line, size = f"set data {data} {' '.join(other)}", best.layout.size
-    mends = [Remedy(f"with it {one}", None, f"data.{data}.{one}") for one in more]
-    cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
-    if receiver.need == receiver.room:
-        cured = cured._replace(need=size)
-    anew = _anew(receiver) if cured.need != receiver.need else ()
-    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)
+    return found and found._replace(said=found.said._replace(at=_at(line.messages[0])))
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         found = _reading(line, receiver)
-        return found[1] if found is not None and found[0] == cause else None
+        return found.said if found is not None and found.cause == cause else None
 
     return judge
 
@@ -666,7 +508,9 @@ def _unwritten(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
-    sign = _sign(receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size)))
+    sign = sign_to_plc(
+        receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size))
+    )
     return sign._replace(is_remark=not left.is_cut)
 
 
@@ -685,7 +529,7 @@ def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if not texts:
         return None
     sure = 0.8 if len(frames) >= FEW else 0.6
-    return _sign(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]))
+    return sign_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]))
 
 
 def _at(message: LineMessage) -> SegmentFacts:

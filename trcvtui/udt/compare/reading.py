@@ -8,7 +8,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare.causes import Cutting, FitCause, cut, extra_evidence
+from trcvtui.udt.compare.beside import extra_evidence
+from trcvtui.udt.compare.causes import Cutting, FitCause, cut
 from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,

@@ -18,6 +18,15 @@ from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
 from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
+from trcvtui.diagnosis.text_forms import (
+    SEND_BYTES,
+    as_text,
+    has_numbers_alone,
+    string_of_bytes,
+    string_offer,
+    text_of,
+    utf_8_of,
+)
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
 
@@ -25,6 +34,7 @@ FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
 MOST_FRAMES: Final = 8
+MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
 
 
 class FrameRule(NamedTuple):
@@ -127,9 +137,6 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return what is left to do where LEN alone would cut members, or read them at wrong places."""
-    if isinstance(receiver.type, StringType):
-        text = f"the partner sends no header of a STRING: receive into ARRAY[0..{size - 1}] OF CHAR"
-        return (Remedy(f"{text}, and make a STRING of it in the program"),)
     left = unwritten_members(receiver, size)
     if left is None:
         return ()
@@ -139,7 +146,10 @@ def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (Remedy(f"{text}; LEN {size} would leave {left.names} unwritten"),)
 
 
-def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
+def _with_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
+    as_string = string_offer(receiver, _contents(line))
+    if as_string is not None or isinstance(receiver.type, StringType):
+        return as_string or NO_OFFER  # LEN alone would put a text where the header of a STRING is
     room = max(receiver.room, size) if receiver.room else 0
     has_members = layout_of(receiver) is not None
     # What further bytes mean is not known: a type with members cannot be tried with them.
@@ -186,7 +196,7 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if is_soon and last.at + last.size - _start(line) == wanted.need:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
-    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual)
+    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual, line)
     return sign_to_plc(wanted, sure, (text,), _at(last), offer)
 
 
@@ -205,7 +215,9 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _means("frame-long")(line, receiver)) is not None:
             return members._replace(evidence=(text, more, *members.evidence))
-        return sign_to_plc(wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual))
+        return sign_to_plc(
+            wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual, line)
+        )
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -215,7 +227,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    return sign_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most))
+    return sign_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most, line))
 
 
 def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -241,7 +253,7 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
-    offer = RemedyOffer((mend, *room) if name else (), cured)
+    offer = string_offer(wanted, _contents(line)) or RemedyOffer((mend, *room) if name else (), cured)
     return sign_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
 
 
@@ -414,7 +426,7 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return sign_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most))
+    return sign_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most, line))
 
 
 def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -461,15 +473,27 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
+def _is_read(line: LineFacts, receiver: Receiver) -> bool:
+    """Return whether the bytes of messages are known, and mean what DATA is declared as."""
+    if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
+        return False
+    return not is_session(line, receiver)
+
+
+def _contents(line: LineFacts) -> list[bytes]:
+    """Return the bytes of the first messages that are whole."""
+    content = bytes(line.to_plc.content)
+    some = (judged_messages(line) or line.messages)[:MOST_MESSAGES]
+    return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]
+
+
 _READ: Final[dict[tuple[object, ...], FrameReading | None]] = {}
 MOST_READ: Final = 256
 
 
 def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
-    if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
-        return None
-    if receiver.is_whole or receiver.is_secure or is_session(line, receiver) or line.to_plc.cut:
+    if receiver is None or receiver.type is None or receiver.rules is None or not _is_read(line, receiver):
         return None
     frames = _frames(line, receiver)
     if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_alone(line, receiver)):
@@ -481,6 +505,39 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
         _READ[key] = read(frames, receiver, receiver.type, receiver.rules)
     found = _READ[key]
     return found and found._replace(said=found.said._replace(at=_at(line.messages[0])))
+
+
+def _text(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Judge whether text comes where numbers are declared."""
+    if receiver is None or not _is_read(line, receiver) or not has_numbers_alone(receiver):
+        return None
+    messages = _contents(line)
+    found = text_of(messages)
+    if found is None:
+        return None
+    numbers = f"{receiver.type_name or 'DATA'} has numbers"
+    offer = as_text(receiver, found, max(map(len, messages)))
+    return sign_to_plc(receiver, 0.93, (found.said, numbers), _at(line.messages[0]), offer)
+
+
+def _encoding(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if receiver is None or not _is_read(line, receiver):
+        return None
+    said = utf_8_of(_contents(line), receiver.need)
+    if not said:
+        return None
+    return sign_to_plc(receiver, 0.95, (said,), _at(line.messages[0]), RemedyOffer((SEND_BYTES,)))
+
+
+def _header(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if (found := _means("header")(line, receiver)) is not None:
+        return found
+    if receiver is None or not _is_read(line, receiver):
+        return None
+    said = string_of_bytes(receiver, _contents(line))
+    return (
+        sign_to_plc(receiver, 0.0, (said,), _at(line.messages[0]))._replace(is_remark=True) if said else None
+    )
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
@@ -525,11 +582,14 @@ def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     else:
         some = [(at, need) for at in range(_start(line), len(content) - need + 1, need)]
     frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
+    if isinstance(receiver.type, StringType):  # its header comes first, however much of it a frame writes
+        frames = [one.ljust(receiver.room, b"\0") for one in frames]
     texts = odd_values(receiver, frames)
     if not texts:
         return None
     sure = 0.8 if len(frames) >= FEW else 0.6
-    return sign_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]))
+    offer = string_offer(receiver, _contents(line)) or NO_OFFER
+    return sign_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]), offer)
 
 
 def _at(message: LineMessage) -> SegmentFacts:
@@ -545,21 +605,24 @@ def _is_alone(line: LineFacts, receiver: Receiver) -> bool:
 
 _MEANT: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
+_FORMS: Final = ("encoding", "text")  # the bytes are another thing than what is declared
 _EXPLAINS_DATA: Final = (
-    *_OTHER, *_MEANT, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted", "adhoc-splits",
-    "merged", "datagram-size", "framing",
+    *_OTHER, *_MEANT, *_FORMS, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted",
+    "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
 FRAME_JUDGES: Final = (
-    FrameRule("header", _means("header"), _OTHER),
-    FrameRule("padding", _means("padding"), _OTHER),
-    FrameRule("byte-order", _means("byte-order"), _OTHER),
-    FrameRule("frame-short", _frame_short, _OTHER, _MEANT),
-    FrameRule("frame-long", _frame_long, (*_OTHER, "merged"), _MEANT),
-    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "shifted")),
-    FrameRule("shifted", _shifted, _OTHER),
-    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long")),
-    FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),
-    FrameRule("datagram-size", _datagram_size),
+    FrameRule("encoding", _encoding, _OTHER),
+    FrameRule("text", _text, _OTHER),
+    FrameRule("header", _header, (*_OTHER, *_FORMS)),
+    FrameRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
+    FrameRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
+    FrameRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
+    FrameRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
+    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
+    FrameRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
+    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
+    FrameRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
+    FrameRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
     FrameRule("framing", _framing, (), ("line-errors",)),
     FrameRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
     FrameRule("odd-values", _odd, _EXPLAINS_DATA),

@@ -18,7 +18,7 @@ LINK_CAUSES: Final = frozenset({
 })  # fmt: skip
 FRAME_CAUSES: Final = frozenset({
     "frame-short", "frame-long", "adhoc-missing", "adhoc-splits", "header", "padding", "byte-order",
-    "shifted", "merged", "framing", "datagram-size",
+    "shifted", "merged", "framing", "datagram-size", "encoding", "text",
 })  # fmt: skip
 LINK_ERRORS: Final = frozenset({
     C.CONNECT_FAILED, C.NOT_CONNECTED, C.SEND_FAILED, C.RECEIVE_FAILED, C.LINK_DEAD, C.PARTNER_CLOSED,

@@ -44,6 +44,8 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("wrong-tsap", "the TSAPs of both ends do not fit",
      "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE,
      f"{_DATA} || tcp.flags.fin == 1 || {_RST}"),
+    ("plain-tcp", "the partner speaks plain TCP where the CONNECT speaks ISO-on-TCP",
+     "give the CONNECT a description of plain TCP, or let the partner speak RFC 1006", (), _DATA),
     ("tls-refused", "the TLS handshake failed",
      "let both ends speak TLS, and trust the certificate that the other one shows",
      (Condition.TLS_HANDSHAKE,), "tls"),

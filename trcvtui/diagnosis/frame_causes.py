@@ -16,7 +16,7 @@ from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_membe
 from trcvtui.diagnosis.frame_readings import FrameReading, read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
+from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
 from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
 from trcvtui.diagnosis.text_forms import (
     SEND_BYTES,
@@ -611,6 +611,7 @@ _EXPLAINS_DATA: Final = (
     "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
 FRAME_JUDGES: Final = (
+    FrameRule("plain-tcp", plain_tcp, _OTHER),
     FrameRule("encoding", _encoding, _OTHER),
     FrameRule("text", _text, _OTHER),
     FrameRule("header", _header, (*_OTHER, *_FORMS)),

@@ -14,7 +14,7 @@ from trcvtui.diagnosis.sign import Remedy
 C = Condition
 LINK_CAUSES: Final = frozenset({
     "address", "second-client", "refused", "filtered", "wrong-tsap", "tls-refused", "closes-each-message",
-    "reconnect-storm", "no-keep-alive", "dead-link", "resets", "turned-away",
+    "reconnect-storm", "no-keep-alive", "dead-link", "resets", "turned-away", "plain-tcp",
 })  # fmt: skip
 FRAME_CAUSES: Final = frozenset({
     "frame-short", "frame-long", "adhoc-missing", "adhoc-splits", "header", "padding", "byte-order",

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
 from trcvtui.diagnosis.frame_readings import FrameReading, read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
+from trcvtui.diagnosis.message_joints import head_and_body, joined_by_length, joined_by_mark
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
 from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
@@ -294,6 +295,15 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     messages = judged_messages(line)
     if wanted is None or len(messages) < FEW:
         return None
+    if (pairs := head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
+        text = f"{count(pairs.pairs, 'message')} in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
+        more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
+        offer = _received_static(wanted, max(pairs.sizes))
+        if len(pairs.sizes) > 1:
+            offer = RemedyOffer(
+                (Remedy(f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"),)
+            )
+        return sign_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
         return None
@@ -305,15 +315,19 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
     )
     more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
-    name = wanted.instance
-    mend = Remedy(
-        f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
-        f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
-    )  # fmt: skip
-    size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
-    cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer((mend, size, *frames_anew(wanted)) if name else (), cured)
+    offer = _received_static(wanted, sizes.usual)
     return sign_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
+
+
+def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
+    name = receiver.instance
+    mend = Remedy(
+        f"receive static, LEN {size}, where messages have one length; else ReceiveData with a frame",
+        f"set {name} ADHOC=0 LEN={size}", f"instance.{name}.ADHOC=false",
+    )  # fmt: skip
+    length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
+    cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))
+    return RemedyOffer((mend, length, *frames_anew(receiver)) if name else (), cured)
 
 
 def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -323,6 +337,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if (receiver is not None and known is None) or is_session(line):
         return None
     writes = line.to_plc.writes
+    if (found := _merged_by_borders(line, known)) is not None:
+        return found
     counted = Counter(write.size for write in writes)
     base, often = min(
         counted.most_common(3), key=lambda one: one[0] if one[1] * 5 >= len(writes) else 1 << 30
@@ -350,6 +366,24 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if known is None:
         return Sign(sure, (text,), "to-plc", at, is_remark=True)
     return sign_to_plc(known, sure, (text,), at, _one_a_job(known, base))
+
+
+def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Judge whether a delimiter or a length parts the messages of one segment."""
+    content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
+    known = [one for one in some if one.at + one.size <= len(content)]
+    parts = [content[one.at : one.at + one.size] for one in known]
+    joined = (joined_by_mark(parts) or joined_by_length(parts)) if parts else None
+    if joined is None or joined.several * 12 < len(parts):
+        return None
+    at = next(one for one, number in zip(known, joined.numbers, strict=True) if number > 1)
+    texts = (
+        f"{joined.several} of {len(parts)} segments hold up to {max(joined.numbers)} messages",
+        joined.proof,
+    )
+    if receiver is None:
+        return Sign(0.7, texts, "to-plc", at, is_remark=True)
+    return sign_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(joined.mend),)))
 
 
 def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:

@@ -171,6 +171,11 @@ class FrameMarks(NamedTuple):
         return self.ending in (Ending.SUFFIX, Ending.SIZE)
 
 
+def ended_by(ending: Ending, suffix: bytes) -> str:
+    """Return in words what ended a frame: of a suffix only where there is one."""
+    return "size reached, and there is no suffix" if ending is Ending.OVERRUN and not suffix else str(ending)
+
+
 class Tally(NamedTuple):
     """How many frames ended well, by a gap, without the suffix; how many parts were thrown away, and why."""
 

@@ -40,7 +40,7 @@ def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRule
         return _read_by_size(frames, receiver, type_, rules)
     fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
-    best = fits[0] if fits else None
+    best = _plainest(fits, rules)
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
         return None
     ahead = best.score - own.score if own is not None else 40.0
@@ -61,6 +61,12 @@ def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRule
         sure = min(sure, UNSURE)
     texts = (said, *(reason.text for reason in best.reasons[:2]))
     return FrameReading(cause, sign_to_plc(receiver, sure, texts, None, offer))
+
+
+def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
+    """Return the best reading, or one that is near it and differs less from our own."""
+    near = [one for one in fits if one.score > fits[0].score - CLEAR]
+    return min(near, key=lambda one: (one.cause.front > 0) + (not _is_read_so(one, rules)), default=None)
 
 
 def _read_by_size(

@@ -40,6 +40,7 @@ class ExtraEvidence(NamedTuple):
     has_meaning: bool = True
     before: str = ""
     after: str = ""
+    of_after: float = 0.0  # of the points
 
 
 def usual_length(lengths: Sequence[int]) -> int:
@@ -61,7 +62,7 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     if cause.kind == LONG:
         is_known = _trailer(before, unit, after) is not None  # then it is no byte too many
         said = f"one byte too many: {_hex(after)}"
-        return None if is_known else ExtraEvidence(-0.5, said, has_meaning=False)
+        return None if is_known else ExtraEvidence(-0.5, said, has_meaning=False, of_after=-0.5)
     if cause.kind == SHORT:
         return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
     tail = _trailer(before, unit, after) if after else None
@@ -75,8 +76,8 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     if head and tail:
         is_known = head.has_meaning and tail.has_meaning
         points, text = head.points + tail.points, f"{head.text}; {tail.text}"
-        return ExtraEvidence(points, text, is_known, head.before, tail.after)
-    return head or tail or ExtraEvidence(0.0, "")
+        return ExtraEvidence(points, text, is_known, head.before, tail.after, tail.points)
+    return head or (tail and tail._replace(of_after=tail.points)) or ExtraEvidence(0.0, "")
 
 
 def _header(before: bytes, size: int, after: bytes) -> ExtraEvidence:

@@ -172,7 +172,9 @@ class Reading:
                     return False
                 told[before, after] = extra
         self.has_meaning = all(extra.has_meaning for extra in told.values())
-        points = sum(extra.points for extra in told.values()) / len(told) * len(told) ** REPEATED
+        befores = {before: extra.points - extra.of_after for (before, _), extra in told.items()}
+        afters = {after: extra.of_after for (_, after), extra in told.items()}
+        points = sum(sum(one.values()) * len(one) ** (REPEATED - 1) for one in (befores, afters))
         said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
         if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
             said += " in each message"

@@ -711,7 +711,8 @@ def frame_long(r: random.Random, b: Built) -> None:
     if b.what == "members":
         b.receiver, frames = members(r)
         end = r.choice((b"\r\n", b"\r\n", b"\x03", r.randbytes(3)))
-        return say_frames(r, b, [frame + end for frame in frames])
+        say_frames(r, b, [frame + end for frame in frames])
+        return
     need = size_of(r)
     size = need + r.randrange(1, need + 20)
     fixed(r, b, size + (size % need == 0))

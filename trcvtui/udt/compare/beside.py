@@ -20,7 +20,7 @@ ENDINGS: Final = {
     b"\x04": ("EOT", 0.02), b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02),
     b"\0\r\n": ("NUL CR LF", 0.02), b"\x03\r\n": ("ETX CR LF", 0.02), b"\r\n\r\n": ("CR LF CR LF", 0.02),
 }  # fmt: skip
-STARTS: Final = {b"\x02": ("STX", 0.1), b"\x01": ("SOH", 0.03)}
+STARTS: Final = {b"\x02": "STX", b"\x01": "SOH"}
 CHECKSUM: Final = 0.02
 MOST_CHECKED: Final = 2048  # bytes of a message of which checksums are made
 OWN_ENDING: Final = 0.15  # anything else of two or more bytes
@@ -82,25 +82,19 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
 
 def _header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
     said = f"before it stands {_hex(before)}"
-    mark, (name, share) = _start(before, after)
+    mark = next((mark for mark in STARTS if before.startswith(mark) and b"\x03" in after), b"")
+    name = STARTS.get(mark, "")
     field = length_field(before, size + len(after)) or length_field(before, size)
     known = f"{said}, {name}" if mark else said
-    points = math.log(share) - chance(mark)
     if field is None:
         left = before[len(mark) :]
         likely = 1 - LENGTH_FIELD if any(before) else ZEROS_BEFORE
-        return ExtraEvidence(points + math.log(likely), known, not left, "" if left else name)
+        return ExtraEvidence(math.log(likely), known, not left, "" if left else name)
     part, words = field
-    points += math.log(LENGTH_FIELD / 8 / len(before)) - chance(part)
+    points = math.log(LENGTH_FIELD / 8 / len(before)) - chance(part)
     is_meant = (len(mark) + len(part)) * 2 >= len(before)  # else it may be one by chance
     named = ", ".join(filter(None, (name, f"with {words}")))
     return ExtraEvidence(points, f"{known}, {words}", is_meant, named if is_meant else "")
-
-
-def _start(before: bytes, after: bytes) -> tuple[bytes, tuple[str, float]]:
-    """Return the mark at the begin of a message that ends in one, too."""
-    mark = next((mark for mark in STARTS if before.startswith(mark) and b"\x03" in after), b"")
-    return mark, STARTS.get(mark, ("", 1.0))
 
 
 def _trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:

@@ -173,6 +173,8 @@ class Reading:
                 told[before, after] = extra
         self.has_meaning = all(extra.has_meaning for extra in told.values())
         befores = {before: extra.points - extra.of_after for (before, _), extra in told.items()}
+        if len({extra.has_meaning for extra in told.values()}) > 1:  # a length in some of them is chance
+            befores = dict.fromkeys(befores, min(befores.values()))
         afters = {after: extra.of_after for (_, after), extra in told.items()}
         points = sum(sum(one.values()) * len(one) ** (REPEATED - 1) for one in (befores, afters))
         said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))

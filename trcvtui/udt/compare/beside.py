@@ -52,7 +52,7 @@ def usual_length(lengths: Sequence[int]) -> int:
 def around(size: int, length: int) -> Iterator[FitCause]:
     """Yield the ways in which a type lies in a longer message, with bytes before and after it."""
     extra = length - size
-    if 1 < extra <= MOST_EXTRA and extra % size:  # else several of the same type
+    if size and 1 < extra <= MOST_EXTRA and extra % size:  # else several of the same type
         for front in range(1, extra):
             yield FitCause(HEADER, front, front=front, back=extra - front, cost=BOTH)
 

@@ -149,7 +149,8 @@ def _sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
         sides.append(f"{count(cause.front, 'byte')} before the members ({words})")
     if cause.back:
         words = _named([after for _, after in extras], [one.after for one in said if one])
-        sides.append(f"{count(cause.back, 'byte')} after them ({words})")
+        them = "them" if sides else "the members"
+        sides.append(f"{count(cause.back, 'byte')} after {them} ({words})")
     return sides
 
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
 from trcvtui.diagnosis.frame_readings import FrameReading, read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
-from trcvtui.diagnosis.message_joints import head_and_body, joined_by_length, joined_by_mark
+from trcvtui.diagnosis.message_joints import head_and_body, joined
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
 from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
@@ -373,17 +373,15 @@ def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Sign | Non
     content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
     known = [one for one in some if one.at + one.size <= len(content)]
     parts = [content[one.at : one.at + one.size] for one in known]
-    joined = (joined_by_mark(parts) or joined_by_length(parts)) if parts else None
-    if joined is None or joined.several * 12 < len(parts):
+    found = joined(parts)
+    several = 0 if found is None else sum(number > 1 for number in found.numbers)
+    if found is None or several * 12 < len(parts):
         return None
-    at = next(one for one, number in zip(known, joined.numbers, strict=True) if number > 1)
-    texts = (
-        f"{joined.several} of {len(parts)} segments hold up to {max(joined.numbers)} messages",
-        joined.proof,
-    )
+    at = next(one for one, number in zip(known, found.numbers, strict=True) if number > 1)
+    texts = f"{several} of {len(parts)} segments hold up to {max(found.numbers)} messages", found.proof
     if receiver is None:
         return Sign(0.7, texts, "to-plc", at, is_remark=True)
-    return sign_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(joined.mend),)))
+    return sign_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
 
 
 def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:

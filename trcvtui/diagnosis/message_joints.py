@@ -80,48 +80,41 @@ def steps(place: LengthPlace, content: bytes) -> int:
 
 
 class Joined(NamedTuple):
-    """Writes with several messages: how many, the most in one, what proves it, what takes one at a time."""
+    """Writes with several messages: how many in each write, what proves it, what takes one at a time."""
 
-    numbers: tuple[int, ...]  # messages in each write
+    numbers: tuple[int, ...]
     proof: str
     mend: str
 
-    @property
-    def several(self) -> int:
-        return sum(number > 1 for number in self.numbers)
+
+def joined(parts: Sequence[bytes]) -> Joined | None:
+    """Return that writes hold several messages, some of them one."""
+    ways = (*_by_mark(parts), *_by_length(parts)) if parts else ()
+    several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW)
+    return next((one for one in several if one.numbers.count(1) >= 2), None)
 
 
-def joined_by_mark(parts: Sequence[bytes]) -> Joined | None:
-    """Return that writes hold several messages, each with the same end and the same begin."""
+def _by_mark(parts: Sequence[bytes]) -> Iterator[Joined]:
+    """Yield the delimiters that end each write, where all messages begin alike, too."""
     for mark in DELIMITERS:
-        if not all(part.endswith(mark) for part in parts):
-            continue
-        numbers = tuple([part.count(mark) for part in parts])
-        lines = [line for part in parts for line in part.split(mark)[:-1]]
-        begin, often = Counter(line[:2] for line in lines).most_common(1)[0]
-        if len(begin) == 2 and often * 10 >= 9 * len(lines):
-            shown = mark.hex(" ").upper()
-            mend = f"ReceiveData with the suffix {shown}: it takes one message at a time"
-            return _joined(Joined(numbers, f"each message ends in {shown}", mend))
-    return None
+        if all(part.endswith(mark) for part in parts):
+            lines = [line for part in parts for line in part.split(mark)[:-1]]
+            begin, often = Counter(line[:2] for line in lines).most_common(1)[0]
+            if len(begin) == 2 and often * 10 >= 9 * len(lines):
+                shown = mark.hex(" ").upper()
+                mend = f"ReceiveData with the suffix {shown}: it takes one message at a time"
+                yield Joined(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
 
 
-def joined_by_length(parts: Sequence[bytes]) -> Joined | None:
-    """Return that writes hold several messages, by a length in each of them."""
+def _by_length(parts: Sequence[bytes]) -> Iterator[Joined]:
+    """Yield the lengths that lead from message to message through each write."""
     shortest = min(parts, key=len)
     for place in _places([shortest], len(shortest)):
         numbers = tuple([steps(place, part) for part in parts]) if place.is_usual else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
             mend = f"two jobs: LEN {head} for the head, then as many bytes as its length tells"
-            proof = f"the length at byte {place.at} leads from message to message"
-            return _joined(Joined(numbers, proof, mend))
-    return None
-
-
-def _joined(found: Joined) -> Joined | None:
-    singles = found.numbers.count(1)
-    return found if found.several >= FEW and singles >= 2 else None
+            yield Joined(numbers, f"the length at byte {place.at} leads from message to message", mend)
 
 
 # -- head and body -------------------------------------------------------------------------------------------
@@ -142,27 +135,20 @@ def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> 
 
     Proved by a length in the head, or where both together always have the size that is waited for.
     """
-    for first in (0, 1):
-        pairs = [*zip(writes[first::2], writes[first + 1 :: 2], strict=False)]
-        head = pairs[0][0].size if pairs else 0
-        if (
-            len(pairs) < FEW
-            or head > LONGEST_HEAD
-            or any(a.size != head or a.at + head != b.at for a, b in pairs)
-        ):
-            continue
-        pauses = [b.ns - a.ns for a, b in pairs]
-        others = [b.ns - a.ns for (_, a), (b, _) in pairwise(pairs)]
-        wholes = [content[a.at : b.at + b.size] for a, b in pairs if b.at + b.size <= len(content)]
-        sizes = frozenset(a.size + b.size for a, b in pairs)
-        if len(wholes) < FEW or max(pauses) * APART > min(others) or any(b.size <= head for _, b in pairs):
-            continue
-        proof = "the head has the length of what follows" if _tells(wholes, head) else ""
-        if not proof and sizes == {need}:
-            proof = f"both together always have {need} bytes"
-        if proof:
-            return HeadAndBody(head, sizes, len(pairs), sorted(pauses)[len(pauses) // 2], proof)
-    return None
+    pairs = [*zip(writes[::2], writes[1::2], strict=False)]
+    head = pairs[0][0].size if len(pairs) >= FEW else 0
+    if not 0 < head <= LONGEST_HEAD or any(a.size != head or b.size <= head for a, b in pairs):
+        return None
+    pauses = [b.ns - a.ns for a, b in pairs]
+    others = [b.ns - a.ns for (_, a), (b, _) in pairwise(pairs)]
+    wholes = [content[a.at : b.at + b.size] for a, b in pairs if b.at + b.size <= len(content)]
+    sizes = frozenset(a.size + b.size for a, b in pairs)
+    if len(wholes) < FEW or max(pauses) * APART > min(others):
+        return None
+    proof = "the head has the length of what follows" if _tells(wholes, head) else ""
+    if not proof and sizes == {need}:
+        proof = f"both together always have {need} bytes"
+    return HeadAndBody(head, sizes, len(pairs), sorted(pauses)[len(pauses) // 2], proof) if proof else None
 
 
 def _tells(wholes: Sequence[bytes], head: int) -> bool:

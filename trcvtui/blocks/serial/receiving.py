@@ -11,17 +11,7 @@ from trcvtui.blocks.block import JobBlock, JoblessBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
-from trcvtui.blocks.framing import (
-    KEPT_NOISE,
-    NO_FRAMES,
-    Ending,
-    Frame,
-    FrameMarks,
-    Framer,
-    Framing,
-    ended_by,
-    marks_of,
-)
+from trcvtui.blocks.framing import KEPT_NOISE, NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -149,7 +139,7 @@ class Reception:
         place = self._buffer.head - size
         self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending)))
         self._deliver(frame.content)
-        cause = Cause(Why.BYTES, f"ended by: {ended_by(ending, framing.suffix)}", have=size, need=self.need)
+        cause = Cause(Why.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
         is_gap = ending is Ending.GAP
         shown = Outcome(self._conditions[ending], cause, size, lamp=Lamp.DONE, rx_timeout=is_gap)
         self._idle = replace(shown, lamp=None)

@@ -110,33 +110,16 @@ def fit(
     if framed and seen:
         drifted = drifted_layouts(layouts, seen, own)
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
-    left_out = len(messages) if framed and len(messages) > len(seen) else 0
-    found = list(_readings(tried, known, seen, framed, left_out))
-    fits = _sorted(found, seen, sender, own)
-    if fits and not fits[0].fits_best and framed:  # what nothing explains comes after what is sure
-        placed = [(same, layout, _placed(LayoutView(layout, known), seen)) for same, layout in layouts]
-        more = list(_readings(placed, known, seen, framed, left_out))
-        fits = _sorted(found + more, seen, sender, own) if more else fits
-    return fits
-
-
-def _readings(
-    tried: Iterable[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]],
-    known: EvidenceCache,
-    seen: Sequence[bytes],
-    framed: bool,
-    of_all: int,
-) -> Iterator[Reading]:
-    said = Reason(0.0, "", f"only the last {len(seen)} of {of_all} messages are judged")
+    found = []
     for same, layout, causes in tried:
         look = LayoutView(layout, known)
-        for reading in (Reading.of(same, look, cause, seen, framed) for cause in causes):
-            if reading is not None:
-                reading.others += [said] if of_all else []
-                yield reading
-
-
-def _sorted(found: list[Reading], seen: Sequence[bytes], sender: str, own: LayoutRules) -> tuple[Fit, ...]:
+        ways = [*causes, *_placed(look, seen)] if framed else causes
+        readings = (Reading.of(same, look, cause, seen, framed) for cause in ways)
+        found += [reading for reading in readings if reading is not None]
+    if framed and len(messages) > len(seen):
+        said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
+        for reading in found:
+            reading.others.append(said)
     found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
     return tuple(_ranked(found, seen))
 

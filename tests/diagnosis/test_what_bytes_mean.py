@@ -13,12 +13,16 @@ from typing import Any
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.diagnosis.doctor_cases import MS, Built, Wire, begin, cotp, static
 from tests.recording.wire import udp
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.message_joints import length_of
 from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.serial import warnings_of
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.project.file import load_project
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.values import encode
 from trcvtui.udt.sources.st import read_st
@@ -316,6 +320,16 @@ def test_texts_that_follow_each_other_without_a_gap_are_told_with_their_end(
     assert main(["scenario", str(tmp_path / "s.toml")]) == 1
     told = capsys.readouterr().out
     assert "suffix 0D 0A (CR LF)  [framing RS apply 1]" in told and "without the suffix" not in told
+
+
+def test_the_card_points_to_the_framing_between_the_errors(tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text(SERIAL)
+    bench = fresh_bench(load_project(tmp_path / "p.toml"), "sim")
+    for one in LINES:
+        do(bench, f"feed RX hex {one.hex(' ')}", scans=10)
+    (told,) = warnings_of(bench.runtime.snapshot(), bench.project, "RS")
+    bench.close()
+    assert "the gap of 200 ms never comes" in told and "key B" in told
 
 
 # -- a project from bytes alone ------------------------------------------------------------------------------

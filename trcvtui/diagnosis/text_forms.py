@@ -107,7 +107,7 @@ def _with_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOff
         f"{text} ({name})", f"set data {receiver.data} type={name}", f"data.{receiver.data}.type={name}"
     )
     mends = [line if receiver.data else Remedy(line.text)]
-    if receiver.need < receiver.room:
+    if receiver.need not in (receiver.room, size):
         pin = f"{receiver.instance}.LEN={size}"
         mends.append(Remedy(f"with it LEN {size}", f"set {pin.replace('.', ' ')}", f"instance.{pin}"))
     cured = receiver._replace(need=size, room=size, type=None)

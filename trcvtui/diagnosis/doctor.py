@@ -61,6 +61,7 @@ _GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
+BY_BYTES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
 Verdict = dict[str, Any]
 
 
@@ -296,6 +297,8 @@ def verdict(
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if judged.not_judged and made["healthy"]:
         made["verdict"] = PARTLY
+    causes = {one.cause for one in found}
+    told = [one for one in told if BY_BYTES.get(one["cause"]) not in causes]
     if told:
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()

@@ -25,7 +25,6 @@ class HexScreen(Screen[None]):
     """One view, and one line that names the process and the rows of a page."""
 
     CSS: ClassVar[str] = "HexView { height: 1fr; } Static { height: 1; }"
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
 
     def __init__(self, content: mmap.mmap) -> None:
         super().__init__()
@@ -53,6 +52,7 @@ class HexApp(App[None]):
     """The screen; q leaves."""
 
     CSS_PATH = STYLES
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     BINDINGS: ClassVar = [("q", "quit", "quit")]
 
     def __init__(self, content: mmap.mmap) -> None:

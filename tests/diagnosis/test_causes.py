@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.scenario.scenarios import BAOSKY, LEGACY, SIEMENS, SIM_ONLY, TWINCAT, Played, play
+from tests.scenario.scenarios import BAOSKY, LEGACY, SIEMENS, SIM_ONLY, TWINCAT, played
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.cli.main import main
 from trcvtui.net.faults import KNOWN_ERRORS
@@ -52,11 +51,6 @@ OF_CERTIFICATES = {
     *(Condition.TLS_NO_CA, Condition.TLS_EXPIRED, Condition.TLS_EXTENSION),
 }
 LINKED = {"accept", "connect", "recv", "send"}
-
-
-@cache
-def played(path: Path) -> Played:
-    return play(path, "sim")
 
 
 def errors(path: Path) -> Iterator[tuple[Condition, dict[str, Any]]]:

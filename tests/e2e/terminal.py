@@ -16,7 +16,7 @@ import pytest
 TRCVTUI = Path(sys.executable).with_name("trcvtui")
 _NUMBERS = itertools.count(1)
 PATIENCE_S = 90  # a busy machine is slow, not wrong
-LOOK_S = 0.03  # between two looks the program gets the processor
+LOOK_S = 0.1  # between two looks the program gets the processor: each is a process of tmux
 
 
 def need(tool: str) -> str:

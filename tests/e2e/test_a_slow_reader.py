@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -72,8 +72,10 @@ class Sender:
 
 
 @pytest.fixture
-def sender(tmp_path: Path) -> Sender:
-    return Sender(Bench(read_project(tomllib.loads(PROJECT), "reader.toml", tmp_path), "live"))
+def sender(tmp_path: Path) -> Iterator[Sender]:
+    made = Sender(Bench(read_project(tomllib.loads(PROJECT), "reader.toml", tmp_path), "live"))
+    yield made
+    made.bench.close()  # also where there is no socat: its port would stay open in some later test
 
 
 def test_a_socat_that_never_reads_then_reads_all_gets_whole_frames_one_for_each_done(

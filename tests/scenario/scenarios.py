@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,12 @@ def play(
     events = tuple(line.event for line in bench.runtime.ledger)
     assert bench.leaks() == ()
     return Played(verdict, out.getvalue(), events, tuple(kept.entries))
+
+
+@cache
+def played(path: Path) -> Played:
+    """Return the run of a scenario on the simulated network; it is played once for all tests of a worker."""
+    return play(path, "sim")
 
 
 def failures(verdict: Verdict) -> str:

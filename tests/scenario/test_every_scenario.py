@@ -22,6 +22,7 @@ from tests.scenario.scenarios import (
     Played,
     failures,
     play,
+    played,
 )
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.commands import words
@@ -86,7 +87,7 @@ def test_a_scenario_on_real_sockets(path: Path) -> None:
     if path.stem in ASKED_WHAT_IF:
         what_if_nothing_changed(run.entries)
     if path.parent.name in OF_THE_LINK:
-        sim = play(path, "sim")
+        sim = played(path)
         waits = OF_THE_LINK[path.parent.name]
         assert walk(run.records(), waits) == walk(sim.records(), waits)
     if path in BAOSKY:
@@ -193,7 +194,7 @@ ONLY_INJECTED = ["16#8082", "16#8084", "16#8086", "16#8087"]
 
 
 def shown_in(paths: Iterable[Path]) -> Shown:
-    return frozenset().union(*(play(path, "sim").reached() for path in paths))
+    return frozenset().union(*(played(path).reached() for path in paths))
 
 
 def unseen(rows: Iterable[StatusRow], seen: set[tuple[str, int]]) -> list[str]:

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 import textual.app
 import textual.pilot
-from textual._context import active_app
+from textual._compositor import Compositor
+from textual._context import active_app, visible_screen_stack
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.message_pump import MessagePump
@@ -66,8 +67,9 @@ def _parsed_once(sheet: Stylesheet, css: str, *place: object, **told: object) ->
 
 @pytest.fixture(autouse=True)
 def styles_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep the parsed styles from test to test."""
+    """Keep the parsed styles from test to test; rules are hashed as Textual does, but not by Python code."""
     monkeypatch.setattr(Stylesheet, "_parse_rules", _parsed_once)
+    monkeypatch.setattr(RuleSet, "__hash__", object.__hash__)
 
 
 async def _wait_for_the_busy(pilot: Any, timeout: float = 240.0) -> bool:
@@ -133,6 +135,28 @@ def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Pilot, "_wait_for_screen", _wait_for_the_busy)
     for module in (textual.app, textual.pilot):
         monkeypatch.setattr(module, "wait_for_idle", _wait_until_nothing_is_left)
+
+
+PAINTED = ("test_snapshots", "test_edges", "test_hostile_bytes", "test_flood", "test_stories")
+
+
+_render_update = Compositor.render_update
+
+
+def _render_what_is_kept(compositor: Compositor, full: bool = False, **asked: Any) -> Any:
+    """Paint screenshots alone; a picture that a test asks for (`screen_text`) shows the screens below too."""
+    if full:
+        return _render_update(compositor, full, **asked)
+    visible_screen_stack.set(asked["screen_stack"])
+    compositor._dirty_regions.clear()
+    return None
+
+
+@pytest.fixture(autouse=True)
+def pictures_when_asked_for(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paint what a test reads: the headless terminal throws its pictures away."""
+    if request.path.stem not in PAINTED:
+        monkeypatch.setattr(Compositor, "render_update", _render_what_is_kept)
 
 
 @pytest.fixture

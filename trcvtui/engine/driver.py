@@ -97,8 +97,8 @@ class MessageReader:
                 read = os.read(descriptor, READ_BYTES)
                 self._bytes += read
                 self._has_ended = not read
-        except BlockingIOError:
-            return
+        except OSError as why:  # a reset: the other end had not read all; what it said before that is here
+            self._has_ended = not isinstance(why, BlockingIOError)
         finally:
             os.set_blocking(descriptor, True)
 

@@ -263,7 +263,6 @@ class Agent:
     def _look(self, engine: ProcessDriver, now: int) -> None:
         if not self._has_asked and (self._has_shadows or engine.has_begun()):
             self._has_asked, self._started_at = True, now
-            # Not before: with a request unread its last words would be lost.
             engine.request(UpdateRequest(most_lines=MOST_LINES))
         update = engine.picture() if self._has_asked else None
         if update is not None:

@@ -120,7 +120,7 @@ if TYPE_CHECKING:
     from trcvtui.tui.doctor import EvidencePlace
     from trcvtui.tui.forms.fields import ProjectPart
 
-ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
+ZOOM, LIST, FROZEN, WITHIN = "-zoom", "-list", "-frozen", "-within"
 SCENARIOS: Final = "scenarios"  # the line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
 PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
@@ -381,6 +381,13 @@ class MainScreen(FullScreen[None]):
         if digit != 1 and self.has_class(LIST):
             self.action_zoom()
         self.set_focus(self._focus_target(digit))
+
+    def watch_focused(self) -> None:
+        """Frame the pane in which the focus is; `:focus-within` would have all of its parts styled again."""
+        for pane in (self.received, self.peer):
+            if pane.has_class(WITHIN) != pane.has_focus_within:
+                pane.set_class(pane.has_focus_within, WITHIN, update=False)
+                self.app.stylesheet.apply(pane)
 
     def go_to_place(self, place: EvidencePlace) -> None:
         """Show a scan of an instance over time, or a byte of what it has received."""

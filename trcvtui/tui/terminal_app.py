@@ -17,7 +17,7 @@ from textual.app import App
 from textual.command import Provider
 
 from trcvtui.tui.settings import ScreenSettings
-from trcvtui.tui.widgets.theme import OWN_THEMES, THEMES, readable
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES, THEMES, readable
 from trcvtui.tui.widgets.typed_lines import TypedField, obey
 
 HANG_UP_S: Final = 1.0
@@ -41,6 +41,7 @@ class TerminalApp(App[None]):
 
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
     COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {_ordered_commands}
 

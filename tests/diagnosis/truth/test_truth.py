@@ -29,17 +29,18 @@ from tests.diagnosis.truth.runs import CANNOT, Case, ask, judge, run, sizes
 from tests.scenario.scenarios import CONFIGS
 
 
-def test_of_sixty_random_questions_none_is_answered_wrong_without_a_word(tmp_path: Path) -> None:
-    found = []
-    for number, case in enumerate(cases()):
+def test_of_random_questions_none_is_answered_wrong_without_a_word(tmp_path: Path) -> None:
+    # A third of them with the one whose answer is wrong and says that it is a guess: 41.
+    found, (first, every) = [], (0, 1) if "TRCVTUI_SOAK" in os.environ else (2, 3)
+    for number, case in list(enumerate(cases()))[first::every]:
         verdict = judge(case, tmp_path / f"{number}")
         question = case.sets[0] if case.sets else case.dialect
         found.append((verdict.word, f"{number:2} {case.kind:9} {question:35} {verdict}"))
         print(found[-1][1])
     words = [word for word, _ in found]
     assert [row for word, row in found if word == "SILENT"] == []
-    assert len(words) == 60 and words.count("equal") >= 45
-    assert sum("(same)" in row for _, row in found) <= 10  # else the questions are not worth it
+    assert len(words) == 60 // every and words.count("equal") >= 45 // every
+    assert sum("(same)" in row for _, row in found) <= 10 // every  # else the questions are not worth it
 
 
 def messages(

@@ -27,7 +27,7 @@ from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.help import KeyTable, key_rows
 from trcvtui.tui.widgets.line_view import Row, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES
+from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
 from trcvtui.wording import count
 
@@ -109,7 +109,6 @@ class FleetHead(WordLine):
 class FleetScreen(Screen[None]):
     """Head, filter, list, what is to be told, keys."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     BINDINGS: ClassVar = [
         Binding("slash", "filter", show=False),
         Binding("g", "group", show=False),

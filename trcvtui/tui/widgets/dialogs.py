@@ -13,7 +13,6 @@ from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, pad, wrapped
 from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.tui.widgets.typed_lines import TypedField
 
 Answered = TypeVar("Answered")
@@ -26,7 +25,6 @@ class Dialog(ModalScreen[Answered], Generic[Answered]):
         Binding("escape", "leave", show=False),
         Binding("P", "app.picture", show=False, id="picture"),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = "Dialog { align: center middle; background: $background 60%; }"
 
     def __init__(self, nothing: Answered) -> None:

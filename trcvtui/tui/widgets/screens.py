@@ -16,7 +16,6 @@ from trcvtui.tui import messages
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, Keys, OutcomeLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 Result = TypeVar("Result")
 TABS: Final = "-tabs"  # of a screen that is too small for all of its panes
@@ -25,8 +24,6 @@ Command = tuple[str, str, str]  # of the palette: title, what is to be known of 
 
 class FullScreen(Screen[Result], Generic[Result]):
     """A screen with a header above and a line of keys below; a click on a key or a tab acts as the key."""
-
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
 
     def __init__(self, view_model: ViewModel, key_line: KeyLine) -> None:
         super().__init__()

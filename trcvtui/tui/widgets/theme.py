@@ -13,7 +13,7 @@ from textual.widget import Widget
 
 # Textual's partial style forgets transparency and `auto` colours. Here both are blended over the background
 # of the row: a dimmed word stays dimmed on a cursor. Native 16 colours cannot blend: there, pale is `dim`.
-# The classes belong to the screen: classes of a pane would be computed again for every pane there is.
+# The classes belong to the app: those of a screen or a pane would be computed again whenever it is styled.
 
 # fmt: off
 STYLE_NAMES: Final = (
@@ -42,7 +42,7 @@ def composed(widget: Widget, names: Iterable[str]) -> Style:
     _, _, background, ink = widget.colors
     auto, text = False, widget.text_style
     for name in names:
-        component = widget.screen.get_component_styles(component_class(name))
+        component = widget.app.get_component_styles(component_class(name))
         if component.has_rule("background") and component.background.a > 0:
             background = background + component.background
         if component.has_rule("color"):

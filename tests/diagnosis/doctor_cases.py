@@ -708,6 +708,11 @@ def frame_short(r: random.Random, b: Built) -> None:
 
 
 def frame_long(r: random.Random, b: Built) -> None:
+    if b.what == "members":
+        b.receiver, frames = members(r)
+        end = r.choice((b"\r\n", b"\r\n", b"\x03", r.randbytes(3)))
+        say_frames(r, b, [frame + end for frame in frames])
+        return
     need = size_of(r)
     size = need + r.randrange(1, need + 20)
     fixed(r, b, size + (size % need == 0))
@@ -819,10 +824,9 @@ def padding(r: random.Random, b: Built) -> None:
 
 def header(r: random.Random, b: Built) -> None:
     b.receiver, frames = members(r)
-    n, before = r.choice((2, 3, 4, 6, 8, 12, 20)), r.random() < 0.7
-    head = bytes(r.randrange(1, 256) for _ in range(n - 1))
-    said = [head + bytes((k + 1,)) if before else b"" for k in range(len(frames))]
-    say_frames(r, b, [a + f + (b"" if before else b"\r\n") for a, f in zip(said, frames, strict=True)])
+    n, has_end = r.choice((2, 3, 4, 6, 8, 12, 20)), r.random() < 0.3
+    head, end = bytes(r.randrange(1, 256) for _ in range(n - 1)), b"\r\n" if has_end else b""
+    say_frames(r, b, [head + bytes((k + 1,)) + frame + end for k, frame in enumerate(frames)])
 
 
 # -- all of them ---------------------------------------------------------------------------------------------
@@ -837,6 +841,7 @@ HEALTHY: tuple[Make, ...] = (
 SEVERAL_KINDS: dict[Make, tuple[str, ...]] = {
     refused: ("", "plc"),
     second_client: ("refused", "filtered", "reset"),
+    frame_long: ("", "members"),
 }
 WITH_A_FAULT: tuple[Make, ...] = (
     refused, filtered, resets, closes_each_message, reconnect_storm, dead_link, no_keep_alive,

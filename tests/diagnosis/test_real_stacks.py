@@ -46,6 +46,8 @@ def findings(case: str, folder: Path, capsys: pytest.CaptureFixture[str], *sets:
 
 
 def label(case: str) -> str:
+    if case.endswith("header-crlf-after"):
+        return "frame-long"  # nothing stands before the members
     rest = case.partition("-")[2]
     return next(cause for cause in CAUSES if rest == cause or rest.startswith(f"{cause}-"))
 
@@ -64,6 +66,6 @@ def test_what_the_remedy_sets_takes_the_evidence_away(
 ) -> None:
     first = findings(case, folder, capsys)[0]
     sets = [mend["set"] for mend in first["mend"] if mend["set"]]
-    assert sets or case.endswith("word-swap")  # the bench swaps no words
+    assert sets or case.endswith(("word-swap", "crlf-after"))  # the bench swaps no words, adds no members
     after = findings(case, folder, capsys, *(word for one in sets for word in ("--set", one)))
     assert after == [] or not sets

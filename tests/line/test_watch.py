@@ -123,6 +123,40 @@ def test_fin_after_7_of_12_bytes_shows_80a6_then_80c5(watch: Watch, tmp_path: Pa
     assert [each for each in seen.jobs("R1") if each[0] != "80A1"] == [("7008", 12), ("80A6", 0), ("80C5", 0)]
 
 
+OTHER_502 = ("10.0.0.9", 502)
+
+
+SECOND = """[[connect]]
+name = "C2"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "10.0.0.77"
+RemotePort = 502
+[[data]]
+name = "d2"
+type = "ARRAY[0..11] OF BYTE"
+[[instance]]
+name = "R2"
+block = "TRCV_C"
+connect = "C2"
+data = "d2"
+"""
+
+
+@pytest.mark.parametrize("more", ["", SECOND], ids=["one", "two on a port"])
+def test_the_ends_of_an_active_connect_say_which_end_is_the_plc(
+    more: str, watch: Watch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = project(tmp_path, more, active="true", local=0, remote="10.0.0.9", port=502)
+    packets = [*handshake(source=("10.0.0.5", 40836), target=OTHER_502),
+               tcp(bytes(12), 501, 101, ACK, 8192, OTHER_502, ("10.0.0.5", 40836))]  # fmt: skip
+    assert watch(packets, "--project", str(bench)).last["assigned"] == [{"id": "C1", "shadows": ["C1"]}]
+    assert main(["conversations", str(watch.path), "--project", str(bench), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["plc"] == "10.0.0.5:40836"
+    other = project(tmp_path, active="true", local=0, remote="10.0.0.77", port=503)
+    assert "--plc" in watch.refused(packets, "--project", str(other))
+
+
 def test_scan_1_is_the_first_packet_and_each_record_has_its_time(watch: Watch) -> None:
     seen = watch([*handshake(), *stream(12)], step_ms=100)
     done = next(r for r in seen.of("C1_TO_PLC") if r["DONE"])

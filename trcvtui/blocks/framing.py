@@ -33,6 +33,11 @@ class Framing(Struct, frozen=True):
         mine = self.size, self.prefix, self.suffix, self.text
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
+    def ended_by(self, ending: Ending) -> str:
+        """Return in words what ended a frame: of a suffix only where there is one."""
+        is_full = ending is Ending.OVERRUN and not self.suffix
+        return "size reached, and there is no suffix" if is_full else str(ending)
+
 
 class Frame(NamedTuple):
     """A frame: its bytes, prefix and suffix among them, and what ended it."""

@@ -93,11 +93,6 @@ class BlockRow(Struct, frozen=True):
         return self._has("CONT") and not self.speaks_udp
 
     @property
-    def opens(self) -> bool:
-        """Return whether it opens the CONNECT or UDP_CONFIG that it works on."""
-        return self._has("CONT") or self.runs_as is Condition.ESTABLISHING
-
-    @property
     def on_buffer(self) -> bool:
         return bool(self.buffer_pin)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import Any, Final
 
+from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
 from trcvtui.capture.plc_end import (
     NOTHING_KNOWN,
@@ -92,12 +93,21 @@ def conversations_of(
     if troubles and not found.packets:
         raise UserError(troubles)
     rows = (conversation_row(found, one, given, known or NOTHING_KNOWN) for one in found.all)
-    yield from _as_json(rows) if form == "json" else _as_table(rows)
-    for line in capture_notes(found, troubles):
+    if form == "json":
+        yield from _as_json((*rows, *(_fact_row(one, found.first_ns or 0) for one in found.host_facts())))
+    else:
+        yield from _as_table(rows)
+        for number, fact in enumerate(found.host_facts()):
+            yield from ["beside the conversations"] * (not number)
+            yield f"    {fact.line}"
+    for line in capture_notes(found, troubles, with_hosts=False):
         sys.stderr.write(line + "\n")
 
 
-def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
+def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
+    """Yield what is to be said of a capture as a whole; `with_hosts`: also what ARP and ICMP say."""
+    if with_hosts:
+        yield from (fact.line for fact in found.host_facts())
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     for why, count in found.not_read.items():
@@ -136,6 +146,11 @@ def conversation_row(
     }
 
 
+def _fact_row(fact: HostFact, first_ns: int) -> dict[str, Any]:
+    t_s = (fact.ns - first_ns) / 1e9 if fact.packets else None
+    return {"id": None, "cause": fact.cause, "t_s": t_s, "text": fact.text, "packets": fact.packets}
+
+
 def _counts(direction: WireDirection) -> dict[str, int | None]:
     return {
         "bytes": direction.bytes,
@@ -146,7 +161,7 @@ def _counts(direction: WireDirection) -> dict[str, int | None]:
     }
 
 
-def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
+def _as_json(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
     before = "["
     for row in rows:
         yield before + json_text(row)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
+from collections.abc import Iterator
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -22,6 +24,9 @@ _AUTHENTICATION: Final = 51
 _IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").unpack_from
 _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
 _PORTS: Final = struct.Struct(">HH").unpack_from
+_BLOCK: Final = struct.Struct(">II").unpack_from
+_SCALE: Final = 3  # options of TCP
+SACK: Final = 5
 
 
 class SkippedPacket(Enum):
@@ -91,14 +96,17 @@ class Fragments:
 
     def __init__(self) -> None:
         self._packets: dict[tuple[bytes, ...], _Pieces] = {}
+        self._done: dict[tuple[bytes, ...], int] = {}  # the newest that are whole: a mirror shows copies
+        self._whole = Counter[tuple[bytes, ...]]()  # by sender and receiver
+        self._lost = Counter[tuple[bytes, ...]]()
 
     def put(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
         """Take a piece; return the packet that is whole with it, and of how many pieces."""
         pieces = self._packets.get(piece.of)
         if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
-            self._packets.pop(piece.of, None)
+            self._give_up(piece.of)
             if len(self._packets) == MOST_FRAGMENTED:
-                del self._packets[next(iter(self._packets))]
+                self._give_up(next(iter(self._packets)))
             pieces = self._packets[piece.of] = _Pieces(ns)
         if len(pieces.content) < MOST_FRAGMENTS:
             pieces.content.setdefault(piece.at, piece.content)
@@ -110,23 +118,50 @@ class Fragments:
         if whole is None:
             return None
         del self._packets[piece.of]
+        if len(self._done) == MOST_FRAGMENTED:
+            del self._done[next(iter(self._done))]
+        self._done[piece.of] = ns
+        _count(self._whole, piece.of[:2])
         return whole, len(pieces.content)
 
+    def _give_up(self, of: tuple[bytes, ...]) -> None:
+        if of in self._packets and self._is_lost(of):
+            _count(self._lost, of[:2])
+        self._packets.pop(of, None)
 
-def ip_start(link_type: int, data: bytes) -> int:
-    """Return where the IP header begins; -1 for a packet without one."""
+    def _is_lost(self, of: tuple[bytes, ...]) -> bool:
+        """Return whether some pieces of a datagram have come; its first one alone may be due to a filter."""
+        pieces = self._packets[of]
+        is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
+        return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
+
+    def lacking(self) -> dict[tuple[bytes, ...], int]:
+        """Return how many datagrams lack pieces, by sender and receiver: where that is the rule."""
+        lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
+        return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
+
+
+def _count(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
+    if ends in known or len(known) < MOST_FRAGMENTS:
+        known[ends] += 1
+
+
+def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
+    """Return where the IP header begins, or what else has one of these types; -1 for a packet without one."""
     if link_type == pcap.ETHERNET:
         kind_at = 12
     elif link_type == pcap.LINUX_SLL:
         kind_at = 14
     elif link_type == pcap.LINUX_SLL2:
-        return _past_vlans(data, 20) if data[:2] in _VLAN_TYPES else 20 if data[:2] in _IP_TYPES else -1
+        return _past_vlans(data, 20, types) if data[:2] in _VLAN_TYPES else 20 if data[:2] in types else -1
     elif link_type in _IP_ALONE:
         return 0
     else:
         return 4 if link_type in (pcap.NULL, pcap.LOOP) else -1
     kind = data[kind_at : kind_at + 2]
-    return kind_at + 2 if kind in _IP_TYPES else _past_vlans(data, kind_at + 2) if kind in _VLAN_TYPES else -1
+    if kind in types:
+        return kind_at + 2
+    return _past_vlans(data, kind_at + 2, types) if kind in _VLAN_TYPES else -1
 
 
 def ip_number(link_type: int, data: bytes) -> int:
@@ -135,12 +170,12 @@ def ip_number(link_type: int, data: bytes) -> int:
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
 
-def _past_vlans(data: bytes, at: int) -> int:
+def _past_vlans(data: bytes, at: int, types: tuple[bytes, ...]) -> int:
     while True:
         kind = data[at + 2 : at + 4]
         at += 4
         if kind not in _VLAN_TYPES:
-            return at if kind in _IP_TYPES else -1
+            return at if kind in types else -1
 
 
 def carried_by(link_type: int, data: bytes, length: int) -> IpPayload | Fragment | SkippedPacket:
@@ -225,3 +260,22 @@ def macs_of(link_type: int, data: bytes) -> tuple[bytes, bytes]:
     if link_type == pcap.LINUX_SLL:
         return (data[6:12], b"") if data[4:6] == b"\0\x06" else (b"", b"")
     return (data[12:18], b"") if link_type == pcap.LINUX_SLL2 and data[11:12] == b"\x06" else (b"", b"")
+
+
+def _tcp_options(options: bytes) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 2 < len(options) and options[at]:
+        size = 1 if options[at] == 1 else max(options[at + 1], 2)
+        yield options[at], options[at + 2 : at + size]
+        at += size
+
+
+def scale_of(options: bytes) -> int:
+    """Return by how many bits the windows are moved that the sender of a SYN tells."""
+    return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE and body), 0)
+
+
+def sack_blocks(options: bytes) -> list[tuple[int, int]]:
+    """Return the sequence numbers from and to which the receiver has bytes behind a hole."""
+    blocks = [body for kind, body in _tcp_options(options) if kind == SACK]
+    return [_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]

@@ -124,10 +124,13 @@ def guess_plc(
     return PlcGuess(lower, 0.3, "the lower port: it may listen there")
 
 
-def fits_nothing(where: str, given: str, found: Iterable[Conversation]) -> UserError:
-    """Return what to say of an end or a project that no conversation is of: which ends are there."""
+def fits_nothing(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
+    """Return what to say of an end or a project that no conversation is of: which ends are there.
+
+    `offer`: what to do with one of them.
+    """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
-    return mistake(where, given, "one of the ends that are there: " + ", ".join(ends[:8]))
+    return mistake(where, given, f"{offer}one of the ends that are there: " + ", ".join(ends[:8]))
 
 
 def address_text(end: tuple[bytes, int]) -> str:

@@ -15,7 +15,9 @@ from enum import Enum
 from itertools import islice
 from typing import Final, NamedTuple
 
+from trcvtui.capture.hosts import ArpNote, HeardNote, HostFact, HostNotes, IcmpNote, note_of, put_note
 from trcvtui.capture.packets import (
+    SACK,
     TCP,
     UDP,
     Fragment,
@@ -24,7 +26,10 @@ from trcvtui.capture.packets import (
     SkippedPacket,
     carried_by,
     ip_number,
+    ip_start,
     macs_of,
+    sack_blocks,
+    scale_of,
 )  # fmt: skip
 from trcvtui.capture.pcap import ETHERNET, NOTES, OURS, RTAC_SERIAL, USER0, Packet
 
@@ -43,6 +48,8 @@ BACK_NS: Final = 1_000_000  # packets may stand in a capture in another order by
 MOST_RECENT: Final = 4096  # packets that another one may be a copy of
 LEAST_WINDOW: Final = 4096  # a smaller one may be that of a SYN whose scale got lost
 FASTEST: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
+MOST_SACKED: Final = 64  # blocks of SACK that are kept of one direction
+MOST_FACTS: Final = 64  # of hosts
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
 OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
 SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
@@ -81,6 +88,7 @@ class SegmentKind(Enum):
     EARLY = "early"
     LATE = "late"
     LINE_ERROR = "line error"
+    CHALLENGE = "challenge ACK"
 
 
 class ConversationEvent(NamedTuple):
@@ -110,9 +118,9 @@ class WireDirection:
     __slots__ = (
         "acked", "address", "conversation", "copies", "cut", "early_number", "fin", "has_base", "has_fin",
         "has_jumped", "has_overrun", "is_closed_window", "is_firm", "is_heard", "is_steady", "kept",
-        "largest", "mac", "missing", "next", "other", "position", "probe", "retransmitted", "scale",
-        "segments", "syn", "told_ack", "unread", "waiting", "waiting_cost", "waiting_since", "was_probed",
-        "widest", "window",
+        "largest", "last_ns", "mac", "missing", "next", "other", "position", "probe", "retransmitted",
+        "sacked", "scale", "segments", "syn", "told_ack", "unread", "waiting", "waiting_cost",
+        "waiting_since", "was_probed", "widest", "window",
     )  # fmt: skip
 
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
@@ -124,6 +132,8 @@ class WireDirection:
         self.cut = 0  # bytes of `missing` that the capture's own limit cut off
         self.copies = 0  # packets that a mirror port has shown twice
         self.largest = 0  # bytes of a segment
+        self.last_ns = 0  # when its sender was heard last
+        self.sacked: dict[int, int] = {}  # sequence numbers that the other end has, behind a hole
         self.window = self.widest = 0  # told last, and at most; `scale`: bits it is moved, None: not known
         self.scale: int | None = None
         self.is_heard = False  # bytes of it were acknowledged
@@ -167,7 +177,8 @@ class Conversation:
     """What two ends said to each other; `there` is what the sender of the first packet said."""
 
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
-                 "is_ours", "last_ns", "listener", "number", "protocol", "sent", "there")  # fmt: skip
+                 "is_ours", "last_ns", "listener", "number", "protocol", "sent", "there",
+                 "undelivered")  # fmt: skip
 
     def __init__(
         self, number: int, protocol: str, ns: int, ends: TwoEnds, macs: tuple[bytes, bytes] = (b"", b"")
@@ -180,6 +191,7 @@ class Conversation:
         self.is_cut = False  # a packet of it is
         self.is_ours = False  # a tap of ours has reset it
         self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
+        self.undelivered: list[HeardNote] = []  # of its packets
         self.listener: WireDirection | None = None
         self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
         self.there = WireDirection(self, ends[0], macs[0])
@@ -213,6 +225,7 @@ class Conversations:
         self.not_read: Counter[SkippedPacket] = Counter()
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
+        self.hosts = HostNotes()
         self.first_ns: int | None = None
         self.recorded_to: int | None = None  # by the journal of a recording of ours
         self.packets = 0
@@ -265,7 +278,7 @@ class Conversations:
             if end > len(data) or begin > end:
                 self._take_unusual(packet, ETHERNET)
                 continue
-            direction.conversation.last_ns = ns
+            direction.conversation.last_ns = direction.last_ns = ns
             if ack != direction.told_ack:
                 direction.told_ack = ack
                 self._acknowledge(ns, direction.other, ack, end - begin)
@@ -292,6 +305,8 @@ class Conversations:
                 direction.position = at + size
                 direction.next = (seq + size) & _MASK
             elif is_detailed:
+                if offset > 0x80 or (offset == 0x80 and data[56] == SACK):  # else a time stamp alone
+                    _see_sack(direction.other, data[54:begin])
                 self._tell(ns, direction, SegmentKind.ACK, size=window)
 
     def close(self) -> None:
@@ -343,7 +358,8 @@ class Conversations:
             self._take_fragment(packet, link_type, found)
             return
         if isinstance(found, SkippedPacket):
-            self.not_read[found] += 1
+            if found is not SkippedPacket.OTHER or not self._hear(packet, link_type):
+                self.not_read[found] += 1
             return
         if found.protocol == UDP:
             self._take_datagram(packet, link_type, found)
@@ -351,6 +367,34 @@ class Conversations:
             self._take_segment(packet, link_type, found)
         else:
             self.not_read[SkippedPacket.CUT] += 1
+
+    def _hear(self, packet: Packet, link_type: int) -> bool:
+        """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
+        data, note = packet.data, note_of(link_type, packet.data)
+        if isinstance(note, ArpNote):
+            self.hosts.take(packet.ns, self.packets, note)
+            return True
+        at = ip_start(link_type, data)
+        if at >= 0 and data[at] >> 4 == 4:
+            self.hosts.hear(data[at + 12 : at + 16])
+        if note is not None:
+            put_note(self._notes_of(note), packet.ns, self.packets, note)
+        return note is not None
+
+    def _notes_of(self, note: IcmpNote) -> list[HeardNote]:
+        flow = self._flows.get(note.flow)
+        return self.hosts.icmps if flow is None else flow.conversation.undelivered
+
+    def host_facts(self) -> list[HostFact]:
+        """Return what ARP and ICMP say that belongs to no conversation, the first first."""
+        heard_ns: dict[bytes, int] = {}
+        for each in self.all:
+            for end in (each.there, each.back):
+                host = end.address[0]
+                heard_ns[host] = max(heard_ns.get(host, 0), end.last_ns)
+        is_whole = not (self.drops or self.not_read[SkippedPacket.CUT])
+        lacking = self._fragments.lacking() if is_whole else {}
+        return sorted(self.hosts.facts(heard_ns, lacking), key=lambda fact: fact.ns)[:MOST_FACTS]
 
     def _take_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
@@ -397,13 +441,18 @@ class Conversations:
             direction.copies += 1
             return
         self._pass_time(ns, direction)
+        if flags & 0x17 == _ACK and not size and _is_challenge(direction, ack):
+            self._tell(ns, direction, SegmentKind.CHALLENGE)
+            return
         if flags & _SYN:
-            direction.scale = _scale_of(packet.data[at + 20 : begin])
+            direction.scale = scale_of(packet.data[at + 20 : begin])
             self._synchronise(ns, direction, seq, flags)
             seq = (seq + 1) & _MASK
         elif flags & _ACK and not direction.conversation.is_established:
             self._establish(ns, direction)
         if flags & _ACK:
+            if self._is_detailed and offset > 0x50 and not flags & _SYN:
+                _see_sack(direction.other, packet.data[at + 20 : begin])
             self._acknowledge(ns, direction.other, ack, size)
         if not flags & (_RST | _SYN):
             self._see_window(ns, direction, window)
@@ -495,6 +544,7 @@ class Conversations:
     def _pass_time(self, ns: int, direction: WireDirection) -> None:
         conversation = direction.conversation
         silence = ns - conversation.last_ns
+        direction.last_ns = ns
         if silence > SILENCE_NS:
             self._tell(ns, direction, SegmentKind.SILENCE, size=silence)
         conversation.goes_back |= silence < -BACK_NS
@@ -514,8 +564,10 @@ class Conversations:
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            is_refused = not conversation.is_established and conversation.end == ("rst", direction.other)
-            conversation.end = None if is_refused else conversation.end  # some stacks call again, as before
+            end = conversation.end if not conversation.is_established else None
+            is_refused = end == ("rst", direction.other)
+            # Some stacks call again, as before; also after an RST of their own at an old connection.
+            conversation.end = None if end is not None and end[0] == "rst" else conversation.end
             self._tell(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
@@ -754,10 +806,14 @@ def distance(one: int, other: int) -> int:
     return far - (_MASK + 1) if far & _HALF else far
 
 
-def _scale_of(options: bytes) -> int:
-    at = 0
-    while at + 2 < len(options) and options[at]:
-        if options[at] == 3:
-            return options[at + 2] & 15
-        at += 1 if options[at] == 1 else max(options[at + 1], 2)
-    return 0
+def _see_sack(said: WireDirection, options: bytes) -> None:
+    for begin, end in sack_blocks(options):
+        if begin in said.sacked or len(said.sacked) < MOST_SACKED:
+            said.sacked[begin] = end
+
+
+def _is_challenge(direction: WireDirection, ack: int) -> bool:
+    """Return whether an ACK that answers a SYN is one of an older connection (RFC 5961)."""
+    caller = direction.other
+    is_first = direction.syn is None and caller.syn is not None and not direction.conversation.is_established
+    return is_first and not caller.segments and not direction.segments and ack != caller.next

@@ -19,6 +19,8 @@ from trcvtui.blocks.environment import JobEnded, SendEnded
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.advice import advice_on
 from trcvtui.diagnosis.evidence import NOTHING_KNOWN, evidence_then
+from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.readings.proposal import FramingAdvice
 from trcvtui.diagnosis.sign import Remedy
 from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS, Symptom
 from trcvtui.history.records import ScanStamp
@@ -35,6 +37,9 @@ KEPT_PAUSES: Final = 64
 GOOD_JOBS: Final = 2
 RECENT_NS: Final = 10 * SECOND
 FACT: Final = 0.95
+FRAMING: Final = 0.85  # a proposal that was not tried on the block
+OVERRUNS: Final = (Condition.STRING_OVERRUN, Condition.DATA_OVERRUN)
+NO_ADVICE: Final = FramingAdvice((), "")
 
 
 @dataclass
@@ -134,12 +139,27 @@ class BlockSymptoms:
         shown = bench.runtime.snapshot().instance(name)
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
-        return Symptom(
+        found = Symptom(
             "block-error", name, self._connect_of(name),
             f"{name} showed {word} {often}: {card.why}", scan,
             self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
             tuple([Remedy(text) for text in checks]), edge.cause.call == "session" and bool(card.do),
         )  # fmt: skip
+        return self._by_framing(found) if edge.condition in OVERRUNS else found
+
+    def _by_framing(self, found: Symptom) -> Symptom:
+        """Return how the bytes of its line part into frames, where an instance cuts them anywhere."""
+        decl = self._bench.project.instance(found.instance)
+        shown = self._bench.runtime.snapshot().instance(found.instance)
+        advice = advise(self._bench.runtime.recording(decl.connect)) if decl is not None else NO_ADVICE
+        best = next((one for one in advice.proposals if one.framing is not None), None)
+        if best is None or best.framing is None or shown is None or shown.framer is None:
+            return found
+        if not best.framing.suffix or best.framing.suffix == shown.framer.suffix:
+            return found
+        mend = Remedy(best.title, f"framing {found.instance} apply {advice.proposals.index(best) + 1}")
+        texts = (f"{best.frames} of {best.of_frames} frames have the {best.title}", *best.evidence)
+        return found._replace(cause="framing", confidence=FRAMING, card=texts, mend=(mend,))
 
     def _connect_of(self, name: str) -> str:
         """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
 from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
+from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, mtu, told_by_icmp
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -27,6 +28,7 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
+from trcvtui.diagnosis.restarts import half_open, restarts_of
 from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count, duration, times
@@ -48,8 +50,9 @@ MOST_AROUND: Final = 64  # conversations that one is compared with
 class EndsGroup:
     """The conversations between the same two ends, in their order."""
 
-    def __init__(self, lines: tuple[LineFacts, ...]) -> None:
+    def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:
         self.lines = lines
+        self.restarts = restarts  # of all half-open connections, each with the call that shows it
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
@@ -83,6 +86,14 @@ class EndsGroup:
     def stands_again(self) -> bool:
         """Return whether one of them stands, and has for ten seconds."""
         return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
+
+    @cached_property
+    def half_open(self) -> int:
+        return sum(one in self.restarts for one in self.built)
+
+    @cached_property
+    def calls_anew(self) -> frozenset[LineFacts]:
+        return frozenset(self.restarts[one] for one in self.lines if one in self.restarts)
 
     @cached_property
     def goes_on(self) -> bool:
@@ -169,8 +180,13 @@ def _is_tcp(case: LineCase) -> bool:
 def _refused(case: LineCase) -> Sign | None:
     line = case.line
     reset = line.listener.reset
+    by_icmp = told_by_icmp(line, case.receivers, "port")
+    if by_icmp is not None:
+        return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
+    if line in case.group.calls_anew:
+        return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
     return Sign(
@@ -203,6 +219,9 @@ def _turned_away(case: LineCase) -> Sign | None:
 
 def _filtered(case: LineCase) -> Sign | None:
     line, syns = case.line, case.line.caller.syns
+    by_icmp = told_by_icmp(line, case.receivers, "host", "admin")
+    if by_icmp is not None:
+        return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
         return None
     if line.listener.segments or line.listener.acks or line.caller.segments:
@@ -325,7 +344,7 @@ def _storm(case: LineCase) -> Sign | None:
         return None
     if case.receiver is None and case.group.ordinary * 2 >= len(ended):
         return None  # short sessions that their caller ended
-    if case.group.harmful * 2 <= len(ended):
+    if case.group.harmful * 2 <= len(ended) or case.group.half_open * 2 >= len(built):
         return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
@@ -362,6 +381,8 @@ def _resets(case: LineCase) -> Sign | None:
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None):
         return said(0.0, "it was asked for here", is_remark=True)
+    if (line.from_plc if end.by_plc else line.to_plc).probes_open:
+        return said(0.0, "its keep-alive probe had no answer: it gave the connection up", is_remark=True)
     if not line.has_harm_at(end.ns):
         return said(0.0, "no block lost anything by it", is_remark=True)
     part = _part_of_job(line, case.receiver) or _part_of_message(line)
@@ -449,17 +470,38 @@ def _dead_link(case: LineCase) -> Sign | None:
         texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
+        texts += [_GONE] * bool(line.gone)
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Sign(sure, tuple(texts), way=way, at=at) if sure else None
-    for said in (line.from_plc, line.to_plc):
+    return _probed_in_vain(case)
+
+
+def _probed_in_vain(case: LineCase) -> Sign | None:
+    line, odd = case.line, None
+    ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
+    for said, who, way in ways if line.is_wire else ():
+        is_plc = said is line.from_plc
+        gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == is_plc
+        is_gone = (line.partner_end if is_plc else line.plc_end)[0] in line.gone
+        n, since = said.probes_open, said.probes_since
+        if n >= (2 if gives_up or is_gone else 3):
+            texts = [f"the last {n} keep-alive probes of {who} have no answer"]
+            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * is_gone
+            return Sign(0.92, tuple(texts), way=way, at=since)
         lacking = said.keep_alives - said.keep_alives_answered
-        if line.is_wire and lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
-            who = "the PLC end" if said is line.from_plc else "the partner"
-            way = "from-plc" if said is line.from_plc else "to-plc"
+        if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
             return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
-    return None
+        if n and case.last_ns - since.ns >= SECOND:
+            text = f"the last keep-alive probe of {who} has no answer in {duration(case.last_ns - since.ns)}"
+            odd = Sign(0.0, (text,), way=way, at=since, is_remark=True)
+    return odd
+
+
+def _half_open(case: LineCase) -> Sign | None:
+    new = case.group.restarts.get(case.line)
+    return None if new is None else half_open(case.line, new)
 
 
 def _no_keep_alive(case: LineCase) -> Sign | None:
@@ -705,24 +747,33 @@ def _without_receiver(
 
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
-LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
+LOSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
+_GONE: Final = "ARP asks for the other end in vain: it is off, or its cable is out"
 _REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
+    CauseRule("duplicate-ip", lambda case: double_address(case.line)),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("turned-away", _turned_away, ("address", "second-client")),
-    CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
+    CauseRule("filtered", _filtered, ("address", "second-client", "refused"), blind=_NO_TIMES),
     CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
     CauseRule("line-errors", lambda case: line_errors(case.line)),
     CauseRule("closes-each-message", _closes, _REFUSED),
-    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message"), blind=_NO_TIMES),
-    CauseRule("no-keep-alive", _no_keep_alive, blind=_NO_WAY_BACK),
-    CauseRule("dead-link", _dead_link, ("no-keep-alive",), blind=_NO_WAY_BACK),
-    CauseRule("resets", _resets, (*_REFUSED, *LOSES, "no-keep-alive"), (*_READ_WRONG, "reconnect-storm")),
+    CauseRule("half-open", _half_open, blind=_NO_TIMES),
+    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES),
+    CauseRule("no-keep-alive", _no_keep_alive, ("half-open",), blind=_NO_WAY_BACK),
+    CauseRule("mtu", lambda case: mtu(case.line), blind=_NO_TIMES),
+    CauseRule("dead-link", _dead_link, ("no-keep-alive", "half-open", "mtu"), blind=_NO_WAY_BACK),
+    CauseRule(
+        "resets",
+        _resets,
+        (*_REFUSED, *LOSES, "no-keep-alive", "half-open"),
+        (*_READ_WRONG, "reconnect-storm"),
+    ),
     CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
     CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
     CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
@@ -745,6 +796,8 @@ def verdict_of(case: LineCase) -> LineVerdict:
         return {cause: said for cause, said in told.items() if said is not None}
 
     by_cause = judge(case.receiver)
+    if "duplicate-ip" in by_cause:
+        by_cause = {cause: said for cause, said in by_cause.items() if cause not in OF_DOUBLE}
     remarks = [
         LineFinding(cause, 0.0, by_cause.pop(cause), ())
         for cause in tuple(by_cause)
@@ -752,6 +805,11 @@ def verdict_of(case: LineCase) -> LineVerdict:
     ]
     causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
     findings = weighed(by_cause, RULES, judge)
+    if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
+        rest = [
+            one._replace(confidence=one.confidence / 2) for one in findings if one.cause != "duplicate-ip"
+        ]
+        findings = (*(one for one in findings if one.cause == "duplicate-ip"), *rest)
     if case.is_foreign:
         remarks += [LineFinding(one.cause, 0.0, one.said, ()) for one in findings]
     return LineVerdict(
@@ -795,7 +853,8 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     for line in lines:
         between.setdefault(_between(line), []).append(line)
         calls.setdefault(_hosts(line), []).append(line)
-    groups = {ends: EndsGroup(tuple(found)) for ends, found in between.items()}
+    restarts = restarts_of(lines, between.values())
+    groups = {ends: EndsGroup(tuple(found), restarts) for ends, found in between.items()}
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
     fitting = [_receiver_of(line, receivers, only) for line in lines]

@@ -12,10 +12,11 @@ from msgspec import Meta, defstruct
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import SkippedPacket
-from trcvtui.capture.plc_end import KnownEnds, fits_nothing, parse_plc
+from trcvtui.capture.plc_end import KnownEnds, PlcEnd, fits_nothing, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
 from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
+from trcvtui.diagnosis.host_causes import host_findings, sign_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
@@ -56,9 +57,11 @@ TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
 }
 # fmt: on
+_GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP then asks for in vain
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
+BY_BYTES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
 Verdict = dict[str, Any]
 
 
@@ -146,13 +149,41 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     alone = told.get(NO_LINE, [])
     if known is not None:
         alone = _judge_symptoms(known, cases, verdicts, alone)
+    else:
+        alone = _judge_hosts(facts, asked, given, cases, verdicts)
     if alone:
         verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
     if not verdicts:  # the run of a recording was judged all the same
         word = NOTHING if known is None else HEALTHY_WORD
         verdicts.append({**_verdict(path, None, (), None), "verdict": word})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
-    return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
+    return verdicts, [*capture_notes(facts.found, list(facts.troubles), with_hosts=False)], hours
+
+
+def _judge_hosts(
+    facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
+    verdicts: Sequence[Verdict],
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return the findings of hosts that no conversation has; write the remarks into one of their ends."""
+    alone, of_host = [], dict[bytes, list[tuple[LineFacts, Verdict]]]()
+    for case, made in zip(cases, verdicts, strict=True):
+        for host in {case.line.plc_end[0], case.line.partner_end[0]}:
+            of_host.setdefault(host, []).append((case.line, made))
+    for one, is_ours in host_findings(facts, asked.receivers, b"" if given is None else given.address):
+        rows = of_host.get(one.ends[0], [])
+        if any(line.gone and row["cause"] in _GONE for line, made in rows for row in made["findings"]):
+            continue  # its conversation says so
+        said = sign_of(one, asked.receivers)
+        found = LineFinding(one.cause, one.sure, said, said.mend)
+        if not is_ours:
+            line, made = (rows or [(cases[0].line, verdicts[0])])[0]
+            made["remarks"].append(_remark_row(line, found))
+            continue
+        its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
+        words = next((each.words for each in its), {})
+        t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9 if one.packets else None
+        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": said.filter})
+    return alone
 
 
 def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
@@ -266,6 +297,8 @@ def verdict(
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if judged.not_judged and made["healthy"]:
         made["verdict"] = PARTLY
+    causes = {one.cause for one in found}
+    told = [one for one in told if BY_BYTES.get(one["cause"]) not in causes]
     if told:
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
@@ -321,7 +354,8 @@ def finding_row(
     line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
 ) -> dict[str, Any]:
     """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
-    status = found.said.status or [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
+    leads_to = CAUSES[found.cause].leads_to if found.said.leads_to is None else found.said.leads_to
+    status = found.said.status or [(words or {}).get(one) for one in leads_to]
     return {
         **_remark_row(line, found),
         "confidence": round(found.confidence, 2),
@@ -353,7 +387,9 @@ def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
         },
         "evidence": list(said.evidence),
         "packets": [*packets],
-        "filter": "" if line is None else line.filter_of(words.filter, found.cause in OF_GROUP),
+        "filter": ""
+        if line is None
+        else line.filter_of(said.filter or words.filter, found.cause in OF_GROUP),
     }
 
 

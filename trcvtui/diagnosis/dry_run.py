@@ -32,6 +32,10 @@ def refusals(project: Project) -> tuple[Symptom, ...]:
         for step in parse_script(project.start, project, f"{project.path}: start"):
             bench.do(step.command)
         _raise(bench, "CONT", [each.name for each in project.instances])
+        builders = [
+            each for each in project.instances if block_row(each.block).runs_as is Condition.ESTABLISHING
+        ]
+        _raise(bench, "REQ", [each.name for each in builders])
         alone = _only_receivers(project)
         while bench.now < LENGTH_NS:
             if alone and bench.now >= CONNECTED_NS:

@@ -10,28 +10,32 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
+from trcvtui.diagnosis.frame_readings import FrameReading, read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
+from trcvtui.diagnosis.message_joints import head_and_body, joined
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.session_causes import is_call, is_tls, units_of
-from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
+from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
+from trcvtui.diagnosis.text_forms import (
+    SEND_BYTES,
+    as_text,
+    has_numbers_alone,
+    string_of_bytes,
+    string_offer,
+    text_of,
+    utf_8_of,
+)
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
-
-if TYPE_CHECKING:
-    from trcvtui.udt.compare.fit import Fit
-    from trcvtui.udt.layout.rules import LayoutRules
-    from trcvtui.udt.types import Type
 
 FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
-CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
 MOST_FRAMES: Final = 8
-MOST_OF_FIT: Final = 8  # bytes of a header that `fit` tries
-LONGEST_HEADER: Final = 64
+MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
 
 
 class FrameRule(NamedTuple):
@@ -126,24 +130,14 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if not receiver.room or size <= receiver.room:
         left = unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (length._replace(text=f"LEN {size}{then}"), *_anew(receiver))
+        return (length._replace(text=f"LEN {size}{then}"), *frames_anew(receiver))
     more = _room_mends(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
-    return (*mends, *_anew(receiver)) if more[0].set else mends
-
-
-def _anew(receiver: Receiver) -> tuple[Remedy, ...]:
-    """Return what lets frames begin with a message after their length has changed."""
-    text = "COM_RST: the next frame then begins with a message"
-    is_stream = receiver.has_reset and not receiver.is_datagram
-    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()
+    return (*mends, *frames_anew(receiver)) if more[0].set else mends
 
 
 def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return what is left to do where LEN alone would cut members, or read them at wrong places."""
-    if isinstance(receiver.type, StringType):
-        text = f"the partner sends no header of a STRING: receive into ARRAY[0..{size - 1}] OF CHAR"
-        return (Remedy(f"{text}, and make a STRING of it in the program"),)
     left = unwritten_members(receiver, size)
     if left is None:
         return ()
@@ -153,41 +147,10 @@ def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (Remedy(f"{text}; LEN {size} would leave {left.names} unwritten"),)
 
 
-class RemedyOffer(NamedTuple):
-    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
-
-    `otherwise` is offered where the trial fails.
-    """
-
-    mend: tuple[Remedy, ...] = ()
-    cured: Receiver | None = None
-    otherwise: tuple[Remedy, ...] = ()
-
-
-NO_OFFER: Final = RemedyOffer()
-
-
-def _sign(
-    receiver: Receiver,
-    sure: float,
-    texts: tuple[str, ...],
-    at: SegmentFacts | None,
-    offer: RemedyOffer = NO_OFFER,
-) -> Sign:
-    """Return what speaks for a cause in what the partner says to a receiver."""
-    return Sign(
-        sure,
-        texts,
-        "to-plc",
-        at,
-        receiver.instance or None,
-        offer.mend,
-        cured=offer.cured,
-        otherwise=offer.otherwise,
-    )
-
-
-def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
+def _with_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
+    as_string = string_offer(receiver, _contents(line))
+    if as_string is not None or isinstance(receiver.type, StringType):
+        return as_string or NO_OFFER  # LEN alone would put a text where the header of a STRING is
     room = max(receiver.room, size) if receiver.room else 0
     has_members = layout_of(receiver) is not None
     # What further bytes mean is not known: a type with members cannot be tried with them.
@@ -234,8 +197,8 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if is_soon and last.at + last.size - _start(line) == wanted.need:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
-    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual)
-    return _sign(wanted, sure, (text,), _at(last), offer)
+    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual, line)
+    return sign_to_plc(wanted, sure, (text,), _at(last), offer)
 
 
 def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -251,7 +214,11 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
-        return _sign(wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual))
+        if (members := _means("frame-long")(line, receiver)) is not None:
+            return members._replace(evidence=(text, more, *members.evidence))
+        return sign_to_plc(
+            wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual, line)
+        )
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -261,7 +228,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    return _sign(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most))
+    return sign_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most, line))
 
 
 def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -287,8 +254,8 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
-    offer = RemedyOffer((mend, *room) if name else (), cured)
-    return _sign(wanted, sure, (text,), _at(messages[0]), offer)
+    offer = string_offer(wanted, _contents(line)) or RemedyOffer((mend, *room) if name else (), cured)
+    return sign_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
 
 
 def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -314,13 +281,13 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
-    offer = RemedyOffer(_anew(wanted))  # where nothing brings it again
+    offer = RemedyOffer(frames_anew(wanted))  # where nothing brings it again
     if again > 1 or (is_first and again):
         ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
         name = "the greeting" if is_first else "these messages"
         take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
-    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
+    return sign_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -328,6 +295,15 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     messages = judged_messages(line)
     if wanted is None or len(messages) < FEW:
         return None
+    if (pairs := head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
+        text = f"{count(pairs.pairs, 'message')} in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
+        more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
+        offer = _received_static(wanted, max(pairs.sizes))
+        if len(pairs.sizes) > 1:
+            offer = RemedyOffer(
+                (Remedy(f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"),)
+            )
+        return sign_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
         return None
@@ -339,15 +315,19 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
     )
     more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
-    name = wanted.instance
+    offer = _received_static(wanted, sizes.usual)
+    return sign_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
+
+
+def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
+    name = receiver.instance
     mend = Remedy(
-        f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
-        f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
+        f"receive static, LEN {size}, where messages have one length; else ReceiveData with a frame",
+        f"set {name} ADHOC=0 LEN={size}", f"instance.{name}.ADHOC=false",
     )  # fmt: skip
-    size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
-    cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer((mend, size, *_anew(wanted)) if name else (), cured)
-    return _sign(wanted, sure, (text, more), _at(split[0]), offer)
+    length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
+    cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))
+    return RemedyOffer((mend, length, *frames_anew(receiver)) if name else (), cured)
 
 
 def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -357,6 +337,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if (receiver is not None and known is None) or is_session(line):
         return None
     writes = line.to_plc.writes
+    if (found := _merged_by_borders(line, known)) is not None:
+        return found
     counted = Counter(write.size for write in writes)
     base, often = min(
         counted.most_common(3), key=lambda one: one[0] if one[1] * 5 >= len(writes) else 1 << 30
@@ -383,7 +365,23 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     if known is None:
         return Sign(sure, (text,), "to-plc", at, is_remark=True)
-    return _sign(known, sure, (text,), at, _one_a_job(known, base))
+    return sign_to_plc(known, sure, (text,), at, _one_a_job(known, base))
+
+
+def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Judge whether a delimiter or a length parts the messages of one segment."""
+    content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
+    known = [one for one in some if one.at + one.size <= len(content)]
+    parts = [content[one.at : one.at + one.size] for one in known]
+    found = joined(parts)
+    several = 0 if found is None else sum(number > 1 for number in found.numbers)
+    if found is None or several * 12 < len(parts):
+        return None
+    at = next(one for one, number in zip(known, found.numbers, strict=True) if number > 1)
+    texts = f"{several} of {len(parts)} segments hold up to {max(found.numbers)} messages", found.proof
+    if receiver is None:
+        return Sign(0.7, texts, "to-plc", at, is_remark=True)
+    return sign_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
 
 
 def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:
@@ -392,7 +390,7 @@ def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: 
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    return _sign(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
+    return sign_to_plc(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
 
 
 def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
@@ -400,7 +398,7 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
     mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
-    return RemedyOffer((mend, *_anew(receiver)), receiver._replace(adhoc=False, need=base))
+    return RemedyOffer((mend, *frames_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 
 def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
@@ -460,7 +458,7 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return _sign(wanted, 0.95, (text,), large[0], _with_len(wanted, most))
+    return sign_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most, line))
 
 
 def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -481,7 +479,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return _sign(receiver, 0.9, tuple(texts), _at(line.messages[0]))
+            return sign_to_plc(receiver, 0.9, tuple(texts), _at(line.messages[0]))
     return None
 
 
@@ -507,15 +505,27 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
-_READ: Final[dict[tuple[object, ...], tuple[str, Sign] | None]] = {}
+def _is_read(line: LineFacts, receiver: Receiver) -> bool:
+    """Return whether the bytes of messages are known, and mean what DATA is declared as."""
+    if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
+        return False
+    return not is_session(line, receiver)
+
+
+def _contents(line: LineFacts) -> list[bytes]:
+    """Return the bytes of the first messages that are whole."""
+    content = bytes(line.to_plc.content)
+    some = (judged_messages(line) or line.messages)[:MOST_MESSAGES]
+    return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]
+
+
+_READ: Final[dict[tuple[object, ...], FrameReading | None]] = {}
 MOST_READ: Final = 256
 
 
-def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | None:
+def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
-    if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
-        return None
-    if receiver.is_whole or receiver.is_secure or is_session(line, receiver) or line.to_plc.cut:
+    if receiver is None or receiver.type is None or receiver.rules is None or not _is_read(line, receiver):
         return None
     frames = _frames(line, receiver)
     if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_alone(line, receiver)):
@@ -524,127 +534,48 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     if key not in _READ:
         if len(_READ) >= MOST_READ:
             _READ.clear()
-        _READ[key] = _read(frames, receiver, receiver.type, receiver.rules)
+        _READ[key] = read(frames, receiver, receiver.type, receiver.rules)
     found = _READ[key]
-    return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
+    return found and found._replace(said=found.said._replace(at=_at(line.messages[0])))
 
 
-def _read(
-    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
-) -> tuple[str, Sign] | None:
-    from trcvtui.udt.compare.fit import fit, without_near_drifts
-
-    extra = len(frames[0]) - receiver.need
-    if MOST_OF_FIT < extra <= LONGEST_HEADER:
-        fitted = [fit(type_, [one[at:][: receiver.need] for one in frames], own=rules) for at in (extra, 0)]
-        after, before = (
-            max((one.members for one in found if not one.cause.kind), default=0.0) for found in fitted
-        )
-        if after > max(before, 0.0) + 2 * CLEAR:
-            text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
-            return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
-    if len(frames) < 2 and len(frames[0]) != receiver.need:
-        return _read_by_size(frames, receiver, type_, rules)
-    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
-    own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
-    best = fits[0] if fits else None
-    if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
+def _text(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Judge whether text comes where numbers are declared."""
+    if receiver is None or not _is_read(line, receiver) or not has_numbers_alone(receiver):
         return None
-    ahead = best.score - own.score if own is not None else 40.0
-    is_own_size = own is not None and own.layout.size == len(frames[0])
-    is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
-    if ahead < CLEAR or (is_own_size and not is_clear):
+    messages = _contents(line)
+    found = text_of(messages)
+    if found is None:
         return None
-    cause, offer = _meaning(best, frames, receiver, rules)
-    ours = "none" if own is None else f"{own.score:+.1f}"
-    said = (
-        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
+    numbers = f"{receiver.type_name or 'DATA'} has numbers"
+    offer = as_text(receiver, found, max(map(len, messages)))
+    return sign_to_plc(receiver, 0.93, (found.said, numbers), _at(line.messages[0]), offer)
+
+
+def _encoding(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if receiver is None or not _is_read(line, receiver):
+        return None
+    said = utf_8_of(_contents(line), receiver.need)
+    if not said:
+        return None
+    return sign_to_plc(receiver, 0.95, (said,), _at(line.messages[0]), RemedyOffer((SEND_BYTES,)))
+
+
+def _header(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if (found := _means("header")(line, receiver)) is not None:
+        return found
+    if receiver is None or not _is_read(line, receiver):
+        return None
+    said = string_of_bytes(receiver, _contents(line))
+    return (
+        sign_to_plc(receiver, 0.0, (said,), _at(line.messages[0]))._replace(is_remark=True) if said else None
     )
-    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
-    texts = (said, *(reason.text for reason in best.reasons[:2]))
-    return (cause, _sign(receiver, sure, texts, None, offer)) if cause else None
-
-
-def _read_by_size(
-    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
-) -> tuple[str, Sign] | None:
-    """Read the only message in another layout that has exactly its size and values that machines send."""
-    from trcvtui.udt.compare.fit import fit
-
-    size = len(frames[0])
-    found = [
-        one
-        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
-        if not one.cause.kind
-        and one.layout.size == size
-        and one.members > 0
-        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
-    ]
-    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
-        return None  # with one message nothing else tells two layouts apart
-    best = found[0]
-    text = (
-        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
-    )
-    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
-    return "padding", _sign(receiver, 0.7, (f"{text} has {size}",), None, offer)
-
-
-def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
-    return any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
-
-
-def _meaning(
-    best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules
-) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
-    from trcvtui.udt.compare.causes import has_length_field
-    from trcvtui.udt.compare.drift import MOST_LEAVES
-
-    kind, order = best.cause.kind, best.layout.rules.byte_order
-    if kind in ("header", "trailer"):
-        has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
-        if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
-            return "", NO_OFFER  # bytes alone read as well wherever they begin
-        return "header", RemedyOffer((_declared(best.cause.n, "before" if kind == "header" else "after"),))
-    if kind in ("word-swap", "byte-swap"):
-        swap = Remedy("swap what the partner swaps: words or bytes of each number")
-        return "byte-order", RemedyOffer((swap,))
-    if kind is not None:
-        return "", NO_OFFER
-    if best.layout.size != receiver.need or order == rules.byte_order:
-        text = f"lay DATA out as the partner does: {best.profile}"
-        return "padding", _as_partner(text, best, receiver, rules)
-    text = f"read DATA as the partner sends it: {order}-endian"
-    return "byte-order", _as_partner(text, best, receiver, rules)
-
-
-def _declared(size: int, side: str) -> Remedy:
-    return Remedy(f"declare the {size} bytes {side} the members, or let the partner leave them out")
-
-
-def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
-    """Offer to lay DATA out as the partner does."""
-    profile, data = best.profile, receiver.data
-    ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
-    theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
-    other = [f"{key}={has}" for (key, had), has in theirs if has != had]
-    if not (data and other):
-        return RemedyOffer((Remedy(text),))
-    first, *more = other
-    line, size = f"set data {data} {' '.join(other)}", best.layout.size
-    mends = [Remedy(f"with it {one}", None, f"data.{data}.{one}") for one in more]
-    cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
-    if receiver.need == receiver.room:
-        cured = cured._replace(need=size)
-    anew = _anew(receiver) if cured.need != receiver.need else ()
-    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         found = _reading(line, receiver)
-        return found[1] if found is not None and found[0] == cause else None
+        return found.said if found is not None and found.cause == cause else None
 
     return judge
 
@@ -666,7 +597,9 @@ def _unwritten(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
-    sign = _sign(receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size)))
+    sign = sign_to_plc(
+        receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size))
+    )
     return sign._replace(is_remark=not left.is_cut)
 
 
@@ -681,11 +614,14 @@ def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     else:
         some = [(at, need) for at in range(_start(line), len(content) - need + 1, need)]
     frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
+    if isinstance(receiver.type, StringType):  # its header comes first, however much of it a frame writes
+        frames = [one.ljust(receiver.room, b"\0") for one in frames]
     texts = odd_values(receiver, frames)
     if not texts:
         return None
     sure = 0.8 if len(frames) >= FEW else 0.6
-    return _sign(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]))
+    offer = string_offer(receiver, _contents(line)) or NO_OFFER
+    return sign_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]), offer)
 
 
 def _at(message: LineMessage) -> SegmentFacts:
@@ -701,21 +637,25 @@ def _is_alone(line: LineFacts, receiver: Receiver) -> bool:
 
 _MEANT: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
+_FORMS: Final = ("encoding", "text")  # the bytes are another thing than what is declared
 _EXPLAINS_DATA: Final = (
-    *_OTHER, *_MEANT, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted", "adhoc-splits",
-    "merged", "datagram-size", "framing",
+    *_OTHER, *_MEANT, *_FORMS, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted",
+    "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
 FRAME_JUDGES: Final = (
-    FrameRule("header", _means("header"), _OTHER),
-    FrameRule("padding", _means("padding"), _OTHER),
-    FrameRule("byte-order", _means("byte-order"), _OTHER),
-    FrameRule("frame-short", _frame_short, _OTHER, _MEANT),
-    FrameRule("frame-long", _frame_long, (*_OTHER, "merged"), _MEANT),
-    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "shifted")),
-    FrameRule("shifted", _shifted, _OTHER),
-    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long")),
-    FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),
-    FrameRule("datagram-size", _datagram_size),
+    FrameRule("plain-tcp", plain_tcp, _OTHER),
+    FrameRule("encoding", _encoding, _OTHER),
+    FrameRule("text", _text, _OTHER),
+    FrameRule("header", _header, (*_OTHER, *_FORMS)),
+    FrameRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
+    FrameRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
+    FrameRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
+    FrameRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
+    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
+    FrameRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
+    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
+    FrameRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
+    FrameRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
     FrameRule("framing", _framing, (), ("line-errors",)),
     FrameRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
     FrameRule("odd-values", _odd, _EXPLAINS_DATA),

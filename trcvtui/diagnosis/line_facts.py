@@ -15,6 +15,7 @@ from math import log
 from typing import Final, NamedTuple
 
 from trcvtui.capture.command import take_captures
+from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
 from trcvtui.capture.quality import Quality, qualities_of
@@ -141,6 +142,15 @@ class DirectionFacts:
     acks: int = 0
     keep_alives: int = 0
     keep_alives_answered: int = 0
+    probes_open: int = 0  # since the other end was heard
+    probes_since: SegmentFacts = NOWHERE
+    challenges: int = 0  # ACKs of an old connection, in answer to a SYN
+    again: SegmentFacts = NOWHERE  # what is said again, and how often so far; `stuck`: most often
+    again_often: int = 0
+    stuck: SegmentFacts = NOWHERE
+    stuck_often: int = 0
+    sacked: tuple[tuple[int, int], ...] = ()  # bytes from and to, that the other end has behind a hole
+    acked_at: int = 0  # up to which byte the other end has all
     slow: list[LateAck] = field(default_factory=list)
     late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
     last_ns: int = 0
@@ -204,6 +214,9 @@ class LineFacts:
         self.established_ns = talk.established_ns
         self.answered_ns = talk.answered_ns
         self.idles = talk.idles
+        self.undelivered = conversation.undelivered
+        self.doubled: HostFact | None = None  # the address of an end has two devices
+        self.gone: frozenset[bytes] = frozenset()  # ends that ARP asks for in vain at last
         listener = conversation.listener
         self.plc_calls = None if listener is None else listener is not guess.says
         self.end: WireEnd | None = None
@@ -248,8 +261,8 @@ class LineFacts:
 
         `of_group`: and those of all conversations with the same listener.
         """
-        if self.protocol == "serial":
-            return ""
+        if self.protocol == "serial" or evidence == "arp":
+            return "" if self.protocol == "serial" else evidence
         ends, ip = (self.plc_end, self.partner_end), "ip" if len(self.plc_end[0]) == 4 else "ipv6"
         parts = [f"{ip}.addr == {text}" for text in dict.fromkeys(str(ip_address(each)) for each, _ in ends)]
         listener = self.partner_end if self.plc_calls else self.plc_end
@@ -283,6 +296,7 @@ class CaptureFacts(NamedTuple):
     found: Conversations
     troubles: tuple[Problem, ...]
     last_ns: int
+    hosts: tuple[HostFact, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -322,6 +336,8 @@ class _Collector:
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
+            if other.probes_open and other.reset is None:
+                other.probes_open = 0
             if other.resent_since_heard:
                 _heard(other, ns)
 
@@ -373,6 +389,8 @@ class _Collector:
                 talk.answered_ns = talk.answered_ns or at.ns
             case SegmentKind.ESTABLISHED:
                 talk.established_ns = talk.established_ns or at.ns
+            case SegmentKind.CHALLENGE:
+                own.challenges += 1
             case SegmentKind.FIN:
                 own.ended = own.ended or at
             case SegmentKind.RST:
@@ -381,6 +399,8 @@ class _Collector:
                 own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
             case SegmentKind.KEEP_ALIVE:
                 own.keep_alives += 1
+                own.probes_open += 1
+                own.probes_since = at if own.probes_open == 1 else own.probes_since
             case SegmentKind.KEEP_ALIVE_ACK:
                 other.keep_alives_answered += 1
             case SegmentKind.ZERO_WINDOW if len(own.closed) < MOST_MOMENTS:
@@ -405,6 +425,10 @@ class _Collector:
                 own.spurious += 1
                 own.mark(at, "spurious")
             return
+        is_same = (own.again.at, own.again.size) == (at.at, at.size)
+        own.again, own.again_often = at, own.again_often + 1 if is_same else 1
+        if own.again_often > own.stuck_often:
+            own.stuck, own.stuck_often = at, own.again_often
         own.longest_wait_ns = max(own.longest_wait_ns, wait)
         own.resent += 1
         own.resent_since_heard += 1
@@ -470,7 +494,9 @@ def facts_of(
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_Talk(found.all[len(collector.talks)]))
-    lines = []
+    lines, hosts = [], tuple(found.host_facts())
+    doubled = {one.ends[0]: one for one in hosts if one.cause == "duplicate-ip"}
+    gone = frozenset(one.ends[0] for one in hosts if one.cause == "no-such-host")
     for talk in collector.talks:
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
@@ -481,16 +507,26 @@ def facts_of(
             left = (direction.next - direction.acked) & 0xFFFFFFFF
             _heard(facts, None)
             facts.unacked = left if left < MOST_JUMP and direction.has_base else 0
+            facts.acked_at = direction.position - facts.unacked
+            base = direction.position, direction.next
+            facts.sacked = tuple([(_byte(a, *base), _byte(b, *base)) for a, b in direction.sacked.items()])
             facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
         lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
         lines[-1].connect = known.connect_of(guess.says) if known.connects else None
+        ends = {lines[-1].plc_end[0], lines[-1].partner_end[0]}
+        lines[-1].doubled = next((doubled[end] for end in ends if end in doubled), None)
+        lines[-1].gone = gone & ends
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)
     if not is_recording and any(line.is_wire for line in lines):
         for line in lines:
             line.is_wire = True
-    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns)
+    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, hosts)
+
+
+def _byte(seq: int, position: int, following: int) -> int:
+    return position + distance(seq, following)
 
 
 # -- messages ------------------------------------------------------------------------------------------------

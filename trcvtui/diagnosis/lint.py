@@ -22,12 +22,8 @@ from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
-from trcvtui.net.connection.description import rows
-from trcvtui.net.connection.description_check import Flaw
-from trcvtui.net.connection.resources import ConnectionIds, IdHolder
-from trcvtui.net.connection.set_up import SetUpStage, StepFault, judge_description, wrong_local_address
-from trcvtui.net.connection.udp import NO_ADDR
-from trcvtui.net.results import ANY_ADDRESS, Fault, octets
+from trcvtui.net.connection.set_up import SetUpStage
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, octets
 from trcvtui.project.project import SERIAL
 from trcvtui.udt.types import Struct
 
@@ -232,54 +228,6 @@ def _address(project: Project) -> Iterator[Sign]:
         yield from _of_peers(project, connect)
 
 
-# What the blocks themselves refuse, asked of the same functions.
-
-
-def _sockets(project: Project) -> Iterator[tuple[ConnectConfig, list[InstanceDecl]]]:
-    """Yield each CONNECT and UDP_CONFIG that an instance opens, with those instances."""
-    sockets = [ConnectConfig(each.name, local=each.local, is_datagram=True) for each in project.udp_configs]
-    for config in (*project.connects, *sockets):
-        on = [each for each in project.instances if each.connect == config.name]
-        openers = [each for each in on if block_row(each.block).opens]
-        if openers:
-            yield config, openers
-
-
-def _refused(project: Project) -> Iterator[Sign]:
-    ids, strict = ConnectionIds(), project.rules.policy.strict_local_address
-    for config, openers in _sockets(project):
-        holder = IdHolder(config)
-        failed = judge_description(config, ids, holder)
-        holder.has_been_up = True
-        wrong = "" if config.any_local else wrong_local_address(config.local.address, (), strict)
-        if failed is None and wrong:
-            failed = StepFault(SetUpStage.ADDRESS, Fault("address", wrong), wrong)
-        for decl in openers:
-            is_bare = config.is_datagram and decl.addr is None and block_row(decl.block).builds
-            found = failed or (NO_ADDR if is_bare else None)
-            if found is not None:
-                sure = 0.8 if found.stage is SetUpStage.IDENTITY else 0.95  # a program may open one at a time
-                key, value = _key_of(config, found, holder)
-                text = found.detail
-                if key and not (key in text and value.split(" ")[0] in text):
-                    text = f"{key} is {value or 'empty'}: {text}"
-                mend = (Remedy(f"correct {key or 'the description'} of {config.name}"),)
-                condition = project.rules.course.of_set_up(found.stage, found.fault.error)
-                status, text = _status(project, decl.block, condition), f"{config.name} is refused: {text}"
-                yield Sign(sure, (text,), instance=decl.name, mend=mend, status=status)
-
-
-def _key_of(config: ConnectConfig, failed: StepFault, holder: IdHolder) -> tuple[str, str]:
-    """Return the key that is wrong, and its value as the view of a description shows it; "": the whole is."""
-    if failed.stage is SetUpStage.IDENTITY:
-        return "ID", str(holder.identity)
-    if failed.stage is SetUpStage.ADDRESS or failed.fault.error == Flaw.NO_LOCAL_ADDRESS:
-        return "LocalAddress", config.local.address
-    key = config.flaw.field if config.flaw is not None else ""
-    fields = rows(config.description, {}) if config.description is not None else ()
-    return key, next((row.value for row in fields if row.field == key), "")
-
-
 def _status(project: Project, block: str, condition: Condition) -> tuple[int, ...]:
     """Return the STATUS of a block for that, () where its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
@@ -287,22 +235,20 @@ def _status(project: Project, block: str, condition: Condition) -> tuple[int, ..
 
 
 def _one_port_twice(project: Project) -> Iterator[Sign]:
-    before: list[ConnectConfig] = []
+    """Yield two that call from one local port; two that listen there are refused by the dry run."""
+    first: dict[Endpoint, ConnectConfig] = {}
     taken = project.rules.course.of_set_up(SetUpStage.BIND, "EADDRINUSE")
-    for config, openers in _sockets(project):
-        shares = config.session is not None and config.session.shares_port
-        if config.flaw is not None or shares or not config.local.port:
+    for config in project.connects:
+        openers = [each for each in project.instances if each.connect == config.name]
+        if not config.active or not config.local.port or config.flaw is not None or not openers:
             continue
-        ends = config.local, config.is_datagram
-        other = next((each for each in before if (each.local, each.is_datagram) == ends), None)
-        before.append(config)
-        if other is not None:
+        other = first.setdefault(config.local, config)
+        if other is not config:
             text = f"{other.name} and {config.name} have one local port, {config.local}"
             unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
-            sure, said = (0.5, (text, unsure)) if other.active and config.active else (0.85, (text,))
             mend = (Remedy("give each of them a LocalPort of its own"),)
             status = _status(project, openers[0].block, taken)
-            yield Sign(sure, said, instance=openers[0].name, mend=mend, status=status)
+            yield Sign(0.5, (text, unsure), instance=openers[0].name, mend=mend, status=status)
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -415,7 +361,6 @@ def _short_len(project: Project) -> Iterator[Sign]:
 LINT_RULES: Final = (
     LintRule("limits", _limits),
     LintRule("address", _address),
-    LintRule("address", _refused),
     LintRule("address", _one_port_twice),
     LintRule("no-keep-alive", _keep_alive),
     LintRule("adhoc-splits", _adhoc_fixed),

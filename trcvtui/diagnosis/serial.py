@@ -35,7 +35,7 @@ def size_does_not_fit(e: Evidence) -> str:
 
 
 def string_too_long(e: Evidence) -> str:
-    return f"the text is longer than the string, or its suffix differs{DO}`framing {e.instance}` tells"
+    return f"the string was full before its text ended{DO}`framing {e.instance}` tells how texts end (key B)"
 
 
 # Where nothing is wrong with the block itself, it waits for the line.
@@ -176,6 +176,18 @@ def gap_on_tcp(f: FramedBlock) -> str:
     )
 
 
+def gap_that_never_comes(f: FramedBlock) -> str:
+    """Texts that follow each other sooner than the gap fill the string."""
+    tally = f.framer.tally
+    if f.suffix or not f.framer.timeout_ns or not tally.overruns or tally.gaps:
+        return ""
+    gap = f"{f.framer.timeout_ns / MS:g} ms"
+    return (
+        f"no suffix, and the gap of {gap} never comes: {f.size_pin} fills to {count(f.framer.size, 'byte')}, "
+        "and cuts anywhere; key B shows how the bytes part into frames"
+    )
+
+
 def gap_below_the_cycle(f: FramedBlock) -> str:
     """Bytes come first, so a gap shorter than a scan is never seen."""
     timeout = f.framer.timeout_ns
@@ -235,6 +247,6 @@ def shared_buffer(f: FramedBlock) -> str:
 
 
 FRAMING_RULES: Final[tuple[Callable[[FramedBlock], str], ...]] = (
-    port_is_away, marks_too_long, idle_feeder, gap_on_tcp, static_feeder, no_end, only_noise, lost_bytes,
-    dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
+    port_is_away, marks_too_long, gap_that_never_comes, idle_feeder, gap_on_tcp, static_feeder, no_end,
+    only_noise, lost_bytes, dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
 )  # fmt: skip

@@ -6,6 +6,7 @@ import re
 from typing import Final
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
+from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Sign
 from trcvtui.wording import count
 
@@ -132,6 +133,23 @@ def wrong_tsap(line: LineFacts) -> Sign | None:
             texts.append(f"answered by {end.kind.upper()} alone")
             return Sign(0.75, tuple(texts), way=way, at=SegmentFacts(end.ns, 0, 0, end.packet))
     return None
+
+
+def plain_tcp(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    """Judge whether the partner speaks plain TCP at a CONNECT of ISO-on-TCP."""
+    content = line.to_plc.content
+    if receiver is None or not receiver.is_whole or line.protocol != "tcp" or not line.has_begin:
+        return None
+    if not content or content[0] == TPKT:
+        return None
+    letter = f" ({chr(content[0])!r})" if 0x20 <= content[0] < 0x7F else ""
+    texts = (
+        f"the partner's first byte is {content[0]:02X}{letter}, the first one of ISO-on-TCP is 03: it speaks "
+        "plain TCP",
+        f"the CONNECT {receiver.connect} speaks ISO-on-TCP (RFC 1006)",
+    )
+    at, instance = _first(line.to_plc), receiver.instance or None
+    return Sign(0.97, texts, "to-plc", at, instance, is_fact=True, is_remark=is_http(line))
 
 
 def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:

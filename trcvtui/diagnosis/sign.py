@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import SegmentFacts
 
 if TYPE_CHECKING:
+    from trcvtui.blocks.conditions import Condition
     from trcvtui.diagnosis.receiver import Receiver
 
 
@@ -40,4 +41,47 @@ class Sign(NamedTuple):
     cured: Receiver | None = None
     otherwise: tuple[Remedy, ...] = ()
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`
-    status: tuple[int, ...] = ()  # what the blocks show for it; (): what the cause leads to
+    status: tuple[int, ...] = ()  # what the blocks show for it; (): what it leads to
+    leads_to: tuple[Condition, ...] | None = None  # in place of what the cause leads to
+    filter: str = ""  # for Wireshark, in place of that of the cause
+
+
+class RemedyOffer(NamedTuple):
+    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
+
+    `otherwise` is offered where the trial fails.
+    """
+
+    mend: tuple[Remedy, ...] = ()
+    cured: Receiver | None = None
+    otherwise: tuple[Remedy, ...] = ()
+
+
+NO_OFFER: Final = RemedyOffer()
+
+
+def sign_to_plc(
+    receiver: Receiver,
+    sure: float,
+    texts: tuple[str, ...],
+    at: SegmentFacts | None,
+    offer: RemedyOffer = NO_OFFER,
+) -> Sign:
+    """Return what speaks for a cause in what the partner says to a receiver."""
+    return Sign(
+        sure,
+        texts,
+        "to-plc",
+        at,
+        receiver.instance or None,
+        offer.mend,
+        cured=offer.cured,
+        otherwise=offer.otherwise,
+    )
+
+
+def frames_anew(receiver: Receiver) -> tuple[Remedy, ...]:
+    """Return what lets frames begin with a message after their length has changed."""
+    text = "COM_RST: the next frame then begins with a message"
+    is_stream = receiver.has_reset and not receiver.is_datagram
+    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

@@ -14,11 +14,12 @@ from trcvtui.diagnosis.sign import Remedy
 C = Condition
 LINK_CAUSES: Final = frozenset({
     "address", "second-client", "refused", "filtered", "wrong-tsap", "tls-refused", "closes-each-message",
-    "reconnect-storm", "no-keep-alive", "dead-link", "resets", "turned-away",
+    "reconnect-storm", "no-keep-alive", "dead-link", "resets", "turned-away", "no-such-host", "duplicate-ip",
+    "half-open", "mtu", "plain-tcp",
 })  # fmt: skip
 FRAME_CAUSES: Final = frozenset({
     "frame-short", "frame-long", "adhoc-missing", "adhoc-splits", "header", "padding", "byte-order",
-    "shifted", "merged", "framing", "datagram-size",
+    "shifted", "merged", "framing", "datagram-size", "encoding", "text",
 })  # fmt: skip
 LINK_ERRORS: Final = frozenset({
     C.CONNECT_FAILED, C.NOT_CONNECTED, C.SEND_FAILED, C.RECEIVE_FAILED, C.LINK_DEAD, C.PARTNER_CLOSED,

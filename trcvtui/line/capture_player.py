@@ -346,7 +346,8 @@ def plan_capture(
         raise fits_nothing("--plc", f"'{plc}', which no conversation has", found.all)
     if project is not None and found.all and not plan.parts:
         fits = "no CONNECT (or several) for a conversation"
-        raise fits_nothing(f"--project {project}", fits, found.all)
+        offer = "a CONNECT that has, or --plc as, "
+        raise fits_nothing(f"--project {project}", fits, found.all, offer)
     return plan, found, troubles
 
 

@@ -22,7 +22,7 @@ from trcvtui.capture.reassembly import Conversation, WireDirection
 from trcvtui.commands import words
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
-from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, end_in_words
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.net.tap import end_text, place_of
 from trcvtui.project.file import read_project
@@ -242,8 +242,23 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 
 
 def known_ends(project: Project) -> KnownEnds:
+    """Return the ports and addresses of the PLC and of its partners, as a project has them."""
+    calls = [each for each in project.connects if each.active]
+    sockets: tuple[Socket, ...] = (*project.connects, *project.udp_configs)
     listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
-    return KnownEnds(frozenset(each.local.port for each in listening if each.local.port))
+    called = frozenset(each.remote_port for each in calls if isinstance(each.remote_port, int))
+    return KnownEnds(
+        frozenset(each.local.port for each in listening) - {0},
+        called - {0},
+        _hosts(each.local.address for each in sockets),
+        _hosts(each.remote_address for each in project.connects),
+    )
+
+
+def _hosts(addresses: Iterable[str]) -> frozenset[bytes]:
+    """Return addresses as a capture has them, without names and those that mean any."""
+    found = (end_in_words(each) for each in addresses if each != ANY_ADDRESS)
+    return frozenset(end[0] for end in found if end is not None and any(end[0]))
 
 
 def rows_of_taps(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
@@ -344,6 +359,8 @@ def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) 
     of_port = [
         c for c in known if port == (c.remote_port if c.active else c.local.port) and c.active != listens
     ]
+    partner = frozenset((guess.says.other.address[0],))
+    of_port = [c for c in of_port if _hosts((c.remote_address,)) == partner] or of_port
     of_role = [c for c in known if c.active != listens]
     for fits in (of_port, of_role, known) if is_given else (of_port,):
         if len(fits) == 1:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from msgspec import Struct, field
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.framing import FrameMarks, Tally
+from trcvtui.blocks.framing import FrameMarks, Framing, Tally
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -72,6 +72,12 @@ class FramerSnapshot(Struct, frozen=True):
     dropped: bytes
     tally: Tally
     last: FrameMarks | None
+
+    @property
+    def ended_by(self) -> str:
+        """Return in words what ended the newest frame."""
+        framing = Framing(self.size, suffix=self.suffix or b"")
+        return framing.ended_by(self.last.ending) if self.last is not None else ""
 
 
 class InstanceSnapshot(Struct, frozen=True):

@@ -139,7 +139,7 @@ class Reception:
         place = self._buffer.head - size
         self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending)))
         self._deliver(frame.content)
-        cause = Cause(Why.BYTES, f"ended by: {ending}", have=size, need=self.need)
+        cause = Cause(Why.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
         is_gap = ending is Ending.GAP
         shown = Outcome(self._conditions[ending], cause, size, lamp=Lamp.DONE, rx_timeout=is_gap)
         self._idle = replace(shown, lamp=None)

@@ -6,6 +6,7 @@ Each line has its proof beside it: how many messages it explains of how many. Wh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -14,10 +15,12 @@ from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
 from trcvtui.diagnosis.frame_causes import is_session, judged_messages, sizes_of
-from trcvtui.diagnosis.line_facts import LineFacts, facts_of
-from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, facts_of
+from trcvtui.diagnosis.message_joints import length_of
+from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise
 from trcvtui.diagnosis.readings.members import FoundType, members_of
-from trcvtui.diagnosis.readings.proposal import CutKind
+from trcvtui.diagnosis.readings.proposal import CutKind, evidence_of, instead_of, title_of
+from trcvtui.diagnosis.readings.trial import LengthField, cut_by_length, joined
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
@@ -27,6 +30,7 @@ LEAST_SHARE: Final = 0.95  # of the messages, or of the bytes, that a suggestion
 LEAST_MESSAGES: Final = 3
 MOST_LINES: Final = 8
 MOST_DATA: Final = 65_536
+PAUSE_NS: Final = 4_000_000  # after which a message begins
 
 
 class Suggestion(NamedTuple):
@@ -90,10 +94,18 @@ def _suggestion(line: LineFacts) -> Suggestion | None:
         found = _framed(line, takes_gap=not comes_whole)
         if found is not None or line.protocol == "serial":
             return found
+    return _at_once(line, ())
+
+
+def _at_once(line: LineFacts, against: Sequence[str]) -> Suggestion:
+    messages = judged_messages(line)
+    most = min(max(one.size for one in messages), MOST_DATA)
+    whole = sum(one.pieces == 1 and one.size <= most for one in messages)
+    is_datagram = line.protocol == "udp"
     proof = f"messages of {min(one.size for one in messages)} to {most} bytes"
     if not is_datagram:
         proof += f", each received at once: {whole} of {len(messages)} came in one piece"
-    return Suggestion(line, most, not is_datagram, is_datagram, None, None, (proof,))
+    return Suggestion(line, most, not is_datagram, is_datagram, None, None, (proof, *against))
 
 
 def _of_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: int) -> Suggestion:
@@ -110,22 +122,66 @@ def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
         if one.at + one.size <= len(content)
     ]
     source = "serial" if line.protocol == "serial" else "tcp"
-    for each in advise(LineRecording(source, tuple(chunks), line.last_ns - line.first_ns, 1)).proposals:
-        if each.rank > 1:
-            return None
+    recording = LineRecording(source, tuple(chunks), line.last_ns - line.first_ns, 1)
+    if source == "tcp" and (told := _by_length(line, recording)) is not None:
+        return told
+    against, rank = list[str](), 1
+    for each in advise(recording).proposals:
+        if each.rank > rank:
+            break
         whole = (
             f"{each.title}: {each.frames} of {each.of_frames} frames, {each.explained} of {each.total} bytes"
         )
         if each.explained < LEAST_SHARE * each.total or (each.kind is CutKind.GAP and not takes_gap):
             continue
+        if doubt := _against(line, each.framing.suffix) if source == "tcp" and each.framing else "":
+            against.append(f"not {each.title}: {doubt}")
+            rank = each.rank + 1
+            continue
         if each.kind is CutKind.SIZE and each.framing is not None and source == "tcp":
             return _of_size(line, each.framing.size, False, whole, 0)
-        proof = (whole, *each.evidence, *each.doubt)
+        proof = (whole, *each.evidence, *each.doubt, *against)
         if each.framing is not None:
             return Suggestion(line, each.longest, True, False, each.framing, None, proof)
         if source == "tcp":
             return Suggestion(line, each.longest, True, False, None, None, (*proof, each.instead))
-    return None
+    return None if not against else _at_once(line, against)
+
+
+def _by_length(line: LineFacts, recording: LineRecording) -> Suggestion | None:
+    """Return what a length field says that is right in each message between two pauses."""
+    content = bytes(line.to_plc.content)
+    place = length_of([content[one.at : one.at + one.size] for one in _whole_messages(line, content)])
+    if place is None:
+        return None
+    field = LengthField(*place)
+    made = cut_by_length(joined(recording), field, MOST_DATA, MOST_FRAMES)
+    explained = sum(len(frame.content) for frame in made.good)
+    if not made.good or explained < LEAST_SHARE * made.total:
+        return None
+    framing, kind = Framing(field.head), CutKind.LENGTH
+    frames = f"{len(made.good)} of {len(made.frames)} frames, {explained} of {made.total} bytes"
+    proof = f"{title_of(kind, framing, field)}: {frames}", *evidence_of(kind, framing, field, made, recording)
+    longest = max(len(frame.content) for frame in made.good)
+    return Suggestion(line, longest, True, False, None, None, (*proof, instead_of(field)))
+
+
+def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
+    return [one for one in judged_messages(line) if one.at + one.size <= len(content)]
+
+
+def _against(line: LineFacts, suffix: bytes) -> str:
+    """Return that messages do not end in a suffix where they pause; "": they do, or none pauses."""
+    content, messages = bytes(line.to_plc.content), line.messages
+    ends = [
+        before.at + before.size
+        for before, after in pairwise(messages)
+        if suffix and after.ns - before.ns >= PAUSE_NS and before.at + before.size <= len(content)
+    ]
+    hits = sum(content.endswith(suffix, 0, end) for end in ends)
+    if len(ends) < LEAST_MESSAGES or hits * 10 >= 8 * len(ends):
+        return ""
+    return f"{hits} of {len(ends)} pauses follow the suffix {suffix.hex(' ').upper()}, which is data then"
 
 
 # -- the project ---------------------------------------------------------------------------------------------

@@ -71,21 +71,6 @@ class StepFault(Struct, frozen=True):
     client: str = ""  # who was accepted, where that is what failed
 
 
-def judge_description(
-    config: ConnectConfig, connection_ids: ConnectionIds, holder: IdHolder
-) -> StepFault | None:
-    """Look at a connection description, and take its ID."""
-    flaw = config.flaw
-    if flaw is not None:
-        return StepFault(SetUpStage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
-    taken = connection_ids.take(holder)
-    if taken is None:
-        return None
-    how, owner = taken
-    text = f"ID {holder.identity} is that of {owner}"
-    return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
-
-
 class SetUp:
     """The listener or the running attempt of one CONNECT."""
 
@@ -142,7 +127,15 @@ class SetUp:
 
     def judge_description(self) -> StepFault | None:
         """Look at the connection description, and take its ID."""
-        return judge_description(self.config, self._connection_ids, self._holder)
+        flaw = self.config.flaw
+        if flaw is not None:
+            return StepFault(SetUpStage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+        taken = self._connection_ids.take(self._holder)
+        if taken is None:
+            return None
+        how, holder = taken
+        text = f"ID {self._holder.identity} is that of {holder}"
+        return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
 
     def create(self) -> StepFault | None:
         make = self._kernel.datagram_socket if self.config.is_datagram else self._kernel.socket

@@ -6,10 +6,12 @@ members themselves speak for a reading, and clearly more than for any other one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from trcvtui.udt.compare.beside import around, usual_length
 from trcvtui.udt.compare.causes import CAUSES, DRIFTS, NONE, FitCause
 from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, called, doubt_of, is_same
@@ -31,6 +33,9 @@ MOST_FITS: Final = 64  # that are returned; those without a cause all
 FAR: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
 NAMED: Final = 3  # members that a sentence names
 TIE: Final = 1.0  # points: less is no evidence
+# Where members lie in longer messages is looked for with so many members and messages, and given up below.
+MOST_PLACED: Final = (32, 4)
+MISPLACED: Final = -30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +97,15 @@ def fit(
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
     asked = tuple(sorted(asked, key=lambda one: (one.layout != sender, _strangeness(one, own))))
-    lengths = set(map(len, seen))
+    lengths = [len(message) for message in seen]
+    different = set(lengths)
     known: EvidenceCache = {}
     layouts = same_layouts(type_, asked, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
-        fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(layout.size, framed, lengths)]
+        size = layout.size
+        fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(size, framed, different)]
+        fitting += around(size, usual_length(lengths)) if framed else ()
         tried.append((same, layout, fitting))
     if framed and seen:
         drifted = drifted_layouts(layouts, seen, own)
@@ -105,7 +113,8 @@ def fit(
     found = []
     for same, layout, causes in tried:
         look = LayoutView(layout, known)
-        readings = (Reading.of(same, look, cause, seen, framed) for cause in causes)
+        ways = [*causes, *_placed(look, seen)] if framed else causes
+        readings = (Reading.of(same, look, cause, seen, framed) for cause in ways)
         found += [reading for reading in readings if reading is not None]
     if framed and len(messages) > len(seen):
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
@@ -113,6 +122,26 @@ def fit(
             reading.others.append(said)
     found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
     return tuple(_ranked(found, seen))
+
+
+def _placed(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
+    """Return the likeliest place of the members in longer messages, whatever the bytes beside them are."""
+    size, length = look.layout.size, usual_length([len(message) for message in messages])
+    members, most = look.members[: MOST_PLACED[0]], MOST_PLACED[1]
+    some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
+    best, place = 0.0, None
+    ways = [*around(size, length)]
+    for cause in ways:
+        points = 0.0
+        for member in members:
+            start, stop = member.start + cause.front, member.stop + cause.front
+            said = [look.evidence(member, message[start:stop]) for message in some]
+            points += sum(one.points for one in said if one is not None)
+            if points < MISPLACED:
+                break
+        if points > best:
+            best, place = points, cause
+    return () if place is None else (place._replace(is_guess=True, cost=place.cost - math.log(len(ways))),)
 
 
 def _strangeness(profile: Profile, own: LayoutRules) -> int:

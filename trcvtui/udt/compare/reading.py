@@ -8,7 +8,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare.causes import Cutting, FitCause, cut, extra_evidence
+from trcvtui.udt.compare.beside import extra_evidence
+from trcvtui.udt.compare.causes import Cutting, FitCause, cut
 from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
@@ -171,7 +172,11 @@ class Reading:
                     return False
                 told[before, after] = extra
         self.has_meaning = all(extra.has_meaning for extra in told.values())
-        points = sum(extra.points for extra in told.values()) / len(told) * len(told) ** REPEATED
+        befores = {before: extra.points - extra.of_after for (before, _), extra in told.items()}
+        if len({extra.has_meaning for extra in told.values()}) > 1:  # a length in some of them is chance
+            befores = dict.fromkeys(befores, min(befores.values()))
+        afters = {after: extra.of_after for (_, after), extra in told.items()}
+        points = sum(sum(one.values()) * len(one) ** (REPEATED - 1) for one in (befores, afters))
         said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
         if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
             said += " in each message"

@@ -1,0 +1,319 @@
+"""What ARP and ICMP say of hosts: who is asked for in vain, which address two have, what did not get there.
+
+Rule 1: an address is asked for in vain when one host asks again and again, and nothing of it comes later.
+Rule 2: what is kept is bounded, whatever comes; the oldest goes first.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from itertools import pairwise
+from typing import Final, NamedTuple, TypeVar
+
+from trcvtui.capture.packets import TCP, UDP, ip_start
+from trcvtui.wording import SECOND, count, times
+
+MOST_ADDRESSES: Final = 4096
+MOST_PACKETS: Final = 8  # numbers of packets that are kept of one fact
+MOST_ASKERS: Final = 8  # of one address
+MOST_CHANGES: Final = 64  # of the owner of one address
+MOST_NOTES: Final = 64  # of ICMP, of one conversation; of none
+MANY: Final = 3  # addresses: who has so many answers for others
+AGAIN_NS: Final = SECOND // 2  # a copy of a mirror port comes sooner
+QUICK_NS: Final = 5 * SECOND  # between two requests for one address, of QUICK in vain
+SLOW_NS: Final = 30 * SECOND  # the same, of SLOW
+QUICK, SLOW = 3, 6
+SCAN: Final = 16  # hosts that one asks for in vain: it looks who is there
+NOT_THERE: Final = "undelivered"  # a packet of no conversation
+MEET_NS: Final = 60 * SECOND  # two devices with one address show so soon; an exchange takes longer
+AT_ONCE_NS: Final = 5 * SECOND  # an exchange is never so quick
+TURNS: Final = 3  # changes of the owner, within TURNS_NS, are no exchange either
+TURNS_NS: Final = 600 * SECOND
+COPY_NS: Final = SECOND // 5
+UNNUMBERED_NS: Final = 300_000
+_ARP: Final = (b"\x08\x06",)
+_ARP_HEAD: Final = b"\0\1\x08\0\6\4"  # Ethernet and IPv4
+_NO_ADDRESS: Final = bytes(4)
+_HEARD_BY: Final = {NOT_THERE: "icmp", "mtu": "udp"}
+T = TypeVar("T")
+# VRRP and CARP, HSRP, GLBP, load balancing: several hosts have one address, and should.
+_SHARED: Final = (b"\0\0\x5e\0\1", b"\0\0\x0c\x07\xac", b"\0\0\x0c\x9f", b"\0\x07\xb4", b"\2\xbf", b"\3\xbf")
+
+
+class ArpNote(NamedTuple):
+    """Who asks or answers; `sender` and `target` are the same where a host announces itself."""
+
+    is_answer: bool
+    mac: bytes
+    sender: bytes
+    target: bytes
+
+
+class IcmpNote(NamedTuple):
+    """A host says that a packet did not get there; `ports` are b"" where the packet has none.
+
+    `kind`: port (a closed one of who says so), host (no way there), admin (it is forbidden), size (it is too
+    large, `size`: what fits, 0: not said) or fragments (some did not come). `number`: those of both IP
+    packets, by which a mirror's copy is known.
+    """
+
+    kind: str
+    words: str
+    said_by: bytes
+    protocol: int
+    source: bytes
+    target: bytes
+    ports: bytes
+    number: bytes
+    size: int = 0
+
+    @property
+    def flow(self) -> bytes:
+        """Return the key of the conversation to which the packet belongs."""
+        return b"".join((b"U" if self.protocol == UDP else b"", self.source, self.target, self.ports))
+
+    @property
+    def port(self) -> int:
+        return int.from_bytes(self.ports[2:], "big")
+
+    @property
+    def text(self) -> str:
+        size = f", {self.size} bytes fit" if self.size else ""
+        there = str(ip_address(self.target)) + f" port {self.port}" * bool(self.ports)
+        said_by, source = ip_address(self.said_by), ip_address(self.source)
+        return f"{said_by} says by ICMP to {source}: {self.words}{size}, for {there}"
+
+
+class HeardNote(NamedTuple):
+    """A note of ICMP: when, and the number of its packet."""
+
+    ns: int
+    packet: int
+    note: IcmpNote
+
+
+_HOST, _ADMIN, _PORT, _SIZE = "host", "admin", "port", "size"
+_SAID: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by protocol, type and code
+    (1, 3, 0): (_HOST, "network unreachable"), (1, 3, 1): (_HOST, "host unreachable"),
+    (1, 3, 2): (_HOST, "protocol unreachable"), (1, 3, 3): (_PORT, "port unreachable"),
+    (1, 3, 4): (_SIZE, "fragmentation needed"), (1, 3, 5): (_HOST, "source route failed"),
+    (1, 3, 6): (_HOST, "network unknown"), (1, 3, 7): (_HOST, "host unknown"),
+    (1, 3, 9): (_ADMIN, "network prohibited"), (1, 3, 10): (_ADMIN, "host prohibited"),
+    (1, 3, 13): (_ADMIN, "administratively filtered"), (1, 11, 0): (_HOST, "time to live exceeded"),
+    (1, 11, 1): ("fragments", "fragments are missing"), (58, 1, 0): (_HOST, "no route"),
+    (58, 1, 1): (_ADMIN, "administratively prohibited"), (58, 1, 2): (_HOST, "beyond scope"),
+    (58, 1, 3): (_HOST, "address unreachable"), (58, 1, 4): (_PORT, "port unreachable"),
+    (58, 1, 5): (_ADMIN, "source filtered"), (58, 1, 6): (_ADMIN, "route rejected"),
+    (58, 2, 0): (_SIZE, "packet too big"), (58, 3, 0): (_HOST, "hop limit exceeded"),
+    (58, 3, 1): ("fragments", "fragments are missing"),
+}  # fmt: skip
+
+
+def note_of(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
+    """Return what ARP or ICMP says in a packet; None: it is none of them, or says nothing of the kind."""
+    at = ip_start(link_type, data, _ARP)
+    if at >= 0 and data[at : at + 6] == _ARP_HEAD and len(data) >= at + 28:
+        kind, mac = data[at + 7], data[at + 8 : at + 14]
+        is_host = any(mac) and not mac[0] & 1 and kind in (1, 2)
+        return ArpNote(kind == 2, mac, data[at + 14 : at + 18], data[at + 24 : at + 28]) if is_host else None
+    at = ip_start(link_type, data)
+    try:
+        return _icmp_of(data, at) if at >= 0 else None
+    except IndexError:
+        return None  # cut
+
+
+def _icmp_of(data: bytes, at: int) -> IcmpNote | None:
+    is_4 = data[at] >> 4 == 4
+    # Of the header of IP: where its protocol and its addresses stand, how long they are.
+    protocol, ends, width = (9, 12, 4) if is_4 else (6, 8, 16)
+    head = (data[at] & 15) * 4 if is_4 else 40
+    inner, is_rest = at + head + 8, is_4 and (data[at + 6] & 31 or data[at + 7])
+    found = _SAID.get((data[at + protocol], data[at + head], data[at + head + 1]))
+    if (
+        found is None
+        or is_rest
+        or data[inner] >> 4 != (4 if is_4 else 6)
+        or len(data) < inner + ends + 2 * width
+    ):
+        return None
+    kind, words = found
+    said_by, source, target = (data[n : n + width] for n in (at + ends, inner + ends, inner + ends + width))
+    begin = inner + ((data[inner] & 15) * 4 if is_4 else 40)
+    has_ports = data[inner + protocol] in (TCP, UDP) and not (
+        is_4 and (data[inner + 6] & 31 or data[inner + 7])
+    )
+    size = int.from_bytes(data[inner - (2 if is_4 else 4) : inner], "big") if kind == _SIZE else 0
+    kind = _ADMIN if kind == _PORT and said_by != target else kind  # a filter refuses in the host's place
+    number = data[at + 4 : at + 6] + data[inner + 4 : inner + 6] if is_4 else b""
+    ports = data[begin : begin + 4] if has_ports else b""
+    return IcmpNote(kind, words, said_by, data[inner + protocol], source, target, ports, number, size)
+
+
+def put_note(notes: list[HeardNote], ns: int, packet: int, note: IcmpNote) -> None:
+    """Keep a note of ICMP that is no copy of a mirror port, up to the bound."""
+    soon = COPY_NS if any(note.number) else UNNUMBERED_NS
+    is_copy = any(one.note == note and 0 <= ns - one.ns <= soon for one in notes[-4:])
+    if not is_copy and len(notes) < MOST_NOTES:
+        notes.append(HeardNote(ns, packet, note))
+
+
+class HostFact(NamedTuple):
+    """What is said of hosts and of no conversation; `ends`: of whom, who asks last."""
+
+    cause: str
+    sure: float
+    ns: int
+    text: str
+    packets: tuple[int, ...]
+    ends: tuple[bytes, ...]
+
+    @property
+    def line(self) -> str:
+        return f"{_HEARD_BY.get(self.cause, 'arp')}: {self.text}"
+
+
+@dataclass(slots=True)
+class _Asked:
+    ns: int
+    last_ns: int
+    packets: list[int]
+    often: int = 1
+    quick: int = 1
+    in_vain: float = 0.0  # how sure that is
+
+
+class _Change(NamedTuple):
+    """Another device has an address: how long after the one before was seen last."""
+
+    ns: int
+    after_ns: int
+    old: bytes
+    new: bytes
+    packets: tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Owner:
+    """Who has an address, when it was seen last, how often since the last change."""
+
+    mac: bytes
+    ns: int
+    packet: int
+    alone: int = 0
+    changes: list[_Change] = field(default_factory=list)
+
+    @property
+    def macs(self) -> set[bytes]:
+        return {self.mac, *(one.old for one in self.changes)}
+
+
+class HostNotes:
+    """What ARP says of addresses, and ICMP of packets that belong to no conversation."""
+
+    def __init__(self) -> None:
+        self.icmps: list[HeardNote] = []
+        self._asked: OrderedDict[bytes, dict[bytes, _Asked]] = OrderedDict()
+        self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
+
+    def hear(self, address: bytes) -> None:
+        """Take that a packet of this address has come."""
+        self._asked.pop(address, None)
+
+    def take(self, ns: int, packet: int, note: ArpNote) -> None:
+        if note.sender == _NO_ADDRESS:
+            return  # it looks whether an address is free (RFC 5227)
+        self.hear(note.sender)
+        self._own(ns, packet, note)
+        if note.is_answer or note.sender == note.target:
+            return
+        askers = _kept(self._asked, note.target, dict)
+        asked = askers.get(note.sender)
+        is_in_vain = asked is not None and asked.in_vain > 0
+        if asked is None or (ns - asked.last_ns > SLOW_NS and not is_in_vain):
+            if asked is not None or len(askers) < MOST_ASKERS:
+                askers[note.sender] = _Asked(ns, ns, [packet])
+            return
+        pause = ns - asked.last_ns
+        if pause < AGAIN_NS:
+            return
+        asked.often, asked.last_ns = asked.often + 1, ns
+        asked.quick = asked.quick + 1 if pause <= QUICK_NS else 1
+        sure = 0.95 if asked.quick > QUICK + 1 else 0.85 if asked.quick >= QUICK else 0.0
+        asked.in_vain = max(asked.in_vain, sure or 0.6 * (asked.often >= SLOW))
+        asked.packets += [packet] if len(asked.packets) < MOST_PACKETS else []
+
+    def _own(self, ns: int, packet: int, note: ArpNote) -> None:
+        if note.mac.startswith(_SHARED):
+            return
+        owner = _kept(self._owners, note.sender, lambda: _Owner(note.mac, ns, packet))
+        is_same = owner.mac == note.mac
+        if not is_same and len(owner.changes) < MOST_CHANGES:
+            change = _Change(ns, ns - owner.ns, owner.mac, note.mac, (owner.packet, packet))
+            owner.changes.append(change)
+        owner.alone = owner.alone + 1 if is_same else 0
+        owner.mac, owner.ns, owner.packet = note.mac, ns, packet
+
+    def facts(
+        self, heard_ns: Mapping[bytes, int], lacking: Mapping[tuple[bytes, ...], int]
+    ) -> Iterator[HostFact]:
+        """Yield what is so at the end.
+
+        `heard_ns`: when each host was heard last by TCP or UDP. `lacking`: how many datagrams lack pieces.
+        """
+        for ends, n in lacking.items():
+            there, here = map(ip_address, ends)
+            text = f"{count(n, 'datagram')} of {there} to {here} came without all fragments"
+            yield HostFact("mtu", 0.6, 0, text, (), ends[::-1])
+        vain = [
+            (asker, target, one)
+            for target, askers in self._asked.items()
+            for asker, one in askers.items()
+            if one.in_vain and heard_ns.get(target, 0) <= one.last_ns
+        ]
+        often = Counter(asker for asker, _, _ in vain)
+        for asker, target, one in vain:
+            if often[asker] < SCAN:
+                text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
+                text += " (a port that is no mirror shows none)" * (one.in_vain < 0.7)
+                yield HostFact("no-such-host", one.in_vain, one.ns, text, tuple(one.packets), (target, asker))
+        addresses = Counter(mac for one in self._owners.values() for mac in one.macs)
+        for address, owner in self._owners.items():
+            yield from _doubled(address, owner, addresses)
+        same: dict[str, list[HeardNote]] = {}
+        for heard in self.icmps:
+            same.setdefault(heard.note.text, []).append(heard)
+        for text, notes in same.items():
+            packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
+            yield HostFact(NOT_THERE, 0.0, notes[0].ns, f"{text}, {times(len(notes))}", packets, ())
+
+
+def _doubled(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
+    """Yield that two devices have an address: not a proxy, and none took the other's place."""
+    changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY]
+    back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
+    often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
+    met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
+    if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
+        return
+    others = addresses[met.old] > 1 or addresses[met.new] > 1
+    old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
+    text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
+    text += "; one of them has another address, and may answer for others" * others
+    yield HostFact(
+        "duplicate-ip", 0.7 if others else 0.95 if back else 0.85, met.ns, text, met.packets, (address,)
+    )
+
+
+def _kept(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:
+    """Return what is kept at a key, as the newest; the oldest goes where there are too many."""
+    found = some.get(key)
+    if found is None:
+        if len(some) == MOST_ADDRESSES:
+            some.popitem(last=False)
+        found = some[key] = make()
+    some.move_to_end(key)
+    return found

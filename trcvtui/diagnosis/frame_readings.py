@@ -1,0 +1,193 @@
+"""How the bytes of frames mean something, where that is not as the PLC reads them: all differences at once.
+
+Rule: front + members + back = the message. The cause is the first difference, in the order bytes before
+(`header`), packing (`padding`), byte order, bytes after (`frame-long`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from trcvtui.diagnosis.data_values import layout_of, odd_values
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
+from trcvtui.wording import count
+
+if TYPE_CHECKING:
+    from trcvtui.udt.compare.fit import Fit
+    from trcvtui.udt.layout.rules import LayoutRules
+    from trcvtui.udt.types import Type
+
+CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
+NOT_KNOWN: Final = "not known"
+UNSURE: Final = 0.8  # where bytes are left that nothing explains
+
+
+class FrameReading(NamedTuple):
+    """The cause that a reading is, and what speaks for it."""
+
+    cause: str
+    said: Sign
+
+
+def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> FrameReading | None:
+    from trcvtui.udt.compare.fit import fit, without_near_drifts
+
+    if len(frames) < 2 and len(frames[0]) != receiver.need:
+        return _read_by_size(frames, receiver, type_, rules)
+    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
+    own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
+    best = _plainest(fits, rules)
+    if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
+        return None
+    ahead = best.score - own.score if own is not None else 40.0
+    is_own_size = own is not None and own.layout.size == len(frames[0])
+    is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
+    if ahead < CLEAR or (is_own_size and not is_clear):
+        return None
+    sides = _sides(best, frames)
+    cause, offer = _meaning(best, frames, receiver, rules, sides)
+    if not cause:
+        return None
+    ours = "none" if own is None else f"{own.score:+.1f}"
+    said = (
+        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
+    )
+    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
+    if len(sides) > 1 and any(NOT_KNOWN in side for side in sides):
+        sure = min(sure, UNSURE)
+    texts = (said, *(reason.text for reason in best.reasons[:2]))
+    return FrameReading(cause, sign_to_plc(receiver, sure, texts, None, offer))
+
+
+def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
+    """Return the best reading, or one that is near it and differs less from our own."""
+    near = [one for one in fits if one.score > fits[0].score - CLEAR]
+    return min(near, key=lambda one: (one.cause.front > 0) + (not _is_read_so(one, rules)), default=None)
+
+
+def _read_by_size(
+    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
+) -> FrameReading | None:
+    """Read the only message in another layout that has exactly its size and values that machines send."""
+    from trcvtui.udt.compare.fit import fit
+
+    size = len(frames[0])
+    found = [
+        one
+        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
+        if not one.cause.kind
+        and one.layout.size == size
+        and one.members > 0
+        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
+    ]
+    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
+        return None  # with one message nothing else tells two layouts apart
+    best = found[0]
+    text = (
+        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
+    )
+    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
+    said = sign_to_plc(receiver, 0.7, (f"{text} has {size}",), None, offer)
+    return FrameReading("padding", said)
+
+
+def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
+    return any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
+
+
+def _meaning(
+    best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
+) -> tuple[str, RemedyOffer]:
+    """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
+    from trcvtui.udt.compare.beside import has_length_field
+    from trcvtui.udt.compare.causes import HEADER, LONG, SWAPS, TRAILER
+    from trcvtui.udt.compare.drift import MOST_LEAVES
+
+    kind, order = best.cause.kind, best.layout.rules.byte_order
+    if kind in {swap.kind for swap in SWAPS}:
+        swap = Remedy("swap what the partner swaps: words or bytes of each number")
+        return "byte-order", RemedyOffer((swap,))
+    if kind not in (None, HEADER, TRAILER, LONG):
+        return "", NO_OFFER
+    own, has_other_order = layout_of(receiver), order != rules.byte_order
+    own_size = receiver.need if kind is None or own is None else own.size
+    is_packed = best.layout.size != own_size or not (has_other_order or _is_read_so(best, rules))
+    text = ""
+    if is_packed:
+        text = f"lay DATA out as the partner does: {best.profile}"
+    elif has_other_order:
+        text = f"read DATA as the partner sends it: {order}-endian"
+    cause = "padding" if is_packed else "byte-order"
+    if not sides:
+        return cause, _as_partner(text, best, receiver, rules)
+    has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
+    if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
+        return "", NO_OFFER  # bytes alone read as well wherever they begin
+    cause = "header" if best.cause.front else cause if text else "frame-long"
+    declare = f"declare {' and '.join(sides)}; a frame then has {len(frames[0])} bytes"
+    leave = "" if text else ", or let the partner leave them out"
+    return cause, RemedyOffer((Remedy("; ".join(filter(None, (f"{declare}{leave}", text)))),))
+
+
+def _sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
+    """Return the bytes before the members, and those after them, each with what they are."""
+    from trcvtui.udt.compare.beside import extra_evidence
+    from trcvtui.udt.compare.causes import cut
+
+    cause, size = best.cause, best.layout.size
+    if cause.front < 0 or cause.back < 0:
+        return []
+    units, extras, *_ = cut(cause, size, frames, True, len(frames))
+    said = [extra_evidence(cause, a, unit, b) for (a, b), unit in zip(extras, units, strict=True)]
+    sides = []
+    if cause.front:
+        words = _named([before for before, _ in extras], [one.before for one in said if one])
+        sides.append(f"{count(cause.front, 'byte')} before the members ({words})")
+    if cause.back:
+        words = _named([after for _, after in extras], [one.after for one in said if one])
+        them = "them" if sides else "the members"
+        sides.append(f"{count(cause.back, 'byte')} after {them} ({words})")
+    return sides
+
+
+def _named(parts: Sequence[bytes], names: Sequence[str]) -> str:
+    if names and all(names):
+        return Counter(names).most_common(1)[0][0]  # a sum of few bytes is another one by chance
+    size = len(parts[0])
+    fixed = parts[0].hex(" ").upper() if size <= 8 else f"{parts[0][:8].hex(' ').upper()} .."
+    if len(set(parts)) == 1:
+        return "zeros" if not any(parts[0]) else f"always {fixed}"
+    return f"with a counter, else {NOT_KNOWN}" if _has_counter(parts) else NOT_KNOWN
+
+
+def _has_counter(parts: Sequence[bytes]) -> bool:
+    """Return whether a byte goes on by the same step from frame to frame."""
+    if len(parts) < 4:
+        return False
+    for column in zip(*parts, strict=True):
+        steps = {(b - a) % 256 for a, b in pairwise(column)}
+        if len(steps) == 1 and steps != {0}:
+            return True
+    return False
+
+
+def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
+    """Offer to lay DATA out as the partner does."""
+    profile, data = best.profile, receiver.data
+    ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
+    theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
+    other = [f"{key}={has}" for (key, had), has in theirs if has != had]
+    if not (data and other):
+        return RemedyOffer((Remedy(text),))
+    first, *more = other
+    line, size = f"set data {data} {' '.join(other)}", best.layout.size
+    mends = [Remedy(f"with it {one}", None, f"data.{data}.{one}") for one in more]
+    cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
+    if receiver.need == receiver.room:
+        cured = cured._replace(need=size)
+    anew = frames_anew(receiver) if cured.need != receiver.need else ()
+    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)

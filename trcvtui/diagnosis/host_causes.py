@@ -1,0 +1,175 @@
+"""What ARP, ICMP and SACK prove: no such host, a double address, no way there, packets too large for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from ipaddress import ip_address
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.capture.hosts import NOT_THERE, HeardNote, HostFact
+from trcvtui.diagnosis.line_facts import LARGE, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.wording import times
+
+CERTAIN: Final = 2  # answers of ICMP to datagrams; one may be chance
+CLOSED: Final = 3  # the same, where the end has received before: fewer are late answers to a closed socket
+MOST_KNOWN_PORT: Final = 1023
+_SERVICES: Final = frozenset({1900, 3702, 5353, 5355})  # SSDP, WS-Discovery, mDNS, LLMNR
+_LAST_BYTES: Final = (1, 254)  # of most gateways
+_NO_CALL: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
+_IN_ONE_PIECE: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
+# What a second device with the address of an end explains, all of it.
+OF_DOUBLE: Final = frozenset({
+    "second-client", "refused", "turned-away", "filtered", "closes-each-message", "reconnect-storm",
+    "half-open", "no-keep-alive", "dead-link", "mtu", "resets", "loss",
+})  # fmt: skip
+
+
+def is_service(line: LineFacts) -> bool:
+    """Return whether datagrams are those of any network: to all hosts, or of a service."""
+    ends = line.plc_end, line.partner_end
+    if line.protocol != "udp":
+        return False
+    is_known = min(port for _, port in ends) <= MOST_KNOWN_PORT or any(port in _SERVICES for _, port in ends)
+    return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
+
+
+def _sign(line: LineFacts, some: Sequence[HeardNote], sure: float, *texts: str, mend: str = "") -> Sign:
+    """Return what notes of ICMP prove of the way of their packets, in the words of the first one."""
+    first, packets = some[0], tuple([one.packet for one in some])
+    way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
+    mends = (Remedy(mend),) if mend else ()
+    text, at = f"{first.note.text}, {times(len(some))}", SegmentFacts(first.ns, 0, 0, first.packet)
+    icmp = "icmp" if len(first.note.said_by) == 4 else "icmpv6"
+    return Sign(sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets, filter=icmp)
+
+
+def told_by_icmp(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Sign | None:
+    """Return that a host refuses packets to its own port, or a router or filter those to another host."""
+    some = [one for one in line.undelivered if one.note.kind in kinds]
+    is_udp = line.protocol == "udp"
+    if not some or (line.is_built and not is_udp):
+        return None
+    note = some[0].note
+    if note.kind == "port":
+        said = _sign(line, some, 0.97, f"nothing listens on port {note.port}")
+    else:
+        router, target = ip_address(note.said_by), ip_address(note.target)
+        no_way = f"correct the address, switch {target} on, or give {router} a route to it"
+        mend = f"ask who runs {router}: it forbids this" if note.kind == "admin" else no_way
+        said = _sign(line, some, 0.97, mend=mend)._replace(leads_to=_NO_CALL)
+    return _of_datagrams(line, receivers, some, said) if is_udp else said
+
+
+def _of_datagrams(
+    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[HeardNote], said: Sign
+) -> Sign | None:
+    note = some[0].note
+    is_to_plc = (note.target, note.port) == line.plc_end
+    end = line.from_plc if is_to_plc else line.to_plc
+    if end.last_ns > some[0].ns or (end.segments and len(some) < CLOSED):
+        return None
+    takes = {one.local_port for one in receivers if one.is_datagram and is_to_plc} - {0}
+    if takes and note.port not in takes:
+        texts, mend = (f"the project receives on {min(takes)}",), f"send to port {min(takes)}"
+        said = said._replace(evidence=(*said.evidence, *texts), mend=(Remedy(mend),))
+    is_noise = note.port not in takes and is_service(line)
+    is_sure = len(some) >= CERTAIN
+    is_remark = is_noise or not (receivers or is_sure)
+    return said._replace(
+        confidence=0.97 if is_sure else 0.6, is_remark=is_remark, is_fact=is_sure, leads_to=()
+    )
+
+
+# -- packets that are too large ------------------------------------------------------------------------------
+
+
+def mtu(line: LineFacts) -> Sign | None:
+    """Return that large packets do not get there, and small ones do."""
+    pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
+    if pieces:
+        return _sign(line, pieces, 0.95, mend=_IN_ONE_PIECE)
+    for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
+        told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
+        size, stuck = told[0].note.size if told else 0, said.stuck
+        to = f"to {size}" if size else "lower (try 1300)"
+        mend = f"let the way carry large packets, or set the MTU at both ends {to}; no cable does this"
+        again = f"{stuck.size} bytes are sent again {times(said.stuck_often)}"
+        if told and said.stuck_often >= 2 and stuck.size + 40 > size:
+            return _sign(line, told, 0.97, f"{again}, as large as before", mend=mend)
+        if told:  # one datagram after the other is a sender that does not hear it
+            is_late = line.protocol == "udp" and len(told) > CERTAIN
+            return _sign(line, told, 0.95 * is_late, mend=mend)._replace(is_remark=not is_late)
+        if said.stuck_often >= 3 and stuck.size >= LARGE and _only_small_arrive(said):
+            small = (
+                "smaller segments behind them arrive (SACK): large packets do not get there, small ones do"
+            )
+            way = "from-plc" if said is line.from_plc else "to-plc"
+            texts = f"{again}, and never acknowledged", small
+            return Sign(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=said.packets_of("resent"))
+    return None
+
+
+def _only_small_arrive(said: DirectionFacts) -> bool:
+    at = said.stuck.at
+    has = [one for one in said.sacked if one[1] > at + said.stuck.size]
+    large = [one.at for one in said.writes if one.size >= LARGE and one.at != at]
+    arrived = (one < at or any(begin <= one < end for begin, end in has) for one in large)
+    return bool(has) and said.acked_at <= at and not any(arrived)
+
+
+# -- addresses -----------------------------------------------------------------------------------------------
+
+
+def double_address(line: LineFacts) -> Sign | None:
+    """Return that an address of a conversation has two devices."""
+    return None if line.doubled is None else sign_of(line.doubled, ())
+
+
+def host_findings(
+    facts: CaptureFacts, receivers: Sequence[Receiver], plc: bytes
+) -> Iterator[tuple[HostFact, bool]]:
+    """Yield addresses without a host, and those of two devices that have no conversation.
+
+    With each: is it of the project or of `plc`, the address that was asked for, or alone in the capture?
+    """
+    known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
+    ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}
+    is_alone = all(is_service(line) for line in facts.lines)
+    for one in facts.hosts:
+        if one.cause != NOT_THERE and not (one.cause == "duplicate-ip" and one.ends[0] in ends):
+            yield one, is_alone or bool(known & {*one.ends})
+
+
+def sign_of(fact: HostFact, receivers: Sequence[Receiver]) -> Sign:
+    texts, mend = [fact.text], _IN_ONE_PIECE
+    if fact.cause == "duplicate-ip":
+        mend = f"give one of both devices with {ip_address(fact.ends[0])} another address"
+    if fact.cause == "no-such-host":
+        more, mend = _no_host(fact.ends[0], fact.ends[1], receivers)
+        texts += [more] if more else []
+    packet = fact.packets[-1 if fact.cause == "duplicate-ip" else 0] if fact.packets else 0
+    at = SegmentFacts(fact.ns, 0, 0, packet) if packet else None
+    shown = "ip.flags.mf == 1 || ip.frag_offset > 0" if fact.cause == "mtu" else "arp"
+    return Sign(
+        fact.sure, tuple(texts), at=at, mend=(Remedy(mend),), is_fact=fact.sure > 0.9, packets=fact.packets,
+        filter=shown,
+    )  # fmt: skip
+
+
+def _no_host(target: bytes, asker: bytes, receivers: Sequence[Receiver]) -> tuple[str, str]:
+    """Return what it means that a host is not there, and what mends it."""
+    gone, here = ip_address(target), ip_address(asker)
+    partners = {one.partner_address for one in receivers if one.own_address == asker} - {b""}
+    far = [one for one in partners if one[:3] != asker[:3] == target[:3]]
+    of_gateway = f"look at {gone}: the gateway that {here} has is wrong, off or not plugged in"
+    if far and target not in partners:
+        return f"the gateway on the way to {ip_address(far[0])} does not answer", of_gateway
+    if partners and target not in partners:
+        names = ", ".join(str(ip_address(one)) for one in sorted(partners))
+        return f"the project has {names}", f"correct the address of the partner at {here}"
+    if not partners and target[-1] in _LAST_BYTES:
+        return "it may be a gateway: then that does not answer", of_gateway
+    return "", f"switch {gone} on and plug it in, or correct the address at {here}"

@@ -1,0 +1,77 @@
+"""Which connections are half open: their caller has started anew, and the other end does not know it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
+
+from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts
+from trcvtui.diagnosis.sign import Sign
+from trcvtui.wording import SECOND, duration
+
+SOON_NS: Final = 10 * SECOND
+ANSWER_NS: Final = SECOND // 2
+MOST_LATER: Final = 64  # conversations that one is compared with
+
+
+def restarts_of(
+    lines: Sequence[LineFacts], groups: Iterable[Sequence[LineFacts]]
+) -> Mapping[LineFacts, LineFacts]:
+    """Return the connections that are half open, each with the call that shows it.
+
+    `groups`: those of one caller to one listener.
+    """
+    found: dict[LineFacts, LineFacts] = {}
+    at_ends: dict[frozenset[tuple[bytes, int]], list[LineFacts]] = {}
+    for line in lines:
+        if line.protocol == "tcp":
+            at_ends.setdefault(frozenset((line.plc_end, line.partner_end)), []).append(line)
+    for same in at_ends.values():
+        old = None
+        for number, line in enumerate(same):
+            later = same[number + 1 : number + MOST_LATER]
+            if old is not None and old.end is None and line.has_begin and _answers(line, later):
+                found[old] = line
+            old = line if line.is_built else old
+    for group in groups:
+        resets = [one for one in group if one.end is not None and one.end.kind == "rst" and one.is_built]
+        for one in resets:
+            new = next((each for each in group[-MOST_LATER:] if _has_forgotten(one, each)), None)
+            found |= {one: new} if new is not None else {}
+    return found
+
+
+def _answers(new: LineFacts, later: Sequence[LineFacts]) -> bool:
+    """Return whether the old connection answers a SYN: by its own ACK, or by RST before the next call."""
+    is_built = any(one.is_built and one.first_ns - new.first_ns < SOON_NS for one in later)
+    return bool(new.listener.challenges) or (new.listener.reset is not None and not new.is_built and is_built)
+
+
+def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
+    """Return whether a caller resets its old connection, when it is spoken to, after it has called anew."""
+    end, caller, spoken = old.end, old.caller.writes, old.listener.writes
+    if (
+        end is None
+        or end.by_plc != bool(old.plc_calls)
+        or end.is_ours
+        or not (new.is_built and new.has_begin)
+    ):
+        return False
+    is_silent = not caller or caller[-1].ns < new.first_ns
+    is_answer = bool(spoken) and new.first_ns < spoken[-1].ns <= end.ns < spoken[-1].ns + ANSWER_NS
+    return is_silent and is_answer and old.first_ns < new.first_ns
+
+
+def half_open(old: LineFacts, new: LineFacts) -> Sign:
+    who = "the PLC end" if new.plc_calls else "the partner"
+    before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
+    silence = duration(new.first_ns - max(before, default=old.first_ns))
+    texts = (
+        f"{who} calls anew after {silence} of silence, and its old connection stands",
+        "the other end still answers for the old one, and the caller answers that with RST",
+    )
+    at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
+    is_fact = bool(new.listener.challenges)
+    return Sign(
+        0.95 if is_fact else 0.85, texts, "from-plc" if new.plc_calls else "to-plc", at, is_fact=is_fact
+    )

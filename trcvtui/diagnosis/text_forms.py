@@ -1,0 +1,157 @@
+"""Messages that are text: where numbers are declared, STRINGs with and without header, UTF-8 of bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import Remedy, RemedyOffer, frames_anew
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.types import Array, Elementary, StringType, Type
+
+FEW: Final = 3  # messages
+MOST_LEAVES: Final = 64  # members that are looked at
+MOST_SHOWN: Final = 24  # characters of a message
+PRINTABLE: Final = 0.95  # of the bytes of a text
+LEAST: Final = 16  # bytes of which something is said
+HEADER: Final = 2  # bytes before the characters of a STRING: maximum and length
+MOST_OF_STRING: Final = 254
+_ENDS: Final = {b"\r\n": "CR LF", b"\n": "LF", b"\r": "CR", b"\x03": "ETX", b";": "';'"}
+_TEXT: Final = frozenset(range(0x20, 0x7F)) | frozenset(b"\t\r\n\x02\x03")
+_NUMBERS: Final = frozenset(b"0123456789+-., ;:\t\r\n")
+
+
+class FoundText(NamedTuple):
+    """What says that messages are text, and the mark that ends each of them, b"": none does."""
+
+    said: str
+    end: bytes
+
+
+def _is_plain(messages: Sequence[bytes]) -> bool:
+    said = b"".join(messages)
+    return sum(byte in _TEXT for byte in said) >= PRINTABLE * len(said)
+
+
+def text_of(messages: Sequence[bytes]) -> FoundText | None:
+    """Return that messages are text: printable with a delimiter, or only digits, signs and separators."""
+    if len(messages) < 2 or sum(map(len, messages)) < LEAST or not _is_plain(messages):
+        return None
+    end = next((end for end in _ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
+    if not end and not all(_NUMBERS.issuperset(one) for one in messages):
+        return None
+    shown = messages[-1].decode("ascii", "replace").strip()[:MOST_SHOWN]
+    ended = f", each ends in {_ENDS[end]}" if end else ""
+    return FoundText(f"all {len(messages)} messages are text{ended}, the last is {shown!r}", end)
+
+
+def has_numbers_alone(receiver: Receiver) -> bool:
+    """Return whether DATA is declared as numbers, most of them of several bytes, and no text."""
+    if receiver.type is None or receiver.rules is None:
+        return False
+    leaves = lay_out(receiver.type, receiver.rules, receiver.type_name).leaves(0, MOST_LEAVES)
+    large = [one for one in leaves if one.size > 1]
+    return len(large) * 2 > len(leaves) and not any(isinstance(one.type, StringType) for one in large)
+
+
+def as_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
+    suffix = (
+        f", with ReceiveData or ReceiveString and the suffix {found.end.hex(' ').upper()}"
+        if found.end
+        else ""
+    )
+    text = f"receive a text: DATA as ARRAY[0..{longest - 1}] OF CHAR{suffix}; convert it in the program"
+    return RemedyOffer((Remedy(text),))
+
+
+# -- STRING --------------------------------------------------------------------------------------------------
+
+
+def header_of(messages: Sequence[bytes]) -> int:
+    """Return the maximum that the header of a STRING has in all messages; 0: they have none."""
+    most = messages[0][0] if messages and messages[0] else 0
+    for one in messages:
+        if len(one) < HEADER + 1 or one[0] != most or not one[1] <= most <= MOST_OF_STRING:
+            return 0
+        if HEADER + one[1] > len(one) or not _TEXT.issuperset(one[HEADER : HEADER + one[1]]):
+            return 0
+    return most if any(one[1] for one in messages) else 0
+
+
+def string_offer(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
+    """Return what mends a STRING for which text without its header comes, or the header of another one."""
+    type_, rules = receiver.type, receiver.rules
+    if (
+        not isinstance(type_, StringType)
+        or type_.wide
+        or rules is None
+        or not rules.text.header
+        or not messages
+    ):
+        return None
+    longest = max(map(len, messages))
+    most = header_of(messages)
+    if most and most != rules.text.length(type_) and HEADER + most == longest:
+        return _with_type(
+            receiver, f"STRING[{most}]", longest, f"the partner's STRING has {most} places: declare it so"
+        )
+    if most or not _is_plain(messages):
+        return None
+    text = "the partner sends no header of a STRING: receive characters, make a STRING of them in the program"
+    return _with_type(receiver, f"ARRAY[0..{longest - 1}] OF CHAR", longest, text)
+
+
+def _with_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOffer:
+    line = Remedy(
+        f"{text} ({name})", f"set data {receiver.data} type={name}", f"data.{receiver.data}.type={name}"
+    )
+    mends = [line if receiver.data else Remedy(line.text)]
+    if receiver.need not in (receiver.room, size):
+        pin = f"{receiver.instance}.LEN={size}"
+        mends.append(Remedy(f"with it LEN {size}", f"set {pin.replace('.', ' ')}", f"instance.{pin}"))
+    cured = receiver._replace(need=size, room=size, type=None)
+    return RemedyOffer((*mends, *frames_anew(receiver)), cured)
+
+
+def string_of_bytes(receiver: Receiver, messages: Sequence[bytes]) -> str:
+    """Return that the sender sends whole STRINGs, where bytes or characters are declared; "": it does not."""
+    if len(messages) < FEW or not is_bytes(receiver.type):
+        return ""
+    most = header_of(messages)
+    if not most or any(len(one) != HEADER + most for one in messages):
+        return ""
+    return (
+        f"messages are STRINGs with their header: {messages[-1][1]} of {most} places used in the last; "
+        f"DATA as STRING[{most}] reads them, TSEND_C of a STRING with LEN 0 sends them"
+    )
+
+
+def is_bytes(type_: Type | None) -> bool:
+    element = type_.element if isinstance(type_, Array) else type_
+    return isinstance(element, Elementary) and element.size == 1
+
+
+# -- UTF-8 ---------------------------------------------------------------------------------------------------
+
+
+def utf_8_of(messages: Sequence[bytes], need: int) -> str:
+    """Return that bytes were sent as a string in UTF-8, each above 7F as two; "": they were not."""
+    high = [one for one in messages if not one.isascii()]
+    if len(high) < 2:
+        return ""
+    try:
+        sizes = {len(one.decode("utf-8").encode("latin-1")) for one in messages}
+    except UnicodeError:
+        return ""
+    if sizes != {need}:
+        return ""
+    return (
+        f"each byte above 7F comes as two, C2 or C3 before it, in {len(high)} of {len(messages)} messages: "
+        f"UTF-8; turned back, all have {need} bytes"
+    )
+
+
+SEND_BYTES: Final = Remedy(
+    "let the partner send bytes, not a string: a Buffer in Node-RED and JavaScript, bytes in Python"
+)

@@ -25,7 +25,8 @@ from trcvtui.diagnosis.sign import Remedy
 from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS, Symptom
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.events import BytesReceived
-from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
+from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
+from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.wording import SECOND, count, duration, times
 
@@ -67,6 +68,7 @@ class BlockSymptoms:
         self._errors: dict[tuple[str, str], _ErrorRecord] = {}
         self._linked_ns: dict[str, int] = {}  # when an instance was connected last, or asked for it
         self._came: dict[str, deque[int]] = {}  # when bytes of each CONNECT came
+        self._handshakes: dict[str, str] = {}  # why that of each CONNECT ended last, in the library's words
 
     def take(self, scan: int, t_ns: int, event: object) -> None:
         match event:
@@ -82,6 +84,8 @@ class BlockSymptoms:
                 self._end(event.instance)
             case InputEdge(instance, "CONT" | "REQ", value) if value:
                 self._linked_ns[instance] = t_ns
+            case BenchNote(subject, what, detail) if what == SESSION_ENDED:
+                self._handshakes[subject] = detail
             case BytesReceived(connection):
                 self._came.setdefault(connection, deque(maxlen=KEPT_PAUSES)).append(t_ns)
 
@@ -123,13 +127,8 @@ class BlockSymptoms:
                 yield self._symptom(record)
 
     def _symptom(self, record: _ErrorRecord) -> Symptom:
-        bench, edge = self._bench, record.edge
-        name, scan, t_ns, word = (
-            edge.instance,
-            record.line.scan,
-            record.line.t_ns,
-            f"{edge.outputs.status:04X}",
-        )
+        bench, edge, scan, t_ns = self._bench, record.edge, record.line.scan, record.line.t_ns
+        name, word = edge.instance, f"{edge.outputs.status:04X}"
         row = bench.project.dialect.row(edge.outputs.status, edge.block)
         then = ScanStamp(scan, t_ns)
         card = advice_on(
@@ -139,11 +138,13 @@ class BlockSymptoms:
         shown = bench.runtime.snapshot().instance(name)
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
+        connect, is_session = self._connect_of(name), edge.cause.call == "session"
+        said = self._handshakes.get(connect, "") if is_session else ""
+        text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
         found = Symptom(
-            "block-error", name, self._connect_of(name),
-            f"{name} showed {word} {often}: {card.why}", scan,
-            self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
-            tuple([Remedy(text) for text in checks]), edge.cause.call == "session" and bool(card.do),
+            "block-error", name, connect, text,
+            scan, self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
+            tuple([Remedy(text) for text in checks]), is_session and bool(card.do),
         )  # fmt: skip
         return self._by_framing(found) if edge.condition in OVERRUNS else found
 

@@ -24,4 +24,8 @@ async def scenarios(size: tuple[int, int] = WIDE) -> AsyncIterator[ScenarioStage
         await stage.press("t")
         await stage.scan(20)
         await stage.press("S")
+        screen = stage.app.scenarios
+        while screen is not None and not screen._model.is_read:  # which a timer does, a few files at a time
+            screen._read_some()
+        await stage.press()
         yield stage

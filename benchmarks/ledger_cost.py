@@ -20,14 +20,14 @@ EVENTS: Final = 20_000
 
 
 def measure(effort: Effort) -> Iterator[Figure]:
-    """Yield both ways of writing against a timestamp alone; each writes a timestamp, too."""
+    """Yield the writing of events with a timestamp against a timestamp alone; and the journal."""
     gc.collect()
     gc.disable()
     try:
-        for case, write in (("flat", _flat(Ledger())), ("whole", _whole(Ledger()))):
-            figures = alternate(lambda: _ns(write), lambda: _ns(_timestamps), effort.pairs)  # noqa: B023
-            note = f"{against(figures, 0, ' ns')} an event"
-            yield Figure.of(f"ledger event with its making, {case} / a timestamp", ratios(figures), note=note)
+        write = _events(Ledger())
+        figures = alternate(lambda: _ns(write), lambda: _ns(_timestamps), effort.pairs)
+        note = f"{against(figures, 0, ' ns')} an event"
+        yield Figure.of("ledger event with its making, whole / a timestamp", ratios(figures), note=note)
     finally:
         gc.enable()
     yield _journal(min(effort.pairs, 5))
@@ -62,21 +62,7 @@ def _timestamps() -> None:
         perf_counter_ns()
 
 
-def _flat(ledger: Ledger) -> Callable[[], None]:
-    """As the receiving and sending of a steady connection writes it."""
-    append = ledger.append
-
-    def write() -> None:
-        for number in range(EVENTS):
-            ledger.t_ns = perf_counter_ns()
-            ledger.last_seq += 1
-            append((ledger.scan, ledger.t_ns, BytesReceived, "C1", 1, number, 4096, 64, "T1"))
-
-    return write
-
-
-def _whole(ledger: Ledger) -> Callable[[], None]:
-    """As everything else writes it."""
+def _events(ledger: Ledger) -> Callable[[], None]:
     write_event = ledger.write
 
     def write() -> None:

@@ -496,7 +496,7 @@ class Controller:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
-        lines = ledger.raw_since(since, min(most_lines, request.most_lines))
+        lines = ledger.stamped_since(since, min(most_lines, request.most_lines))
         self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:

@@ -25,7 +25,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.received import JobHistory
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
+from trcvtui.plc.ledger import Event, InputEdge, Stamped
 from trcvtui.plc.snapshot import BareSnapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
@@ -172,7 +172,7 @@ Named = tuple[tuple[str, bytes], ...]
 
 
 class KeptScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `lines` are the bare ones of the ledger up to `last_seq`."""
+    """The bench in the scan of a trigger; `lines`: what the ledger has up to `last_seq`."""
 
     fired: TriggerEvent
     snapshot: BareSnapshot
@@ -226,14 +226,14 @@ class TriggerWatch:
     def scanned(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
-        written = ledger.raw_since(self._seq)
+        written = ledger.stamped_since(self._seq)
         self._seq = ledger.last_seq
         trigger = self._still_armed()
         if trigger is None:
             return None
         condition, before = trigger.condition, self._was
         self._was = condition.now(self._bench)
-        inputs = (event_of(item) for item in written if item[2] is InputEdge)
+        inputs = (event for _, _, event in written if isinstance(event, InputEdge))
         fires = not before if self._was else any(map(condition.fires_by, inputs))
         if not fires:
             return None
@@ -259,7 +259,7 @@ class TriggerWatch:
         return KeptScan(
             fired,
             runtime.collect(bench.faults()),
-            runtime.ledger.raw_since(self.told, BEFORE),
+            runtime.ledger.stamped_since(self.told, BEFORE),
             runtime.ledger.last_seq,
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),

@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.history.bench_update import BareUpdate, BenchUpdate
 from trcvtui.history.pin_waveform import PinChange, WaveformDelta
-from trcvtui.plc.ledger import WHOLE, Line, Stamped
+from trcvtui.plc.ledger import Line, Stamped
 from trcvtui.plc.snapshot import made
 
 LINES_A_PIECE: Final = 32
@@ -168,11 +168,10 @@ def _wave(pieces: list[bytes]) -> WaveformDelta:
 
 
 def _plain(seq: int, item: Stamped) -> tuple[int, int, int, Any, Any]:
-    scan, t_ns, kind, *fields = item
-    if len(item) > WHOLE:
-        return seq, scan, t_ns, kind, fields
-    event = fields[0]
-    return (seq, scan, t_ns, kind, [*event]) if isinstance(event, tuple) else (seq, scan, t_ns, None, event)
+    scan, t_ns, event = item
+    if isinstance(event, tuple):
+        return seq, scan, t_ns, event.__class__, [*event]
+    return seq, scan, t_ns, None, event
 
 
 def _line(seq: int, scan: int, t_ns: int, kind: Any, event: Any) -> Line:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import starmap
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec import Struct
@@ -26,7 +25,7 @@ from trcvtui.commands.snapshots import (
 from trcvtui.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
-from trcvtui.plc.ledger import Line, Stamped, line_of
+from trcvtui.plc.ledger import Line, Stamped
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
@@ -121,7 +120,7 @@ class BareUpdate(NamedTuple):
     """A BenchUpdate as it is collected between two scans: all of it frozen, the dear parts not made yet.
 
     `update` has no parts of the snapshot, no lines, no window, and bare changes in its waves. `lines` are
-    bare lines of the ledger, the first has number `first_seq`; `window` makes the window on the stream, which
+    those of the ledger, the first has number `first_seq`; `window` makes the window on the stream, which
     tells itself how far it goes.
     """
 
@@ -132,6 +131,6 @@ class BareUpdate(NamedTuple):
     window: Callable[[], HistoryWindow | None]
 
     def whole(self, snapshot: Snapshot) -> BenchUpdate:
-        lines = tuple(starmap(line_of, enumerate(self.lines, self.first_seq)))
+        lines = tuple([Line(seq, *item) for seq, item in enumerate(self.lines, self.first_seq)])
         waves = tuple(map(with_changes, self.update.waves))
         return replace(self.update, snapshot=snapshot, lines=lines, waves=waves, history=self.window())

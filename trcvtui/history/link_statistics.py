@@ -115,8 +115,7 @@ class LinkStatistics:
             link.datagrams.count += 1
             link.datagrams.last.append(event[4])
 
-    def _job_ended(self, seq: int, scan: int, t_ns: int, fields: Sequence[Any]) -> None:
-        event = JobEnded._make(fields)
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         if not event.size:
             return
         link, started = self._links[event.connection], self._index.started(event.instance)

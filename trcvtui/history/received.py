@@ -33,7 +33,7 @@ from trcvtui.blocks.framing import Ending
 from trcvtui.history.records import JobSpan, RecvSpan, ScanStamp
 from trcvtui.history.stream_index import Link, Listener, StreamIndex
 from trcvtui.net.events import BytesDropped
-from trcvtui.plc.ledger import WHOLE, Stamped
+from trcvtui.plc.ledger import Stamped
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.project import Project
 
@@ -252,11 +252,8 @@ class JobHistory:
             seq = self._seq - len(self._news) + first
             for item in self._news[first:stop]:
                 seq += 1
-                interested = listeners.get(item[2])
-                if interested is not None:
-                    event = item[3] if len(item) == WHOLE else item[3:]
-                    for listener in interested:
-                        listener(seq, item[0], item[1], event)
+                for listener in listeners.get(item[2].__class__, ()):
+                    listener(seq, *item)
             self._read, self._at = stop, self._news[stop - 1][:2]
             if until is not None and clock.now_ns() >= until:
                 self._forget()
@@ -264,7 +261,7 @@ class JobHistory:
 
     def _fetch(self) -> None:
         ledger, before = self._bench.runtime.ledger, self._seq
-        self._news, self._read, self._seq = ledger.raw_since(before), 0, ledger.last_seq
+        self._news, self._read, self._seq = ledger.stamped_since(before), 0, ledger.last_seq
         first = self._seq - len(self._news) + 1
         if first > before + 1:
             self._contents = {seq: kept for seq, kept in self._contents.items() if seq >= first}
@@ -291,15 +288,13 @@ class JobHistory:
     def _take_data(self) -> None:
         """Take the bytes of the jobs of the last scan; those before it may be overwritten by now."""
         runtime = self._bench.runtime
-        news, scan = runtime.ledger.raw_since(self._taken), runtime.scans
+        news, scan = runtime.ledger.stamped_since(self._taken), runtime.scans
         self._taken = runtime.ledger.last_seq
         first = self._taken - len(news) + 1
         ended = [
-            (seq, self._data_of(event[0]), event)
-            for seq, item in enumerate(news, first)
-            if item[2] is JobEnded
-            and item[0] == scan
-            and (event := item[3] if len(item) == WHOLE else item[3:])[6]
+            (seq, self._data_of(event.instance), event)
+            for seq, (at, _, event) in enumerate(news, first)
+            if isinstance(event, JobEnded) and at == scan and event.done
         ]
         last = {name: (seq, event[0]) for seq, name, event in ended}
         copied = 0
@@ -446,8 +441,7 @@ class FrameHistory:
         buffer, _, size, reason = event
         self._drop(buffer, "", size, reason, b"", (scan, t_ns), in_line=False)
 
-    def _frame(self, seq: int, scan: int, t_ns: int, fields: Sequence[Any]) -> None:
-        event = FrameEnded._make(fields)
+    def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
         framer, content = self._framer(scan, event.instance), self._content(scan, event)
         number = self._frames[event.instance] = self._frames.get(event.instance, 0) + 1
         marks = framer.last if framer is not None else None

@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, SentMessage, Sizes
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
-from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
+from trcvtui.plc.ledger import A_HOLE, PeerSent, Stamped
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
@@ -26,8 +26,7 @@ KEPT_LINKS: Final = 1024
 KEPT_SIZES: Final = 40
 KEPT_GAPS: Final = 8
 
-Stamped = tuple[int, int, Event]  # scan, time in ns
-Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event or its bare fields
+Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
 _Told = tuple[int, int, int, str]  # offset, size, number, peer

@@ -1,7 +1,6 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: what every frame writes is a NamedTuple (made in a quarter of the time of a frozen dataclass), or only
-its fields; a line is put together when somebody reads it.
+Rule: what every frame writes is a NamedTuple: it is made in a quarter of the time of a frozen dataclass.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from msgspec import Struct
 
@@ -120,15 +119,7 @@ class Line(NamedTuple):
     event: Event
 
 
-# The ring holds (scan, t_ns, kind, event), or flat (scan, t_ns, kind, *fields): made in a tenth of the time.
-# No event has a single field, so the length tells which.
-Stamped = tuple[Any, ...]
-WHOLE: Final = 4
-
-
-def event_of(stamped: Stamped) -> Event:
-    event: Event = stamped[3] if len(stamped) == WHOLE else tuple.__new__(stamped[2], stamped[3:])
-    return event
+Stamped = tuple[int, int, Event]  # scan, time in ns; cheaper than a line
 
 
 class Ledger:
@@ -136,7 +127,6 @@ class Ledger:
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._ring: deque[Stamped] = deque(maxlen=keep)
-        self.append = self._ring.append  # of flat items; a caller counts `last_seq` itself
         self.last_seq = 0
         self.scan = 0
         self.t_ns = 0
@@ -144,33 +134,25 @@ class Ledger:
     def write(self, event: Event) -> None:
         """Append one event of the running scan, or of the time after it."""
         self.last_seq += 1
-        self._ring.append((self.scan, self.t_ns, event.__class__, event))
+        self._ring.append((self.scan, self.t_ns, event))
 
     def write_all(self, events: Sequence[Event]) -> None:
         scan, t_ns = self.scan, self.t_ns
         self.last_seq += len(events)
-        self._ring.extend([(scan, t_ns, event.__class__, event) for event in events])
+        self._ring.extend([(scan, t_ns, event) for event in events])
 
     def since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
-        items = self.raw_since(seq, most)
+        items = self.stamped_since(seq, most)
         first = self.last_seq - len(items) + 1
-        return tuple([line_of(first + n, item) for n, item in enumerate(items)])
+        return tuple([Line(first + n, *item) for n, item in enumerate(items)])
 
-    def stamped_since(self, seq: int) -> list[tuple[int, int, Event]]:
-        """Return (scan, t_ns, event) of what was written after `seq`, oldest first: cheaper than lines."""
-        return [(item[0], item[1], event_of(item)) for item in self.raw_since(seq)]
-
-    def raw_since(self, seq: int, most: int = KEPT_LINES) -> list[Stamped]:
-        """Return what was written after `seq`, oldest first; `event_of` puts together what a reader wants."""
+    def stamped_since(self, seq: int, most: int = KEPT_LINES) -> list[Stamped]:
+        """Return what was written after `seq`, oldest first; the newest `most` of it."""
         fresh = min(self.last_seq - seq, len(self._ring), most)
         return list(islice(reversed(self._ring), max(0, fresh)))[::-1]
 
     def __iter__(self) -> Iterator[Line]:
         """Return the kept lines, oldest first."""
         first = self.last_seq - len(self._ring) + 1
-        return (line_of(first + n, item) for n, item in enumerate(self._ring))
-
-
-def line_of(seq: int, item: Stamped) -> Line:
-    return Line(seq, item[0], item[1], event_of(item))
+        return (Line(first + n, *item) for n, item in enumerate(self._ring))

@@ -23,7 +23,7 @@ from benchmarks.figures import FULL, Effort, Figure, against, alternate, ratios,
 from benchmarks.plc import ManyReceivers
 from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import read_project
 
 IDLE: Final = 1000

@@ -18,7 +18,7 @@ from trcvtui.clock import now_ns
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import TIMING_FILE, Engine
 from trcvtui.files import noting_reads
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.recording.files import RecordTo

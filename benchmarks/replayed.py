@@ -18,7 +18,7 @@ from typing import Final
 
 from benchmarks.figures import Effort, Figure, against, alternate, ratios, spread
 from trcvtui import clock
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check

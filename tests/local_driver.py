@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.driver import ProcessDriver
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.snapshots.bench import EngineTiming
 
 MOST_PICTURES: Final = 3000
 

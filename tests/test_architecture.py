@@ -48,7 +48,7 @@ def test_no_status_number_stands_outside_the_dialects() -> None:
 
 def test_every_file_that_the_pages_for_contributors_name_is_there() -> None:
     named = re.compile(
-        r"`((?:trcvtui/)?(?:bench|blocks|capture|cli|commands|diagnosis|dialects|docs|engine|fleet|history|line|net|plc|project|recording|replay|report|scenario|tests|tui|udt)/[\w./-]+)`"
+        r"`((?:trcvtui/)?(?:bench|blocks|capture|cli|commands|diagnosis|dialects|docs|engine|fleet|history|line|net|picture|plc|project|recording|replay|report|scenario|snapshots|tests|tui|udt)/[\w./-]+)`"
     )
     missing = [
         f"{page}: {name}"

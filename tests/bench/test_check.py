@@ -10,8 +10,8 @@ from tests.bench.bench_lines import do
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.counters_and_checksums import Checker, frame
-from trcvtui.commands.snapshots import CheckSnapshot, CheckTally
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.peers import CheckSnapshot, CheckTally
 
 SIZE = 16
 

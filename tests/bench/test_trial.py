@@ -9,9 +9,9 @@ import pytest
 from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.split_test import trial_text
-from trcvtui.commands.snapshots import TrialSnapshot
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.scenario import TrialSnapshot
 
 TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
 

@@ -10,8 +10,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.link_statistics import facts_while
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.file import read_project
 

@@ -14,18 +14,18 @@ from tests.blocks.beacon import BEACON
 from tests.dialects.nordwind import NORDWIND
 from trcvtui.blocks.table import BLOCKS, BlockRow
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.errors import UserError
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.history.pin_waveform import Waveform, WaveformCache
 from trcvtui.history.waveform_text import row_names
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.edit import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_text
 from trcvtui.project.text import with_entries
+from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.tui.completion import complete
 from trcvtui.tui.panes.function_block import drawing_of
 

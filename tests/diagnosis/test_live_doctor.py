@@ -22,8 +22,8 @@ from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
 from trcvtui.files import noting_reads
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.net.serial_line import SimSerialPort
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recorder import recorder_of
 from trcvtui.recording.worker_process import AnswerOnItsWay, FilesJudge

@@ -8,19 +8,19 @@ import pytest
 
 from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import Step
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.diagnosis.serial import warnings_of
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.results import Fault
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.snapshots.bench import EngineTiming
 
 PROJECT = """
 dialect = "twincat"

@@ -24,9 +24,9 @@ from textual_serve.app_service import AppService
 
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import Answer
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.served import (
     MOST_CELLS,
     MOST_SCREENS,

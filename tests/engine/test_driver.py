@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 from collections.abc import Iterator
@@ -13,10 +12,11 @@ import pytest
 from tests.local_driver import LocalDriver, wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.driver import EngineDriver, EngineStopped, MessageReader
+from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import UserError
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.paths import demo_path
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.protocol import EngineStopped
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
 
@@ -191,19 +191,6 @@ def test_the_project_crosses_from_the_engine_before_the_first_picture(engine: En
     ours, theirs = load_bench(PASSIVE), engine.project()
     assert (theirs.path, theirs.connects, theirs.instances) == (ours.path, ours.connects, ours.instances)
     assert wait_for(engine, lambda picture: True).kernel == "live"
-
-
-@pytest.mark.skipif(os.name != "posix", reason="pipes of Windows lose nothing")
-def test_the_last_words_of_a_process_that_has_not_read_a_request_are_heard() -> None:
-    here, there = multiprocessing.Pipe()
-    here.send("a request")
-    there.send_bytes(b"last words")
-    there.close()  # with the request unread: the system tells this end of a reset
-    with here:
-        reader = MessageReader(here)
-        assert reader.next() == b"last words"
-        with pytest.raises(EOFError):
-            reader.next()
 
 
 def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ import pytest
 from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS, failures, play
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.paths import demo_path
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
 

@@ -11,11 +11,11 @@ from tests import golden
 from tests.bench.bench_project import TELEGRAM, bench_project
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import TriggerEvent
 from trcvtui.engine.trigger_watch import read_trigger
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
+from trcvtui.snapshots.bench import TriggerEvent
 
 BENCH = """
 dialect = "baosky"

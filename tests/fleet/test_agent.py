@@ -29,9 +29,9 @@ from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.os.forwarder import say_at_once
 from trcvtui.net.os.service_manager import notify
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTo
 from trcvtui.scenario.scenario import load_bench
 

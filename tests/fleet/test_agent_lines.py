@@ -10,13 +10,13 @@ import pytest
 from tests.diagnosis.truth.cases import plc, receiver
 from tests.local_driver import LocalDriver, wait_for
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.line.live_screen import capture_main
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot, RemedySnapshot
 
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
 PEER = 'CONT = true\nEN_R = true\n[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\n'

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from tests.scenario.scenarios import CONFIGS
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import EngineTiming
 
 MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
 

@@ -7,12 +7,12 @@ import re
 import pytest
 
 from tests.scenario.scenarios import CONFIGS
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.history.pin_waveform import Waveform, WaveformCache, Window
 from trcvtui.history.waveform_text import ScanRange, drawn, row_names, vcd_text
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import EngineTiming
 
 INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}
 OUTPUTS = {"DataReceived": 1, "busy": 1, "Error": 16, "RxTimeout": 1, "LenReceiveData": 32}

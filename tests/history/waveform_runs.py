@@ -6,11 +6,11 @@ import random
 
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.history.pin_waveform import PinWaveform, Waveform, WaveformCache
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import EngineTiming
 
 RECEIVER, SENDER = "TRCV_C_1", "TSEND_C_1"
 LINES = (

@@ -11,8 +11,8 @@ from tests.line.test_watch import Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, answer, handshake, tcp
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.line.on_screen import _played, watch_main
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.replay.what_if import WhatIf

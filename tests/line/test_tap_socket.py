@@ -28,13 +28,13 @@ from trcvtui.capture.reassembly import Conversations
 from trcvtui.errors import UserError
 from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.line import live_screen
 from trcvtui.line.live_screen import TapSocketDriver
 from trcvtui.line.tap_socket import connection_to, socket_of
 from trcvtui.net.os import observers
 from trcvtui.net.os.observers import CREDENTIALS, MOST_NAME, is_trusted, listening
 from trcvtui.net.tap import TO, TapOrder
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]

@@ -22,7 +22,6 @@ from tests.recording.wire import ACK, FIN, NS, RST, SYN, answer, capture, handsh
 from trcvtui.capture.pcap import STATISTICS, CaptureReader, block
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.line import live
 from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import FASTER, KeptPackets, LivePlan, LiveWatch, PacketStream
@@ -30,6 +29,7 @@ from trcvtui.line.live_screen import _PipeServed
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.worker_process import FilesJudge
 
 __all__ = ["watch"]

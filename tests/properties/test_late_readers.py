@@ -16,15 +16,15 @@ from tests.history.waveform_runs import LINES, MENDED, RECEIVER, SENDER
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import Controller
 from trcvtui.history import received
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import Waveform
 from trcvtui.history.records import HistoryRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Ledger
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import EngineTiming
 
 SCANS = 240
 TRAFFIC = "peer P1 send random 8 seed=1", "peer P1 send random 3 seed=2", "pulse TSEND_C_1 REQ"

@@ -17,8 +17,8 @@ from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.timing import ScanTiming
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.kernel import CALLS
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import read_project
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from tests.scenario.scenarios import Kept, play
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.files import noting_reads
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.journal import Entry, Keyframe, blocks, entries_of
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import BlockPlace
@@ -20,6 +19,7 @@ from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.bench import EngineTiming
 
 
 class InMemory:

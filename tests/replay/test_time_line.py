@@ -11,10 +11,9 @@ from tests.replay.journals import InMemory, recorded
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import BESIDE, CANNOT
 from trcvtui.errors import UserError
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache, with_changes
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
 from trcvtui.replay.command import check
@@ -22,6 +21,7 @@ from trcvtui.replay.driver import SLICE_NS, opened, replay_driver
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import FIRST, PIECES, read_at
 from trcvtui.replay.time_line import TimeLine
+from trcvtui.snapshots.replay import BESIDE, CANNOT
 
 LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
 LAST, ERRORS = 394, (303, 391)

@@ -26,7 +26,6 @@ from tests.scenario.scenarios import (
 )
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.commands import words
-from trcvtui.commands.snapshots import FAILED
 from trcvtui.diagnosis.advice import because
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
@@ -36,6 +35,7 @@ from trcvtui.project.file import load_project
 from trcvtui.replay.command import check
 from trcvtui.scenario.scenario import load_scenario, read_scenario_file
 from trcvtui.scenario.scenario_index import shown_by
+from trcvtui.snapshots.scenario import FAILED
 
 A_MINUTE = "four-bytes-short"  # of real time
 ANY_PORT = {"packed-sender": ("connect.C1.LocalPort=0",)}  # its own is that of the README: it may be in use

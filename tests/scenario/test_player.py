@@ -10,13 +10,14 @@ import pytest
 
 from tests.local_driver import LocalDriver, wait_for
 from tests.scenario.scenarios import CONFIGS, PASSIVE
-from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot
 
 FIN = CONFIGS / "scenarios" / "baosky" / "80a6-fin-mid-frame.toml"
 STEPS = (

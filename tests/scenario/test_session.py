@@ -17,12 +17,12 @@ from tests.properties.drawn_projects import projects
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import Answer
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept
 from trcvtui.scenario.recorded_session import Seen
 from trcvtui.scenario.scenario import load_scenario
+from trcvtui.snapshots.bench import Answer
 
 
 def say(driver: LocalDriver, *lines: str | int) -> Answer:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from trcvtui.bench.peers.peer import next_due
 from trcvtui.cli.main import main
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.recorded_session import Seen
 from trcvtui.scenario.scenario import load_scenario
+from trcvtui.snapshots.bench import EngineTiming
 
 MS = 1_000_000
 LATE = 300_000  # ns that a live scan may begin after its time

@@ -10,13 +10,14 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
-from trcvtui.commands.snapshots import Answer, EngineTiming, PeerSnapshot
-from trcvtui.engine.driver import EngineStopped
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
+from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.peers import PeerSnapshot
 
 HERE = Path(__file__).parent
 MS = 1_000_000

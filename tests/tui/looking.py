@@ -13,7 +13,7 @@ from textual.app import App
 from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings

@@ -12,7 +12,7 @@ from tests.local_driver import LocalDriver
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
 from trcvtui.tui.app import BenchApp
 

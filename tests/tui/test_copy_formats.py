@@ -15,7 +15,7 @@ import pytest
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui import clipboard_and_files as keepsake
 from trcvtui.tui.clipboard_and_files import keep, to_clipboard
 from trcvtui.tui.copy_formats import FORMATS, Subject, subject_of

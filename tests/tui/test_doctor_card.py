@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
-from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
 from trcvtui.tui.doctor import DoctorScreen, FindingList
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.tui.fakes import picture, receiving, showing
 from tests.tui.looking import looking
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 
 SIZE = 65_536
 PICTURES = 12

@@ -10,7 +10,7 @@ from textual import events
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.prompt import MESSAGE_S, EchoLine
 

@@ -14,8 +14,8 @@ from textual.widgets import Input
 from tests.replay.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
-from trcvtui.commands.snapshots import Position
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.snapshots.replay import Position
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.replay import ReplayScreen, bar

@@ -8,7 +8,7 @@ from textual.events import MouseDown, MouseMove, MouseUp
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui import clipboard_and_files
 
 

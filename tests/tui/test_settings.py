@@ -12,7 +12,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.test_snapshots import FRAMES, READABLE, contrast
 from trcvtui.cli.main import main
 from trcvtui.cli.options import LOOKS
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen

@@ -17,7 +17,6 @@ from trcvtui.commands.counters_and_checksums import Checker, frame
 from trcvtui.commands.edit import edits_of
 from trcvtui.commands.peer import read_replies, read_routines
 from trcvtui.commands.reader import after
-from trcvtui.commands.snapshots import CheckSnapshot, PeerSnapshot
 from trcvtui.commands.table import record_row
 from trcvtui.commands.words import CheckOn, PeerSend, Remedy
 from trcvtui.errors import mistake
@@ -37,6 +36,7 @@ from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.project.tables import LEAST_INTERVAL_NS
+from trcvtui.snapshots.peers import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
+from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.wording import count
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import SplitRow, TrialSnapshot
 from trcvtui.commands.words import PeerSend, TrySplits
+from trcvtui.snapshots.scenario import SplitRow, TrialSnapshot
 from trcvtui.wording import in_columns
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart

@@ -49,7 +49,7 @@ def show(
     read_only: bool = False,
     is_replay: bool = False,
 ) -> int:
-    from trcvtui.engine.driver import EngineStopped
+    from trcvtui.picture.protocol import EngineStopped
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
     driver = start()  # at once: it reads the project while the screen is imported

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
-from trcvtui.commands.snapshots import PeerSnapshot
-from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.history.records import PAUSE_SCANS, Facts, ScanStamp
 from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
+from trcvtui.snapshots.peers import PeerSnapshot
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
     from trcvtui.project.project import Project

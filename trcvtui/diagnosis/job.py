@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.table import block_row
-from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.history.records import Drop, Facts
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.net.layer import TlsError
+from trcvtui.snapshots.peers import PeerSnapshot
 from trcvtui.wording import age, count
 
 Tell = Callable[[Evidence], str]

@@ -22,25 +22,26 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
 from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
-from trcvtui.commands.snapshots import Answer, ConversationSnapshot, EngineTiming
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
-from trcvtui.history.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
+from trcvtui.picture.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.scenario.player import Player, refuse_too_many_steps
 from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.scenario.scenario import load_scenario, start_steps
+from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.udt.command import constants_of
 from trcvtui.udt.sources import read_files
 from trcvtui.wording import count

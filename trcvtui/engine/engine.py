@@ -18,10 +18,10 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
 from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
-from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, close_files, noting_reads
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui import clock
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.files import write_file
+from trcvtui.snapshots.bench import EngineTiming
 
 SLICE_NS: Final = 100_000
 _PR_SET_TIMERSLACK: Final = 29

@@ -19,7 +19,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.commands.conditions import base_name, parse_instance, parse_target
-from trcvtui.commands.snapshots import PeerSnapshot, TriggerEvent
 from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.link_statistics import LinkStatistics
@@ -29,6 +28,8 @@ from trcvtui.plc.ledger import Event, InputEdge, Stamped
 from trcvtui.plc.snapshot import BareSnapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
+from trcvtui.snapshots.bench import TriggerEvent
+from trcvtui.snapshots.peers import PeerSnapshot
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import StringType
 

@@ -12,7 +12,7 @@ from shutil import which
 from typing import Final
 
 from trcvtui import __version__, clock, paths
-from trcvtui.engine.driver import EngineDriver, EngineStopped, ProcessDriver
+from trcvtui.engine.driver import EngineDriver, ProcessDriver
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
@@ -20,9 +20,10 @@ from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.net.os.forwarder import say_at_once
 from trcvtui.net.os.service_manager import notify
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
 from trcvtui.recording.files import RecordTo

@@ -9,12 +9,12 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage, FiguresMessage, RecentMessage, StatusMessage
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.scenario.runner import cause_record
+from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600

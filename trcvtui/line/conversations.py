@@ -7,7 +7,7 @@ from typing import Final
 
 from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
-from trcvtui.commands.snapshots import ConversationSnapshot, DirectionSnapshot
+from trcvtui.snapshots.conversations import ConversationSnapshot, DirectionSnapshot
 from trcvtui.wording import SECOND
 
 MOST_KEPT: Final = 512  # conversations with figures; those that are over go first

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from trcvtui import clock
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.driver import ProcessDriver
-from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import mistake
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.os.packet_pipe import take_stdin
+from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.replay.driver import serve_until_gone
+from trcvtui.snapshots.bench import EngineTiming
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation

@@ -13,13 +13,13 @@ from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 from typing import Any, Final, NamedTuple
 
-from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import mistake
 from trcvtui.files import create
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
 from trcvtui.net.os.system_calls import OUT, look_at
 from trcvtui.net.os.tap_ways import ASKED, COUNTS, EventPipes
 from trcvtui.net.tap import Route, TapEventKind, end_text
+from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 
 RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
 LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"

@@ -11,16 +11,17 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.commands.snapshots import TAP
-from trcvtui.engine.driver import EngineStopped, ProcessDriver
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.line.live_screen import ServedShadows
 from trcvtui.net.os.tap_ways import ask_for_way, ask_what_is_open
+from trcvtui.picture.protocol import EngineStopped
 from trcvtui.replay.driver import serve_until_gone
+from trcvtui.snapshots.conversations import TAP
 
 if TYPE_CHECKING:
-    from trcvtui.history.bench_update import BenchUpdate
     from trcvtui.line.capture_player import ShadowLines
     from trcvtui.net.tap import TapOrder
+    from trcvtui.picture.bench_update import BenchUpdate
 
 OVER: Final = "the tap has ended"
 TapChoice = tuple[list[list[str]], str | None, str | None, str | None]

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
-from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError, mistake
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import shown
 from trcvtui.replay.survey import END, FIRST, read_at
 from trcvtui.signals import OF_A_TERMINAL, leave

@@ -14,15 +14,14 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
-from trcvtui.commands.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
-from trcvtui.history.bench_update import BareUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.received import JobHistory
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.history.waveform_recorder import WaveformRecorder
+from trcvtui.picture.bench_update import BareUpdate, UpdateRequest
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
@@ -31,6 +30,8 @@ from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
 from trcvtui.replay.what_if import Change, WhatIf
+from trcvtui.snapshots.bench import EngineTiming
+from trcvtui.snapshots.replay import BESIDE, CANNOT, Position
 from trcvtui.udt.literals import parse_time
 
 MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move

@@ -15,17 +15,17 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, Why
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.diagnosis.advice import Advice, because
 from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import evidence_now
-from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.history.link_statistics import ENDINGS, LinkStatistics
 from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
+from trcvtui.snapshots.bench import EngineTiming
 
 T = TypeVar("T")
 K = TypeVar("K")

@@ -12,7 +12,10 @@ from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words
-from trcvtui.commands.snapshots import (
+from trcvtui.errors import mistake
+from trcvtui.scenario.scenario import START_STEP, Scenario, cut
+from trcvtui.scenario.step_runner import StepRunner
+from trcvtui.snapshots.scenario import (
     DONE,
     FAILED,
     HELD,
@@ -22,9 +25,6 @@ from trcvtui.commands.snapshots import (
     StepSnapshot,
     TrialSnapshot,
 )
-from trcvtui.errors import mistake
-from trcvtui.scenario.scenario import START_STEP, Scenario, cut
-from trcvtui.scenario.step_runner import StepRunner
 
 MOST_STEPS: Final = 1000  # all of them are in each picture
 MOST_RUNS: Final = 120  # of each instance's trace, in a picture

@@ -13,9 +13,9 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widget import AwaitMount
 
-from trcvtui.engine.driver import Driver, EngineStopped
 from trcvtui.files import close_files
-from trcvtui.history.bench_update import NEVER_SAVED, lines_again
+from trcvtui.picture.bench_update import NEVER_SAVED, lines_again
+from trcvtui.picture.protocol import Driver, EngineStopped
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -204,7 +204,7 @@ class BenchApp(TerminalApp):
     def _refuse(self) -> None:
         text = REFUSED
         if self._is_replay:
-            from trcvtui.commands.snapshots import CANNOT as text
+            from trcvtui.snapshots.replay import CANNOT as text
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:

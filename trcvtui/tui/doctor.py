@@ -7,7 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual.binding import Binding
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
-from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
 from trcvtui.tui.formatting import cells, clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
+from trcvtui.snapshots.peers import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"

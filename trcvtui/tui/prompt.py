@@ -13,7 +13,7 @@ from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Row, row

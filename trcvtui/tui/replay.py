@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.commands.snapshots import CANNOT, Position
+from trcvtui.snapshots.replay import CANNOT, Position
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from tests import golden
-from trcvtui.commands.snapshots import Answer, EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import Answer, EngineTiming
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 PLAIN = """

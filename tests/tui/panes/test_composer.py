@@ -16,11 +16,11 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, looking, screen_text
 from tests.tui.stage import Stage, on_stage
-from trcvtui.commands.snapshots import ReplySnapshot
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.peers import ReplySnapshot
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of
 

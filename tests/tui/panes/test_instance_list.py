@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from tests.tui.fakes import NO_CAUSE, SECOND, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.panes.instance_list import ListColumns
 from trcvtui.tui.widgets.line_view import Row

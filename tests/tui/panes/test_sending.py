@@ -12,7 +12,7 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import bench_project, connections, peers, picture, receiving
 from tests.tui.looking import BOTH, WIDE, looking
 from trcvtui.bench.bench import Bench
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import read_project
 from trcvtui.tui.panes.function_block import LATE_S
 

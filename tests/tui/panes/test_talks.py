@@ -9,9 +9,9 @@ from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
-from trcvtui.commands.snapshots import ARMED_TAP, TAP, ConversationSnapshot
-from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.line.conversations import SECONDS, ConversationFigures
+from trcvtui.picture.bench_update import BenchUpdate
+from trcvtui.snapshots.conversations import ARMED_TAP, TAP, ConversationSnapshot
 from trcvtui.tui.prompt import PromptInput
 
 SECOND = 1_000_000_000

@@ -8,7 +8,7 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving
 from tests.tui.looking import BOTH, looking
 from trcvtui.bench.bench import Bench
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.snapshot import AddrSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.tui.completion import complete

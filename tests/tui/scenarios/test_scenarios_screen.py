@@ -12,8 +12,8 @@ from textual.pilot import Pilot
 from tests.tui.fakes import FakeDriver, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, screen_text
 from tests.tui.scenario_stage import HERE, scenarios
-from trcvtui.commands.snapshots import Answer
 from trcvtui.project.file import load_project
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.app import BenchApp
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")

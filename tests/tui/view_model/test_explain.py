@@ -14,7 +14,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
-from trcvtui.commands.snapshots import TriggerEvent
+from trcvtui.snapshots.bench import TriggerEvent
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 UP = ("set TRCV_C_1 CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4")

@@ -10,12 +10,12 @@ from msgspec.structs import replace
 from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
-from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.commands.words import PeerPlay, PeerSend
 from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import PeerDecl
+from trcvtui.snapshots.peers import PeerSnapshot
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot

@@ -17,11 +17,11 @@ from msgspec import Struct
 
 from trcvtui.commands.counters_and_checksums import Checker, filled
 from trcvtui.commands.peer import MOST_RULES
-from trcvtui.commands.snapshots import ReplySnapshot
 from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.snapshots.peers import ReplySnapshot
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger

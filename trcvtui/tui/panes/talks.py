@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from trcvtui.commands.snapshots import ARMED_TAP, ConversationSnapshot, DirectionSnapshot
+from trcvtui.snapshots.conversations import ARMED_TAP, ConversationSnapshot, DirectionSnapshot
 from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -8,7 +8,6 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.commands.snapshots import BESIDE
 from trcvtui.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
 from trcvtui.history.waveform_text import (
     CODES,
@@ -23,6 +22,7 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.snapshots.replay import BESIDE
 from trcvtui.tui.formatting import MS, SECOND, US
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -8,10 +8,10 @@ from typing import ClassVar, Final
 
 from textual.binding import BindingType
 
-from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.paths import configs_path
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.scenario.scenario import Found, ScenarioFile, ScriptLine, read_scenario_file
+from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, pad, plain, wrapped
 from trcvtui.tui.messages import ScenarioChosen, ScenarioWanted
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -14,7 +14,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
-from trcvtui.commands.snapshots import PlayerSnapshot
+from trcvtui.snapshots.scenario import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.messages import PaneActions

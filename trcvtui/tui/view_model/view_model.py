@@ -12,17 +12,20 @@ from functools import partial
 from itertools import takewhile
 from typing import Final, NamedTuple
 
-from trcvtui.commands.snapshots import BESIDE, Answer, ConversationSnapshot, PeerSnapshot, TriggerEvent
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import HistoryRequest, HistoryWindow
 from trcvtui.history.stream_index import StreamIndex
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
+from trcvtui.snapshots.bench import Answer, TriggerEvent
+from trcvtui.snapshots.conversations import ConversationSnapshot
+from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.replay import BESIDE
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND

@@ -9,7 +9,7 @@ from textual import events
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.commands.snapshots import ARMED_TAP, TAP
+from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 from trcvtui.tui.formatting import SECOND, clip, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -11,7 +11,7 @@ from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.screen import Screen
 
-from trcvtui.commands.snapshots import Answer
+from trcvtui.snapshots.bench import Answer
 from trcvtui.tui import messages
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,12 +16,13 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller
-from trcvtui.engine.update_pipe import PARTS_A_PIECE, UpdatePipe
-from trcvtui.history.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.history.records import HistoryRequest
+from trcvtui.picture.bench_update import BareUpdate, BenchUpdate, UpdateRequest
+from trcvtui.picture.protocol import MessageReader
+from trcvtui.picture.update_pipe import PARTS_A_PIECE, UpdatePipe
 from trcvtui.project.file import read_project
+from trcvtui.snapshots.bench import EngineTiming
 
 FAR_AWAY = 10_000_000_000
 BIG = 60_000
@@ -126,3 +128,16 @@ def test_a_picture_in_pieces_is_that_of_one_scan_whatever_passes_meanwhile(seed:
             assert found.history is not None and known.history is not None
             assert found.history.content.startswith(known.history.content.rstrip(b"\0"))
     assert len(done) > 5, "the pictures were of different scans, with jobs in between"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Windows lose nothing")
+def test_the_last_words_of_a_process_that_has_not_read_a_request_are_heard() -> None:
+    here, there = multiprocessing.Pipe()
+    here.send("a request")
+    there.send_bytes(b"last words")
+    there.close()  # with the request unread: the system tells this end of a reset
+    with here:
+        reader = MessageReader(here)
+        assert reader.next() == b"last words"
+        with pytest.raises(EOFError):
+            reader.next()

@@ -21,8 +21,8 @@ from typing import Any, Final, TypeVar
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.history.bench_update import BareUpdate, BenchUpdate
 from trcvtui.history.pin_waveform import PinChange, WaveformDelta
+from trcvtui.picture.bench_update import BareUpdate, BenchUpdate
 from trcvtui.plc.ledger import Line, Stamped
 from trcvtui.plc.snapshot import made
 

@@ -11,22 +11,17 @@ from msgspec.structs import replace
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
-from trcvtui.commands.snapshots import (
-    Answer,
-    ConversationSnapshot,
-    DoctorSnapshot,
-    EngineTiming,
-    PeerSnapshot,
-    PlayerSnapshot,
-    Position,
-    TrialSnapshot,
-    TriggerEvent,
-)
 from trcvtui.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line, Stamped
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
+from trcvtui.snapshots.bench import Answer, EngineTiming, TriggerEvent
+from trcvtui.snapshots.conversations import ConversationSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot
+from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.replay import Position
+from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project

@@ -1,0 +1,1 @@
+"""What engine and screen say to each other: lines and requests, and pictures of the bench."""

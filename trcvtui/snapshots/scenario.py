@@ -1,0 +1,78 @@
+"""How far a scenario or a split test has come."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
+
+
+class StepSnapshot(Struct, frozen=True):
+    """One step of a scenario: its number (0: a command of `start`), its line, its state, what was found."""
+
+    number: int
+    line: str
+    state: str
+    found: str = ""
+
+
+class PlayerSnapshot(Struct, frozen=True):
+    """How far a scenario has been played.
+
+    `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` count in that one.
+    `traces` are the newest STATUS runs of each instance.
+    """
+
+    path: str
+    steps: tuple[StepSnapshot, ...]
+    current: int
+    running: bool
+    finished: bool
+    scans_of_step: int
+    traces: tuple[tuple[str, str], ...]
+
+    @property
+    def failed(self) -> tuple[StepSnapshot, ...]:
+        return tuple(step for step in self.steps if step.state == FAILED)
+
+
+class SplitRow(Struct, frozen=True):
+    """What cuts `first` to `last` (0: the whole message) have come to; `same`: as the whole message.
+
+    `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
+    """
+
+    first: int
+    last: int
+    walk: str
+    done: int
+    lengths: str
+    data_equal: bool
+    same: bool
+
+    def span(self) -> str:
+        if not self.last:
+            return "whole"
+        return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
+
+
+class TrialSnapshot(Struct, frozen=True):
+    """How far `try-splits` has come; `state` is running, finished, cancelled or failed."""
+
+    peer: str
+    instance: str
+    payload: bytes
+    state: str
+    problem: str
+    runs: int
+    differing: int
+    rows: tuple[SplitRow, ...]
+
+    def summary(self) -> str:
+        splits = max(0, self.runs - 1)
+        if self.problem:
+            return f"{self.state}: {self.problem}"
+        if self.state == "finished" and not self.differing:
+            return f"all {splits} splits end as the whole message does"
+        verdict = f"{self.differing} of {splits} splits differ from the whole message"
+        return verdict if self.state == "finished" else f"{self.state}, {verdict} so far"

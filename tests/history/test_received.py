@@ -9,6 +9,7 @@ import pytest
 from tests.properties.test_history import Generator, all_of, history_bench, labels
 from trcvtui.history import reader as history_reader
 from trcvtui.history import received as job_history
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
@@ -19,7 +20,7 @@ from trcvtui.plc.ledger import PeerSent
 
 def talking() -> tuple[Generator, HistoryReader]:
     bench = history_bench()
-    told = Generator(bench, JobHistory(bench, StreamIndex()))
+    told = Generator(bench, JobHistory(bench, LedgerReader(bench)))
     told.do("set X CONT=1 EN_R=1")
     told.scan(3)
     told.do("peer P1 connect")

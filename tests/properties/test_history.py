@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, JobSpan
-from trcvtui.history.stream_index import StreamIndex
 from trcvtui.project.file import read_project
 
 DATA = 24
@@ -129,7 +129,7 @@ def test_every_byte_has_the_label_that_the_generator_gave_it(
     seed: int, fragment: bool, moves: list[tuple[str, int, list[int]]]
 ) -> None:
     bench = history_bench(seed, fragment)
-    history = JobHistory(bench, StreamIndex())
+    history = JobHistory(bench, LedgerReader(bench))
     told = Generator(bench, history)
     draw = random.Random(seed)
     told.do("set X CONT=1 EN_R=1")

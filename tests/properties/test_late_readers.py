@@ -18,7 +18,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
 from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import Controller
-from trcvtui.history import received
+from trcvtui.history import ledger_reader, received
 from trcvtui.history.pin_waveform import Waveform
 from trcvtui.history.records import HistoryRequest
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -101,7 +101,7 @@ def waves(of: BenchUpdate) -> dict[str, Waveform]:
 def test_who_reads_late_tells_the_same_or_that_values_are_not_kept(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(received, "LINES_A_STEP", 1 + seed)
+    monkeypatch.setattr(ledger_reader, "LINES_A_STEP", 1 + seed)
     prompt, late, _ = prompt_and_late(seed, 20_000, 0.1, MORE)
     expected, found = told(prompt), told(late)
     assert (found.waves, found.facts) == (expected.waves, expected.facts)
@@ -123,7 +123,7 @@ def test_who_reads_late_tells_the_same_or_that_values_are_not_kept(
 def test_what_the_ledger_has_overwritten_is_not_known_and_never_wrong(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(received, "LINES_A_STEP", 1 + seed)
+    monkeypatch.setattr(ledger_reader, "LINES_A_STEP", 1 + seed)
     prompt, late, shown = prompt_and_late(seed, 24, 0.03)
     expected, found = told(prompt), told(late)
     for name, wave in waves(expected).items():

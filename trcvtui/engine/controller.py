@@ -27,10 +27,10 @@ from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
-from trcvtui.history.stream_index import StreamIndex
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
 from trcvtui.picture.bench_update import BareUpdate, BenchUpdate, UpdateRequest
@@ -181,13 +181,13 @@ class Controller:
         self._project_number = 0
 
     def _begin(self, bench: Bench) -> None:
-        self._received = JobHistory(bench, StreamIndex())
-        self._history = HistoryReader(self._received)
-        self._trigger_watch = TriggerWatch(bench, self._received)
-        self._waves = WaveformRecorder(bench, self._received)
+        self._ledger = reader = LedgerReader(bench)
+        self._history = HistoryReader(JobHistory(bench, reader))
+        self._trigger_watch = TriggerWatch(bench, reader)
+        self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()
-        self.session = Session(bench, self._received, self._waves)
-        self.catch_up = self._received.catch_up
+        self.session = Session(bench, reader, self._waves)
+        self.catch_up = reader.catch_up
 
     # -- lines -----------------------------------------------------------------------------------------
 

@@ -21,8 +21,8 @@ from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.commands.conditions import base_name, parse_instance, parse_target
 from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.errors import UserError, mistake
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
-from trcvtui.history.received import JobHistory
 from trcvtui.history.records import Facts
 from trcvtui.plc.ledger import Event, InputEdge, Stamped
 from trcvtui.plc.snapshot import BareSnapshot
@@ -193,15 +193,15 @@ class KeptScan(Struct, frozen=True):
 class TriggerWatch:
     """At most one trigger on a bench, and what is known of the bench when it fires."""
 
-    def __init__(self, bench: Bench, history: JobHistory) -> None:
+    def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self._trigger: Trigger | None = None
         self._bench = bench
         self._project = bench.project  # for which the trigger was read
         self._was = False  # its condition, after the scan before
         self._count = 0
-        self._history = history
-        self._statistics = LinkStatistics(history.index)
-        history.lost.append(self._statistics.lose)
+        self._catch_up = reader.catch_up
+        self._statistics = LinkStatistics(reader.index)
+        reader.lost.append(self._statistics.lose)
         self._seq = 0  # of the last line that was read while a trigger is armed
         self.told = 0  # of the last line that a picture has brought
         self._kept: KeptScan | None = None
@@ -277,7 +277,7 @@ class TriggerWatch:
         return tuple(taken)
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
-        self._history.catch_up()
+        self._catch_up()
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 

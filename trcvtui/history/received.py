@@ -6,8 +6,6 @@ more the labels are kept without the values. A flood costs the next scan nothing
 Rule 3: a block on a ComBuffer delivers one frame a scan at most, so after each scan its framer and its data
 still hold the bytes that the lines of the ledger are about.
 Rule 4: all of it is bounded: bytes, jobs and recv calls; the oldest job goes first, of whichever instance.
-Rule 5: the ledger is read once for all readers (`index.listen`), in the gaps between scans, some lines at a
-time. What was overwritten before that is told to all of them, and guessed by nobody.
 """
 
 from __future__ import annotations
@@ -15,11 +13,9 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
-from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import (
     BytesArrived,
@@ -30,10 +26,10 @@ from trcvtui.blocks.environment import (
     PartialFrameDropped,
 )
 from trcvtui.blocks.framing import Ending
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.records import JobSpan, RecvSpan, ScanStamp
-from trcvtui.history.stream_index import Link, Listener, StreamIndex
+from trcvtui.history.stream_index import Link, Listener
 from trcvtui.net.events import BytesDropped
-from trcvtui.plc.ledger import Stamped
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.project import Project
 
@@ -185,24 +181,17 @@ OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
 TOO_LATE: Final = "values not kept: read too late"
 LOST: Final = "jobs before this one were overwritten in the ledger before they were read"
 NOTHING: Final = b"", TOO_LATE
-READER: Final = "reader", "history"
-LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
 class JobHistory:
-    """Reads the ledger in the gaps between scans, for all who listen. One stream a CONNECT."""
+    """Keeps the bytes that the ledger's lines are about. One stream a CONNECT."""
 
-    def __init__(self, bench: Bench, index: StreamIndex) -> None:
-        self.index = index
+    def __init__(self, bench: Bench, reader: LedgerReader) -> None:
+        self.index = index = reader.index
+        self.catch_up = reader.catch_up
         self.streams: defaultdict[str, JobStream] = defaultdict(JobStream)
         self.watched = ""  # the CONNECT whose bytes are always kept
-        self.lost: list[Callable[[int, int, int], None]] = [self._lose]  # told seq, scan, time before a loss
         self._bench = bench
-        self._has_failed = False
-        self._news: list[Stamped] = []
-        self._read = 0  # of them
-        self._seq = 0  # of the last of them
-        self._at = 0, 0  # scan and time of the last line that was read
         self._order: deque[JobStream] = deque()
         self._bytes = self._recvs = 0
         self._drops: dict[str, list[BytesDropped]] = {}  # by instance: what its running job has to drop
@@ -218,61 +207,11 @@ class JobHistory:
             bench, lambda n, chunk: self._add(self.streams[n], chunk), lambda n: self.streams[n].end
         )
         index.listen(self._frames.listeners)
-
-    def catch_up(self, until: int | None = None) -> bool:
-        """Read what was written since the last time, up to `until` on the clock; return whether that is all.
-
-        The bytes of DATA come first: the next scan may overwrite them. After an exception in one who listens
-        the lines up to here count as overwritten: the listeners are told, and nothing is guessed.
-        """
-        try:
-            return self._read_on(until)
-        except Exception as error:
-            if not self._has_failed:
-                self._bench.containment.note(READER, error)
-            self._has_failed = True
-            self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
-            with suppress(Exception):
-                self._tell_loss(self._seq)
-            return True
-
-    def _read_on(self, until: int | None) -> bool:
-        ledger, listeners = self._bench.runtime.ledger, self.index.listeners
-        if self._taken != ledger.last_seq:
-            self._take_data()
-        while True:
-            if self._read == len(self._news):
-                if self._seq == ledger.last_seq:
-                    self._forget()
-                    return True
-                self._fetch()
-            first, stop = self._read, len(self._news)
-            if until is not None:
-                stop = min(stop, first + LINES_A_STEP)
-            seq = self._seq - len(self._news) + first
-            for item in self._news[first:stop]:
-                seq += 1
-                for listener in listeners.get(item[2].__class__, ()):
-                    listener(seq, *item)
-            self._read, self._at = stop, self._news[stop - 1][:2]
-            if until is not None and clock.now_ns() >= until:
-                self._forget()
-                return self._read == len(self._news) and self._seq == ledger.last_seq
-
-    def _fetch(self) -> None:
-        ledger, before = self._bench.runtime.ledger, self._seq
-        self._news, self._read, self._seq = ledger.stamped_since(before), 0, ledger.last_seq
-        first = self._seq - len(self._news) + 1
-        if first > before + 1:
-            self._contents = {seq: kept for seq, kept in self._contents.items() if seq >= first}
-            self._tell_loss(first - 1)
-
-    def _tell_loss(self, seq: int) -> None:
-        self.index.lose()
-        for lost in self.lost:
-            lost(seq, *self._at)
+        reader.first.append(self._take_data)
+        reader.lost.append(self._lose)
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        self._contents = {known: kept for known, kept in self._contents.items() if known > seq}
         self._drops.clear()
         self._frames.lose()
         self._unknown = set()
@@ -288,6 +227,8 @@ class JobHistory:
     def _take_data(self) -> None:
         """Take the bytes of the jobs of the last scan; those before it may be overwritten by now."""
         runtime = self._bench.runtime
+        if self._taken == runtime.ledger.last_seq:
+            return
         news, scan = runtime.ledger.stamped_since(self._taken), runtime.scans
         self._taken = runtime.ledger.last_seq
         first = self._taken - len(news) + 1
@@ -371,6 +312,7 @@ class JobHistory:
         self._order.append(stream)
         self._bytes += len(chunk[2])
         self._recvs += len(chunk[5])
+        self._forget()
 
 
 def _overlapping(recvs: Iterable[RecvSpan], offset: int, drop: JobSpan) -> tuple[RecvSpan, ...]:

@@ -15,6 +15,7 @@ from typing import Final
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.pins import Direction
 from trcvtui.blocks.table import shown_by
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import (
     NO_PINS,
     KnownPins,
@@ -23,7 +24,6 @@ from trcvtui.history.pin_waveform import (
     WaveformDelta,
     pins_of,
 )
-from trcvtui.history.received import JobHistory
 from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
 
@@ -95,8 +95,8 @@ class PinRecord:
 
 
 class WaveformRecorder:
-    def __init__(self, bench: Bench, history: JobHistory) -> None:
-        self._bench, self._history = bench, history
+    def __init__(self, bench: Bench, reader: LedgerReader) -> None:
+        self._bench, self._catch_up = bench, reader.catch_up
         project = bench.project
         self._keep = max(LEAST_KEPT, min(KEPT_CHANGES, KEPT_IN_ALL // max(1, len(project.instances))))
         self.records = {
@@ -104,8 +104,8 @@ class WaveformRecorder:
         }
         self._renewed: dict[str, BareChange] = {}  # who was downloaded in a scan, and not called in it so far
         self._renewed_in = 0
-        history.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
-        history.lost.append(self._lose)
+        reader.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
+        reader.lost.append(self._lose)
 
     def _edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         if self._renewed:
@@ -159,7 +159,7 @@ class WaveformRecorder:
         `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once: bare
         ones, the fields of PinChange.
         """
-        self._history.catch_up()
+        self._catch_up()
         self._settle(now[0] + 1)
         record = self.records.get(instance)
         if record is None:

@@ -17,9 +17,8 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import WaveformDelta
-from trcvtui.history.received import JobHistory
-from trcvtui.history.stream_index import StreamIndex
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BareUpdate, UpdateRequest
 from trcvtui.project.project import Project
@@ -47,18 +46,18 @@ class WhatIfRun:
     def __init__(self, run: WhatIf, asked: str) -> None:
         self.run, self.is_over = run, False
         self._asked = asked
-        self._seen: tuple[JobHistory, WaveformRecorder] | None = None
+        self._seen: tuple[LedgerReader, WaveformRecorder] | None = None
 
     def go_on(self, until: int) -> None:
         while not self.is_over and clock.now_ns() < until:
-            history, _ = self._looking_on()
+            reader, _ = self._looking_on()
             self.is_over = not self.run.scan()
-            history.catch_up()
+            reader.catch_up()
 
-    def _looking_on(self) -> tuple[JobHistory, WaveformRecorder]:
+    def _looking_on(self) -> tuple[LedgerReader, WaveformRecorder]:
         if self._seen is None:
-            history = JobHistory(self.run.what_if, StreamIndex())
-            self._seen = history, WaveformRecorder(self.run.what_if, history)
+            reader = LedgerReader(self.run.what_if)
+            self._seen = reader, WaveformRecorder(self.run.what_if, reader)
         return self._seen
 
     def lines(self) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from trcvtui.commands.patterns import ANY, Atom, Scan
 from trcvtui.commands.table import to_line
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
-from trcvtui.history.received import JobHistory
+from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.waveform_recorder import BareChange, PinRecord, WaveformRecorder
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
@@ -187,7 +187,7 @@ class _Shown:
 class Session:
     """One bench from its first scan on; `note` what was carried out, the ledger tells what was seen."""
 
-    def __init__(self, bench: Bench, history: JobHistory, waves: WaveformRecorder) -> None:
+    def __init__(self, bench: Bench, reader: LedgerReader, waves: WaveformRecorder) -> None:
         self._bench = bench
         rules = bench.project.rules
         codes = (rules.status, *rules.status_of.values())
@@ -201,11 +201,11 @@ class Session:
         self._shown: dict[str, _Shown] = {}
         self.commands = 0
         self.marked_at = 0
-        self._catch_up = history.catch_up
-        history.index.listen({BenchNote: self._noted})
+        self._catch_up = reader.catch_up
+        reader.index.listen({BenchNote: self._noted})
         if bench.kernel_name == SIMULATED:
-            history.index.listen({StatusEdge: self._expect_frame})
-        history.lost.append(self._lose)
+            reader.index.listen({StatusEdge: self._expect_frame})
+        reader.lost.append(self._lose)
         for name in waves.records:
             self._new(name)
 

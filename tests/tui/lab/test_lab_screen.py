@@ -380,7 +380,7 @@ async def test_messages_of_a_stranger_are_known_by_pauses_alone(
     passive = PROJECT.replace('"C1"\n\n', '"C1"\nLocalAddress = "127.0.0.1"\nLocalPort = 2000\n\n')
     path.write_text(passive + '\n[[peer]]\nname = "P1"\nremote = "@C1"\n', encoding="utf-8")
     async with lab(path) as stage:
-        del stage.driver.console._received.index.listeners[PeerSent]  # what a partner outside does not tell
+        del stage.driver.console._ledger.index.listeners[PeerSent]  # what a partner outside does not tell
         await stage.do("set TRCV_C_1 CONT=1 EN_R=1", scans=10)
         await stage.do("peer P1 connect", scans=10)
         await stage.do(line, scans=400)

@@ -187,7 +187,7 @@ async def test_the_stream_follows_the_newest_byte_until_something_is_selected() 
 async def test_16_mib_scroll_from_end_to_end() -> None:
     async with on_a_bench(SMALL) as looker:
         looker.connect()
-        jobs = looker.bench.console._received
+        jobs = looker.bench.console._history._history
         stream = jobs.streams["C1"]
         from trcvtui.history.received import ReceivedChunk
         from trcvtui.history.records import JobSpan, RecvSpan
@@ -219,7 +219,7 @@ MESSAGES = [bytes([1, 2, 200, 254, number, *b"[red]\x1b[1m", *range(6)]) for num
 
 async def from_outside(looker: BenchLooker) -> None:
     """Let three messages of 20 bytes come with pauses into DATA of 24, then a part of one more."""
-    del looker.bench.console._received.index.listeners[PeerSent]  # what a partner outside does not tell
+    del looker.bench.console._ledger.index.listeners[PeerSent]  # what a partner outside does not tell
     looker.connect()
     for content in (*MESSAGES, bytes(20)):
         looker.bench.do(f"peer P1 send hex {content.hex()}", scans=9)

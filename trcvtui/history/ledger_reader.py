@@ -1,0 +1,82 @@
+"""Reads the ledger once for all that listen (`index.listen`), between scans, some lines at a time.
+
+Rule: of lines that were overwritten before they were read all listeners are told; nothing of it is guessed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from trcvtui import clock
+from trcvtui.bench.bench import Bench
+from trcvtui.history.stream_index import StreamIndex
+from trcvtui.plc.ledger import Stamped
+
+READER: Final = "reader", "history"
+LINES_A_STEP: Final = 64  # between two looks at the clock
+
+
+class LedgerReader:
+    """One reader of a bench's ledger; `index` is the first that gets each line."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.index = StreamIndex()
+        self.first: list[Callable[[], None]] = []  # called before the lines of a scan are read
+        self.lost: list[Callable[[int, int, int], None]] = []  # get seq, scan, time before a loss
+        self._bench = bench
+        self._has_failed = False
+        self._news: list[Stamped] = []
+        self._read = 0  # of them
+        self._seq = 0  # of the last of them
+        self._at = 0, 0  # scan and time of the last line that was read
+
+    def catch_up(self, until: int | None = None) -> bool:
+        """Read what was written since the last time, up to `until` on the clock; return whether that is all.
+
+        After an exception in a listener the lines up to here count as overwritten.
+        """
+        try:
+            return self._read_on(until)
+        except Exception as error:
+            if not self._has_failed:
+                self._bench.containment.note(READER, error)
+            self._has_failed = True
+            self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
+            with suppress(Exception):
+                self._tell_loss(self._seq)
+            return True
+
+    def _read_on(self, until: int | None) -> bool:
+        ledger, listeners = self._bench.runtime.ledger, self.index.listeners
+        for look in self.first:
+            look()
+        while True:
+            if self._read == len(self._news):
+                if self._seq == ledger.last_seq:
+                    return True
+                self._fetch()
+            first, stop = self._read, len(self._news)
+            if until is not None:
+                stop = min(stop, first + LINES_A_STEP)
+            seq = self._seq - len(self._news) + first
+            for item in self._news[first:stop]:
+                seq += 1
+                for listener in listeners.get(item[2].__class__, ()):
+                    listener(seq, *item)
+            self._read, self._at = stop, self._news[stop - 1][:2]
+            if until is not None and clock.now_ns() >= until:
+                return self._read == len(self._news) and self._seq == ledger.last_seq
+
+    def _fetch(self) -> None:
+        ledger, before = self._bench.runtime.ledger, self._seq
+        self._news, self._read, self._seq = ledger.stamped_since(before), 0, ledger.last_seq
+        first = self._seq - len(self._news) + 1
+        if first > before + 1:
+            self._tell_loss(first - 1)
+
+    def _tell_loss(self, seq: int) -> None:
+        self.index.lose()
+        for lost in self.lost:
+            lost(seq, *self._at)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from trcvtui.errors import one_line
 
+UNITS: Final = {"B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 SECOND: Final = 1_000_000_000
 IN_SECONDS: Final = 120  # shorter times are told in seconds alone
 
@@ -67,6 +68,18 @@ def size_text(size: float) -> str:
     if size < 1000:
         return f"{size:.0f} B"
     return f"{size / 1000:.1f} KB" if size < 1_000_000 else f"{size / 1_000_000:.1f} MB"
+
+
+def parse_size(text: str) -> int | None:
+    """Return the bytes of `64KiB`, `32MiB`, None where that is no size."""
+    found = re.fullmatch(r"(\d{1,9})(B|KiB|MiB|GiB)?", text, re.ASCII)
+    return int(found[1]) * UNITS[found[2] or "B"] if found else None
+
+
+def exact_size(size: int) -> str:
+    """Return `64KiB`, as `parse_size` reads it."""
+    unit = next(unit for unit in reversed(UNITS) if size % UNITS[unit] == 0)
+    return f"{size // UNITS[unit]}{unit}"
 
 
 def utc_text(ns: int) -> str:

@@ -75,7 +75,11 @@ def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
         kind = draw(st.sampled_from(["connect", "data", "instance", "peer", "message", "addr"]))
         port = draw(st.integers(0, 65535))
         every: dict[str, dict[str, Any]] = {
-            "connect": {"ActiveEstablished": draw(st.booleans()), "LocalPort": port},
+            "connect": {
+                "ActiveEstablished": draw(st.booleans()),
+                "LocalPort": port,
+                "history": f"{64 + port}KiB",
+            },
             "data": {"type": draw(st.sampled_from(["INT", "ARRAY[0..9] OF BYTE", "STRING[20]"]))},
             "instance": {"block": "TRCV_C", "connect": draw(st.sampled_from(connects)), "LEN": port},
             "peer": {

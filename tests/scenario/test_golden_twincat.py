@@ -72,7 +72,7 @@ def test_noise_is_counted_in_the_ledger() -> None:
 def test_what_overflows_is_counted_and_noted() -> None:
     bench = played("5-15")
     lost = [line.event for line in bench.runtime.ledger if isinstance(line.event, BytesLost)]
-    assert lost == [BytesLost("RX", 300, 3, "the ComBuffer is full")]
+    assert lost == [BytesLost("RX", 300, 3, "the ComBuffer is full", 300)]
     assert bench.runtime.snapshot().combuffers[0].lost == 3
 
 

@@ -12,18 +12,25 @@ from trcvtui.net.connection.resources import Resources
 
 
 class BytesArrived(NamedTuple):
+    """Bytes got into a ComBuffer. `position`: of the first one in its ring (received_ring.py)."""
+
     buffer: str
     offset: int
     size: int
+    position: int = 0
 
 
 class BytesLost(NamedTuple):
-    """Bytes did not get into a ComBuffer, or were taken out of it unread. `offset`: before which byte."""
+    """Bytes did not get into a ComBuffer, or were taken out of it unread. `offset`: before which byte.
+
+    `position`: of the first one in its ring; -1: they are the last ones before `offset`.
+    """
 
     buffer: str
     offset: int
     size: int
     reason: str
+    position: int = -1
 
 
 class FrameEnded(NamedTuple):

@@ -364,7 +364,7 @@ class FrameHistory:
         self._read = dict.fromkeys(self._read, UNKNOWN)
 
     def _note(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        buffer, offset, size = event
+        buffer, offset, size, _ = event
         number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
         known = self._arrived.setdefault(buffer, deque(maxlen=MOST_ARRIVALS))
         known.append(RecvSpan(0, size, number, scan, t_ns, offset))
@@ -380,7 +380,7 @@ class FrameHistory:
         self._drop(buffer, instance, size, f"incomplete, {reason}", content, (scan, t_ns))
 
     def _lost(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        buffer, _, size, reason = event
+        buffer, _, size, reason, _ = event
         self._drop(buffer, "", size, reason, b"", (scan, t_ns), in_line=False)
 
     def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:

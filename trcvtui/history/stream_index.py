@@ -30,7 +30,7 @@ Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the ev
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
 _Told = tuple[int, int, int, str]  # offset, size, number, peer
-_Read = tuple[int, int, int, int, int, int]  # the fields of a RecvSpan, its position 0
+_Read = tuple[int, int, int, int, int, int]  # the fields of a RecvSpan
 _Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
 _Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[_Read]]  # JobEnded, how it began, its reads
 _LAST: Final = (1 << 62, 0, "")
@@ -102,7 +102,7 @@ def bursts_in(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
 class JobRecord(NamedTuple):
     """A receive job: what it began or ended with. `at` is the scan of its end, of a running job its start.
 
-    `recvs` are the recv calls that read for it, their `position` not yet known (0).
+    `recvs` are the recv calls that read for it.
     """
 
     number: int
@@ -234,14 +234,14 @@ class StreamIndex:
         self._received[event.connection].bursts = StreamBursts()
 
     def _bytes_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        connection, incarnation, recv, offset, size, instance = event
+        connection, incarnation, recv, offset, size, instance, position, cut = event
         link = self._received[connection]
         link.incarnation, link.offset = incarnation, offset + size
         link.bursts.note(scan, t_ns, size)
         reading = self._readings[instance]
         reading.link = connection, incarnation
         reads = reading.reads
-        reads.append((0, size, recv, scan, t_ns, offset))
+        reads.append((position, size - cut, recv, scan, t_ns, offset))
         if len(reads) > self._kept_recvs:
             del reads[0]
 

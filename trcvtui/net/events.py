@@ -51,6 +51,8 @@ class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
     `instance` has them: jobs of tasks of different priority can read in turns (resources.py, Direction).
+    `position`: of the first one in the ring of the CONNECT (received_ring.py). `cut`: so many of them, the
+    end of a datagram, had no room.
     """
 
     connection: str
@@ -59,6 +61,8 @@ class BytesReceived(NamedTuple):
     offset: int
     size: int
     instance: str = ""
+    position: int = 0
+    cut: int = 0
 
 
 class BytesSent(NamedTuple):
@@ -73,13 +77,17 @@ class BytesSent(NamedTuple):
 
 
 class BytesDropped(Struct, frozen=True):
-    """Bytes of the stream that will never reach DATA, and why. offset -1: they were still in the stack."""
+    """Bytes of the stream that will never reach DATA, and why.
+
+    offset -1: they were still in the stack; `position` is their place in the ring of the CONNECT.
+    """
 
     connection: str
     incarnation: int
     offset: int
     size: int
     reason: str
+    position: int = -1
 
 
 ConnectionEvent = ConnectionChanged | BytesReceived | BytesSent | BytesDropped

@@ -30,6 +30,7 @@ from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.layer_kernel import ReadyKernel
+from trcvtui.net.received_ring import ReceivedRing
 from trcvtui.net.serial_line import SerialPorts
 from trcvtui.plc.call_order import CallOrder
 from trcvtui.plc.commands import (
@@ -248,6 +249,10 @@ class Runtime:
     def data_part(self, name: str, start: int, stop: int) -> bytes:
         """Return a copy of some bytes of a global variable, as far as it goes."""
         return bytes(self._data[name].content[start:stop])
+
+    def received(self, name: str) -> ReceivedRing | None:
+        """Return the newest bytes that a CONNECT, a UDP_CONFIG or a ComBuffer has received."""
+        return self._resources.received.get(name)
 
     def partial(self, instance: str) -> bytes:
         known = self._instances.get(instance)

@@ -58,7 +58,9 @@ class SerialLines:
         return self._env.now
 
     def declare(self, decl: ComBufferDecl) -> None:
-        buffer = ComBuffer(decl.name, decl.size or (QUEUE if decl.is_fed else ROOM), self._write, self._time)
+        size = decl.size or (QUEUE if decl.is_fed else ROOM)
+        received = self._env.resources.received.ring(decl.name, decl.history)
+        buffer = ComBuffer(decl.name, size, self._write, self._time, received)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
             note = partial(_noted, self._write, f"{decl.name} {decl.serial.port}")

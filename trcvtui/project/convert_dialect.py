@@ -171,7 +171,7 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
     described: ConnectConfig | None = read_table("connect", table, context_of(other), number)
     if problems or described is None:
         raise UserError(problems)
-    return described
+    return replace(described, history=config.history)
 
 
 def _plain(
@@ -194,6 +194,7 @@ def _plain(
         remote_address=config.remote_address,
         remote_port=config.remote_port,
         keep_alive_interval_s=config.keep_alive_interval_s,
+        history=config.history,
     )
 
 

@@ -47,6 +47,7 @@ from trcvtui.net.connection.description_check import (
 )
 from trcvtui.net.layer import LayerSettings, tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
 from trcvtui.project.key_rows import Keys
 from trcvtui.project.project import CertificateDecl, Certificates
@@ -65,6 +66,7 @@ from trcvtui.project.tables import (
     whole,
 )
 from trcvtui.udt.byte_text import parse_hex
+from trcvtui.wording import exact_size
 
 if TYPE_CHECKING:
     from trcvtui.net.layers.tls import TlsSettings
@@ -570,6 +572,7 @@ def plain_keys(config: ConnectConfig) -> Keys:
     optional = (
         ("InterfaceId", description.number("InterfaceId")),
         ("KeepAliveTimeInterval", config.keep_alive_interval_s),
+        ("history", exact_size(config.history) if config.history != HISTORY else ""),
     )
     return keys + [(key, value) for key, value in optional if value]
 

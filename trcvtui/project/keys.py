@@ -19,6 +19,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
+from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project import descriptions
 from trcvtui.project.descriptions import (
@@ -77,6 +78,7 @@ from trcvtui.project.tables import (
     FAR_END,
     FILE,
     HANDSHAKE,
+    HISTORY_SIZE,
     INTERVAL,
     LAYOUT,
     MESSAGES,
@@ -118,6 +120,12 @@ BOOLS: Final = ("false", "true")
 
 def _named(what: str) -> Key:
     return Key("name", NAME, f"The name of the {what}.", "name", is_needed=True)
+
+
+_HISTORY: Final = Key(
+    "history", HISTORY_SIZE, "Received bytes that are kept, the newest; none: 1MiB. Of all together 64MiB.",
+    "history", HISTORY, is_played=True,
+)  # fmt: skip
 
 
 # -- what a form offers ----------------------------------------------------------------------------------
@@ -196,6 +204,7 @@ _CONNECT: Final = TableRow(
             False, _truth("true: Nagle off")),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
             "keep_alive_interval_s", 0, Hint("seconds, 0: 10 s")),
+        _HISTORY,
     ),
     "CONNECT", "a connection (CONNECT)", "C", shares=("udp_config", "peer", "combuffer"),
 )  # fmt: skip
@@ -208,6 +217,7 @@ _UDP_CONFIG: Final = TableRow(
             ANY_ADDRESS, Hint("0.0.0.0", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
             Hint("0", first="0"), is_said=True),
+        _HISTORY,
     ),
     "UDP_CONFIG", "a UDP_CONFIG", "U", shares=("connect", "peer", "combuffer"),
 )  # fmt: skip
@@ -324,6 +334,7 @@ _DESCRIBED_CONNECT: Final = replace(
             writes=descriptions.verify_of),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
+        _HISTORY,
     ),
     also=_described, head=lambda c: descriptions.head_as_bytes(c),
 )  # fmt: skip
@@ -392,6 +403,7 @@ _COMBUFFER: Final = TableRow(
             Hint("bytes that have room, 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; none: all.", "per_cycle", 0,
             Hint("bytes a scan, 0: all")),
+        _HISTORY,
     ),
     "ComBuffer", "a ComBuffer", "B", shares=("connect", "udp_config", "peer"),
 )  # fmt: skip

@@ -19,6 +19,7 @@ from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description_check import meaning
 from trcvtui.net.layer import LayerSettings
+from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.udt.layout.layout import Layout
@@ -82,7 +83,7 @@ class ComBufferDecl(Struct, frozen=True):
     `line`: what sends what is written into this one: a ComBuffer with a port, or an instance of TSEND_C.
 
     `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
-    all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does.
+    all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does. `history`: bytes that are kept.
     """
 
     name: str
@@ -93,6 +94,7 @@ class ComBufferDecl(Struct, frozen=True):
     is_fed: bool = False
     serial: SerialSettings | None = None
     line: str = ""
+    history: int = HISTORY
 
 
 class PeerDecl(Struct, frozen=True):

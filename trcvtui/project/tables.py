@@ -16,11 +16,13 @@ from msgspec import Struct
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
+from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
 from trcvtui.net.results import Endpoint, end_in_words
 from trcvtui.net.tap import PLACE, place_of
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_integer, parse_time
 from trcvtui.udt.types import ELEMENTARY
+from trcvtui.wording import exact_size, parse_size
 
 IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
 NO_HIDDEN: Final = "a name without control and bidirectional characters"
@@ -359,6 +361,11 @@ POINTER_SIZE: Final = one_of(*POINTER_SIZES)
 
 
 QUEUE_SIZE: Final = whole(1, 65_536)
+HISTORY_SIZE: Final = of_text(
+    "a size from 64KiB to 64MiB, such as 4MiB",
+    lambda text: size if LEAST_HISTORY <= (size := parse_size(text) or 0) <= MOST_HISTORY else None,
+    write=exact_size,
+)
 BAUD: Final = whole(50, 4_000_000)
 DATA_BITS: Final = whole(5, 8)
 

@@ -25,9 +25,9 @@ MAY_HOLD: Final = tuple(  # modules whose classes and functions a state may name
     f"{PACKAGE}.{name}"
     for name in (
         *("bench", "blocks", "commands", "dialects", "files", "history", "net.connection", "net.events"),
-        *("net.faults", "net.kernel", "net.layer", "net.layers", "net.results", "net.serial_line"),
-        *("net.sim", "plc", "project", "recording.journal", "recording.replay", "recording.seam"),
-        *("replay", "scenario.scenario", "snapshots", "udt"),
+        *("net.faults", "net.kernel", "net.layer", "net.layers", "net.received_ring", "net.results"),
+        *("net.serial_line", "net.sim", "plc", "project", "recording.journal", "recording.replay"),
+        *("recording.seam", "replay", "scenario.scenario", "snapshots", "udt"),
     )
 )
 OTHERS: Final[dict[str, type]] = {one.__qualname__: one for one in (deque, partial)}

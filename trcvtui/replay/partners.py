@@ -468,17 +468,20 @@ class ReplayedPartners(Replay):
         socket = self._sockets[handle]
         if socket.partner is None or not self._is_over(socket):
             return None
-        return KernelLoss(socket.partner.fault, self._arrived(socket) - socket.read)
+        return KernelLoss(socket.partner.fault, self._left(socket))
 
     def _at_discard(self, owner: str, handle: int, most: int) -> int:
         socket = self._sockets[handle]
-        size = min(most, self._arrived(socket) - socket.read)
+        size = min(most, self._left(socket))
         socket.read += size
         return size
 
+    def _left(self, socket: _Socket) -> int:
+        return max(0, self._arrived(socket) - socket.read)  # of messages `read` counts these, not bytes
+
     def _at_unread(self, owner: str, handle: int) -> int:
         socket = self._sockets.get(handle)
-        return 0 if socket is None else self._arrived(socket) - socket.read
+        return 0 if socket is None else self._left(socket)
 
     def _at_path(self, owner: str, handle: int) -> object:
         known = self._as_told(owner, "path")

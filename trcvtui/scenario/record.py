@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import sys
 from collections.abc import Callable
@@ -25,21 +24,18 @@ from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.runner import Pace, VirtualPace
 from trcvtui.scenario.scenario import load_bench, start_steps
 from trcvtui.udt.literals import parse_time
-from trcvtui.wording import count, size_text
+from trcvtui.wording import count, parse_size, size_text
 
 NEVER: Final = 1 << 62
 PROGRESS_NS: Final = 1_000_000_000
 LEAST_SPLIT: Final = 1 << 16
-_SIZE: Final = re.compile(r"(\d{1,9})(B|KiB|MiB|GiB)?")
-_UNITS: Final = {None: 1, "B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 
 
 def size_of(text: str | None, where: str) -> int:
     """Return the bytes of `32MiB`, 0 for None; raise UserError."""
     if text is None:
         return 0
-    found = _SIZE.fullmatch(text)
-    size = int(found[1]) * _UNITS[found[2]] if found else 0
+    size = parse_size(text) or 0
     if size < LEAST_SPLIT:
         raise mistake(where, f"'{text}'", "a size of 64KiB or more, such as 32MiB")
     return size

@@ -13,6 +13,7 @@ from msgspec import Struct
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, LineHeld, SerialNote
 from trcvtui.blocks.table import BlockRow
+from trcvtui.net.received_ring import ReceivedRing
 
 # Bound: the newest MOST_BYTES in MOST_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
 
@@ -114,9 +115,15 @@ class ComBuffer:
     """
 
     def __init__(
-        self, name: str, size: int, write: Callable[[SerialNote], None], now: Callable[[], int]
+        self,
+        name: str,
+        size: int,
+        write: Callable[[SerialNote], None],
+        now: Callable[[], int],
+        received: ReceivedRing,
     ) -> None:
         self.recorded = Recorder()
+        self.received = received
         self._now = now
         self.name = name
         self.size = size
@@ -148,12 +155,12 @@ class ComBuffer:
     def put(self, payload: bytes) -> int:
         """Append bytes and return how many had room; the others are dropped."""
         self.recorded.add(payload, self._now())
-        taken = min(len(payload), self.free)
+        taken, position = min(len(payload), self.free), self.received.append(payload)
         if taken:
-            self._write(BytesArrived(self.name, self.tail, taken))
+            self._write(BytesArrived(self.name, self.tail, taken, position))
             self._bytes += payload[:taken]
         if taken < len(payload):
-            self._lose(len(payload) - taken, "the ComBuffer is full")
+            self._lose(len(payload) - taken, "the ComBuffer is full", position + taken)
         return taken
 
     def end(self, reason: str) -> None:
@@ -190,9 +197,9 @@ class ComBuffer:
         self.head += len(taken)
         return taken
 
-    def _lose(self, size: int, reason: str) -> None:
+    def _lose(self, size: int, reason: str, position: int = -1) -> None:
         self.lost += size
-        self._write(BytesLost(self.name, self.tail, size, reason))
+        self._write(BytesLost(self.name, self.tail, size, reason, position))
 
 
 class SerialBinding(Struct, frozen=True):

@@ -13,6 +13,7 @@ from msgspec import Struct
 from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
 from trcvtui.net.connection.description_check import Finding
 from trcvtui.net.layer import LayerSettings
+from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
 
 
@@ -45,7 +46,7 @@ class ConnectConfig(Struct, frozen=True):
     `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
     `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where it is.
     `any_local`: the system's own routing gives an active end its local address.
-    `is_datagram`: UDP; the partner of each datagram stands in an ADDR.
+    `is_datagram`: UDP; the partner of each datagram stands in an ADDR. `history`: bytes that are kept.
     """
 
     name: str
@@ -61,6 +62,7 @@ class ConnectConfig(Struct, frozen=True):
     any_local: bool = False
     remote_name: str = ""
     is_datagram: bool = False
+    history: int = HISTORY
 
     @property
     def is_message_oriented(self) -> bool:
@@ -100,6 +102,7 @@ class UdpConfig(Struct, frozen=True):
 
     name: str
     local: Endpoint = ANY_END
+    history: int = HISTORY
 
 
 class AddrParam(Struct, frozen=True):

@@ -155,6 +155,7 @@ class Connection:
         write: Callable[[ConnectionEvent], None],
     ) -> None:
         self.config = config
+        self.received = resources.received.ring(config.name, config.history)
         self.state = State.CLOSED
         self.incarnation = self.attempts = 0
         self.peer: Endpoint | None = None
@@ -395,7 +396,7 @@ class Connection:
         if isinstance(got, int):
             if got == 0:
                 return self._read_out(self.pending_loss or self._loss_of(None))
-            self._took(got, instance)
+            self._took(into[:got], instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._read_out(self.pending_loss or self._loss_of(got))
@@ -416,7 +417,7 @@ class Connection:
             self._kernel.renew(self.handle)
             got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
-            self._took(got.size, instance)
+            self._took(into[: got.size], instance)
             return got
         if got is HELD_BACK:
             return WOULD_BLOCK
@@ -424,11 +425,15 @@ class Connection:
         loss = self.pending_loss or (self._loss_of(seen.fault) if seen else None)
         return WOULD_BLOCK if loss is None else self._read_out(loss)
 
-    def _took(self, size: int, instance: str) -> None:
+    def _took(self, content: memoryview, instance: str, cut: int = 0) -> None:
+        """Note what a call has read; `cut`: so many bytes of a datagram had no room."""
         self.recvs += 1
-        offset = self.bytes_received
+        offset, size = self.bytes_received, len(content) + cut
         self.bytes_received = offset + size
-        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance))
+        at = self.received.append(content)
+        if cut:
+            self.received.skip(cut)
+        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance, at, cut))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
@@ -473,7 +478,8 @@ class Connection:
         """Note bytes of an incarnation (default: this) that never reach DATA; offset -1: still queued."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
-            self._write(BytesDropped(self.config.name, of, offset, size, reason))
+            position = self.received.skip(size) if offset < 0 else -1
+            self._write(BytesDropped(self.config.name, of, offset, size, reason, position))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
         return loss_of(fault, self.partner, self.config.active and not self.bytes_received)

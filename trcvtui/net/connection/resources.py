@@ -14,6 +14,7 @@ from typing import Final
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import meaning
 from trcvtui.net.events import EventKind
+from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.net.results import Fault
 from trcvtui.wording import duration
 
@@ -384,7 +385,7 @@ class ConnectionBudget:
 
 
 class Resources:
-    """The resources of one PLC, the work of its scans, and which CONNECTs have bytes on the way."""
+    """The resources of one PLC, its work, what it has received, and which CONNECTs have bytes on the way."""
 
     def __init__(
         self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: ScanBudget | None = None
@@ -394,4 +395,5 @@ class Resources:
         self.budget = budget
         self.work = work or ScanBudget()
         self.connection_ids = ConnectionIds()
+        self.received = ReceivedRings()
         self.unsettled: dict[str, None] = {}

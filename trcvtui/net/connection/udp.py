@@ -102,7 +102,7 @@ class UdpEndpoint(Connection):
         self.is_config = isinstance(config, UdpConfig)
         self.failure: Fault | None = None  # of the newest attempt to open a UDP_CONFIG
         if isinstance(config, UdpConfig):
-            config = ConnectConfig(config.name, local=config.local, is_datagram=True)
+            config = ConnectConfig(config.name, local=config.local, is_datagram=True, history=config.history)
         super().__init__(config, kernel, resources, policy, resolve, write)
         self._resolve = resolve
 
@@ -158,7 +158,7 @@ class UdpEndpoint(Connection):
         got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
             self.peer = got.source
-            self._took(got.whole if self.is_config else got.size, instance)
+            self._took(into[: got.size], instance, got.whole - got.size if self.is_config else 0)
         elif isinstance(got, Fault) and got.error == "EAGAIN":
             return WOULD_BLOCK
         return got

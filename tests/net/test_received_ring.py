@@ -1,0 +1,51 @@
+"""The newest received bytes of each CONNECT: what a position means, what goes first, what a state has."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from trcvtui.net import received_ring
+from trcvtui.net.received_ring import BLOCK, MOST_SKIPPED, ReceivedRings
+from trcvtui.recording.state import Shared, from_state, state_of
+
+
+def test_the_newest_bytes_stand_at_their_positions_however_they_came() -> None:
+    draw, ring = random.Random(1), ReceivedRings().ring("C1", 3 * BLOCK)
+    sent = b""
+    for size in [0, 1, BLOCK - 1, 0, BLOCK, 2 * BLOCK + 5, *(draw.randrange(700) for _ in range(100))]:
+        content = draw.randbytes(size)
+        assert ring.append(memoryview(content)) == len(sent)
+        sent += content
+        assert (ring.begin, ring.end) == (max(0, len(sent) - 3 * BLOCK), len(sent))
+        assert ring.read(0, 1 << 40) == sent[ring.begin :]
+        assert ring.read(ring.end - 300, ring.end - 7) == sent[-300:-7][: max(0, ring.end - 7 - ring.begin)]
+
+
+def test_of_all_rings_the_oldest_bytes_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(received_ring, "MOST_BYTES", 4 * BLOCK)
+    rings = ReceivedRings()
+    quiet, busy = rings.ring("C1"), rings.ring("C2")
+    quiet.append(bytes(10))
+    busy.append(bytes(4 * BLOCK))
+    assert (quiet.begin, quiet.end, busy.begin) == (10, 10, 0)
+    quiet.append(b"again")
+    assert (quiet.read(0, 99), busy.begin) == (b"again", BLOCK)
+
+
+def test_bytes_without_values_have_a_few_places() -> None:
+    ring = ReceivedRings().ring("C1")
+    assert (ring.append(b"ab"), ring.skip(3), ring.skip(1 << 30), ring.end) == (0, 2, 5, 5 + MOST_SKIPPED)
+
+
+def test_a_state_has_no_bytes_and_a_ring_goes_on_where_it_ended() -> None:
+    rings = ReceivedRings()
+    rings.ring("C1", 1 << 16).append(b"before" * 5000)
+    state = state_of(rings, Shared(()))
+    assert len(state) < 1000
+    restored = from_state(state, Shared(()), "test")
+    ring = restored.get("C1")
+    assert (ring.begin, ring.end, ring.most) == (30_000, 30_000, 1 << 16)
+    assert ring.append(b"after") == 30_000
+    assert ring.read(0, 1 << 20) == b"after"

@@ -1,0 +1,125 @@
+"""The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received: a ring each, all of them bounded.
+
+A position counts the bytes of one ring since the start of the PLC, over all its connections, also those that
+are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
+datagram was longer than its buffer) have places too, at most MOST_SKIPPED each time.
+Rule: the bytes are no part of a run's state. After a restore a ring begins where it ended.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from typing import Any, Final
+
+BLOCK: Final = 4096
+HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
+LEAST_HISTORY: Final = 1 << 16
+MOST_HISTORY: Final = 1 << 26
+MOST_BYTES: Final = 1 << 26  # of all rings of a PLC
+MOST_SKIPPED: Final = 256
+
+
+class ReceivedRings:
+    """The rings of one PLC by name; a name that is declared anew goes on with its ring."""
+
+    def __init__(self) -> None:
+        self._rings: dict[str, ReceivedRing] = {}
+        self._blocks = OrderedDict[tuple[str, int], ReceivedRing]()  # by first position, the oldest first
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"_rings": self._rings}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._blocks = OrderedDict()
+
+    def ring(self, name: str, most: int = HISTORY) -> ReceivedRing:
+        """Return the ring of a name, which keeps so many bytes from now on."""
+        found = self._rings.setdefault(name, ReceivedRing(name, self))
+        found.most = most
+        return found
+
+    def get(self, name: str) -> ReceivedRing | None:
+        return self._rings.get(name)
+
+    def block_begins(self, name: str, position: int) -> None:
+        """Note a new block; of too many of all rings the oldest goes."""
+        self._blocks[name, position] = self._rings[name]
+        while len(self._blocks) > MOST_BYTES // BLOCK:
+            self._blocks.popitem(last=False)[1].forget_block()
+
+    def block_ends(self, name: str, position: int) -> None:
+        del self._blocks[name, position]
+
+
+class ReceivedRing:
+    """The newest `most` bytes, in blocks; every block but the last is full."""
+
+    def __init__(self, name: str, of_all: ReceivedRings) -> None:
+        self.end = 0
+        self.most = HISTORY
+        self._name, self._all = name, of_all
+        self._first = 0  # the position where the oldest block begins
+        self._blocks: deque[bytearray] = deque()
+        self._room = 0  # in the last block
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"end": self.end, "most": self.most, "_name": self._name, "_all": self._all}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._first, self._blocks, self._room = self.end, deque(), 0
+
+    @property
+    def begin(self) -> int:
+        return max(self._first, self.end - self.most)
+
+    def append(self, content: bytes | memoryview) -> int:
+        """Append bytes, the oldest go for them; return the position of the first."""
+        size, position = len(content), self.end
+        self.end = position + size
+        if 0 < size <= self._room:
+            self._blocks[-1].extend(content)
+            self._room -= size
+            return position
+        done = 0
+        while done < size:
+            if not self._room:
+                self._begin_block(position + done)
+            part = content[done : done + self._room]
+            self._blocks[-1].extend(part)
+            self._room -= len(part)
+            done += len(part)
+        return position
+
+    def skip(self, size: int) -> int:
+        """Give places to bytes whose values are not known; return the position of the first."""
+        return self.append(bytes(min(size, MOST_SKIPPED)))
+
+    def _begin_block(self, position: int) -> None:
+        if not self._blocks:
+            self._first = position
+        self._blocks.append(bytearray())
+        self._room = BLOCK
+        while position - self._first >= self.most + BLOCK:
+            self._all.block_ends(self._name, self._first)
+            self.forget_block()
+        self._all.block_begins(self._name, position)
+
+    def forget_block(self) -> None:
+        """Forget the oldest block."""
+        self._blocks.popleft()
+        self._first += BLOCK
+        if not self._blocks:
+            self._first, self._room = self.end, 0
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Return the bytes from `start` to `stop`, as far as they are kept."""
+        start, stop = max(start, self.begin), min(stop, self.end)
+        if start >= stop:
+            return b""
+        place, found = start - self._first, bytearray()
+        while len(found) < stop - start:
+            number, at = divmod(place + len(found), BLOCK)
+            found += self._blocks[number][at : at + stop - start - len(found)]
+        return bytes(found)

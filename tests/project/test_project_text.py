@@ -78,7 +78,7 @@ def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
             "connect": {
                 "ActiveEstablished": draw(st.booleans()),
                 "LocalPort": port,
-                "history": f"{64 + port}KiB",
+                "history": f"{64 + port % 65_000}KiB",
             },
             "data": {"type": draw(st.sampled_from(["INT", "ARRAY[0..9] OF BYTE", "STRING[20]"]))},
             "instance": {"block": "TRCV_C", "connect": draw(st.sampled_from(connects)), "LEN": port},

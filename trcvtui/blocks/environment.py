@@ -34,13 +34,18 @@ class BytesLost(NamedTuple):
 
 
 class FrameEnded(NamedTuple):
-    """A frame was delivered. Its bytes were the newest that the block had taken."""
+    """A frame was delivered. Its bytes were the newest that the block had taken.
+
+    `prefix` and `suffix`: how many of them are marks.
+    """
 
     instance: str
     buffer: str
     offset: int
     size: int
     ending: str
+    prefix: int = 0
+    suffix: int = 0
 
 
 class PartialFrameDropped(NamedTuple):
@@ -54,12 +59,13 @@ class PartialFrameDropped(NamedTuple):
 
 
 class NoiseDropped(NamedTuple):
-    """Bytes in front of a prefix were thrown away; `total` of them since the start."""
+    """Bytes in front of a prefix, from `offset` on, were thrown away; `total` of them since the start."""
 
     instance: str
     buffer: str
     size: int
     total: int
+    offset: int = 0
 
 
 class LineHeld(NamedTuple):

@@ -50,7 +50,7 @@ class ReceivedChunk(NamedTuple):
     content: bytes
     link: Link
     told: JobSpan | tuple[int, int, str, Sequence[Any]]  # the last are the fields of JobEnded
-    reads: Sequence[tuple[int, int, int, int, int, int]]  # RecvSpans, those of a bare job not placed
+    reads: Sequence[RecvSpan]  # RecvSpans, those of a bare job not placed
 
     @property
     def done(self) -> bool:
@@ -79,10 +79,10 @@ class ReceivedChunk(NamedTuple):
     def recvs(self) -> tuple[RecvSpan, ...]:
         """Return the recv calls at their positions: the bytes of a job are theirs, one after the other."""
         if isinstance(self.told, JobSpan):
-            return tuple(map(RecvSpan._make, self.reads))
+            return tuple(self.reads)
         found: list[RecvSpan] = []
         position = self.position
-        for _, whole, number, scan, t_ns, offset in self.reads:
+        for _, whole, number, scan, t_ns, offset, *_ in self.reads:
             size = min(whole, self.stop - position)
             if size > 0:
                 found.append(RecvSpan(position, size, number, scan, t_ns, offset))
@@ -370,7 +370,7 @@ class FrameHistory:
         known.append(RecvSpan(0, size, number, scan, t_ns, offset))
 
     def _noise(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        instance, buffer, size, _ = event
+        instance, buffer, size, _, _ = event
         self._drop(buffer, instance, size, NOISE, self._kept(scan, instance, "noise", size), (scan, t_ns))
 
     def _part(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:

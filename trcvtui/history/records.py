@@ -31,8 +31,9 @@ class JobSpan(NamedTuple):
     """Bytes of one receive job, all of them, at `position` of the stream; or bytes that were dropped.
 
     `reason` says why bytes never reached DATA (`done` is False), or why their values are not kept.
-    `whole` counts the bytes: of many dropped ones only the first stand in the stream, of noise the last.
-    `prefix` and `suffix`: how many bytes of a frame are its marks.
+    `whole` counts the bytes of the job; of those that came after another job had read, each piece is a span
+    of its own that begins with byte `first`. `prefix` and `suffix`: how many bytes of a frame are its marks.
+    `is_open`: whose bytes they are has no end yet, or is not known.
     """
 
     position: int
@@ -48,6 +49,8 @@ class JobSpan(NamedTuple):
     prefix: int = 0
     suffix: int = 0
     is_frame: bool = False  # of a block on a ComBuffer
+    first: int = 0
+    is_open: bool = False
 
     @property
     def stop(self) -> int:
@@ -63,6 +66,7 @@ class RecvSpan(NamedTuple):
     scan: int
     t_ns: int
     offset: int
+    incarnation: int = 0
 
     @property
     def stop(self) -> int:
@@ -179,6 +183,7 @@ class HistoryWindow(Struct, frozen=True):
     sought: SeekResult | None = None
     job: tuple[int, bytes] | None = None
     data: PreviousJobBytes | None = None
+    lack: str = ""  # why nothing before `begin` is kept
 
     @property
     def stop(self) -> int:

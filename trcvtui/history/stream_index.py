@@ -30,9 +30,10 @@ Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the ev
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
 _Told = tuple[int, int, int, str]  # offset, size, number, peer
-_Read = tuple[int, int, int, int, int, int]  # the fields of a RecvSpan
 _Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
-_Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[_Read]]  # JobEnded, how it began, its reads
+_Ended = tuple[
+    int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]
+]  # JobEnded, how it began, its reads
 _LAST: Final = (1 << 62, 0, "")
 
 
@@ -136,7 +137,7 @@ class _InstanceReads:
     def __init__(self) -> None:
         self.began: _Began | None = None
         self.runs = False
-        self.reads: list[_Read] = []  # of the running job
+        self.reads: list[RecvSpan] = []  # of the running job
         self.link: Link = "", 0  # where it read these
         self.ended: _Ended | None = None
         self.delivered: _Ended | None = None
@@ -241,7 +242,7 @@ class StreamIndex:
         reading = self._readings[instance]
         reading.link = connection, incarnation
         reads = reading.reads
-        reads.append((position, size - cut, recv, scan, t_ns, offset))
+        reads.append(RecvSpan(position, size - cut, recv, scan, t_ns, offset, incarnation))
         if len(reads) > self._kept_recvs:
             del reads[0]
 
@@ -324,8 +325,8 @@ class StreamIndex:
         reading = self._readings.get(instance)
         return _begun(reading.began) if reading is not None and reading.began is not None else None
 
-    def reads(self, instance: str) -> list[_Read]:
-        """Return the bare recv calls of the job that ended last; none where not all of them are known."""
+    def reads(self, instance: str) -> list[RecvSpan]:
+        """Return the recv calls of the job that ended last; none where not all of them are known."""
         ended = self._readings[instance].ended
         return ended[4] if ended is not None and ended[3] is not None else []
 
@@ -334,10 +335,20 @@ class StreamIndex:
         assert ended is not None
         return _record(ended)
 
+    def last_read(self, instance: str) -> RecvSpan:
+        """Return the newest recv call of the running job."""
+        return self._readings[instance].reads[-1]
+
+    def running(self, connect: str) -> Iterator[tuple[str, JobRecord, list[RecvSpan]]]:
+        """Yield the instances whose running job has read on a CONNECT, with the job and its recv calls."""
+        for instance, reading in self._readings.items():
+            if reading.runs and reading.reads and reading.began and reading.link[0] == connect:
+                yield instance, _begun(reading.began), reading.reads
+
     def reader_of(self, link: Link, offset: int) -> str | None:
         """Return the instance whose running job has a byte of a connection."""
         for instance, reading in self._readings.items():
-            if reading.link == link and _covering(_spans(reading.reads), offset) is not None:
+            if reading.link == link and _covering(reading.reads, offset) is not None:
                 return instance
         return None
 
@@ -346,7 +357,7 @@ class StreamIndex:
         if reading is None:
             return None
         if of_job and reading.runs and reading.began is not None:
-            job = _begun(reading.began)._replace(recvs=_spans(reading.reads))
+            job = _begun(reading.began)._replace(recvs=reading.reads)
         elif not of_job and reading.delivered is not None:
             job = _record(reading.delivered)
         else:
@@ -401,12 +412,8 @@ def _record(ended: _Ended) -> JobRecord:
     begun, at = _begun(began) if began is not None else None, ScanStamp(scan, t_ns)
     return JobRecord(
         number, (connection, incarnation), offset, size,
-        begun.adhoc if begun else False, begun.began if begun else at, at, _spans(reads),
+        begun.adhoc if begun else False, begun.began if begun else at, at, reads,
     )  # fmt: skip
-
-
-def _spans(reads: list[_Read]) -> tuple[RecvSpan, ...]:
-    return tuple(map(RecvSpan._make, reads))
 
 
 def _begun(began: _Began) -> JobRecord:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from typing import Any, Final
 
+from trcvtui.wording import exact_size
+
 BLOCK: Final = 4096
 HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
 LEAST_HISTORY: Final = 1 << 16
@@ -59,7 +61,7 @@ class ReceivedRing:
         self.end = 0
         self.most = HISTORY
         self._name, self._all = name, of_all
-        self._first = 0  # the position where the oldest block begins
+        self._first = self._restored = 0  # where the oldest block begins, and where the ring began anew
         self._blocks: deque[bytearray] = deque()
         self._room = 0  # in the last block
 
@@ -68,11 +70,21 @@ class ReceivedRing:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._first, self._blocks, self._room = self.end, deque(), 0
+        self._first, self._restored, self._blocks, self._room = self.end, self.end, deque(), 0
 
     @property
     def begin(self) -> int:
         return max(self._first, self.end - self.most)
+
+    @property
+    def lack(self) -> str:
+        """Return why nothing older is kept, "" where nothing is missing."""
+        if not self.begin or self.begin == self.end:
+            return ""
+        if self.end - self.begin == self.most:
+            return f"older than the {exact_size(self.most)} that are kept"
+        is_restored = self.begin == self._restored
+        return "from before the keyframe" if is_restored else "older than the 64MiB that all keep together"
 
     def append(self, content: bytes | memoryview) -> int:
         """Append bytes, the oldest go for them; return the position of the first."""

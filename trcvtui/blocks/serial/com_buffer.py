@@ -152,10 +152,11 @@ class ComBuffer:
 
     # -- the line's side --------------------------------------------------------------------------------
 
-    def put(self, payload: bytes) -> int:
-        """Append bytes and return how many had room; the others are dropped."""
+    def put(self, payload: bytes, is_received: bool = True) -> int:
+        """Append bytes, received ones or those of a send block; return how many had room."""
         self.recorded.add(payload, self._now())
-        taken, position = min(len(payload), self.free), self.received.append(payload)
+        taken = min(len(payload), self.free)
+        position = self.received.append(payload) if is_received else -1
         if taken:
             self._write(BytesArrived(self.name, self.tail, taken, position))
             self._bytes += payload[:taken]

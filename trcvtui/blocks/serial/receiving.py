@@ -90,7 +90,9 @@ class Reception:
         self._buffer.take(used)
         if self.framer.discarded > noise:
             total = self.framer.discarded
-            self._env.write(NoiseDropped(self._instance, self._buffer.name, total - noise, total))
+            stop = self._buffer.head - self.framer.size - (len(frame.content) if frame is not None else 0)
+            size = total - noise
+            self._env.write(NoiseDropped(self._instance, self._buffer.name, size, total, stop - size))
         if frame is not None:
             return self._complete(frame, framing)
         return self._waiting()
@@ -137,7 +139,8 @@ class Reception:
             return self._spoilt(frame)
         self.last, self.tally = marks_of(frame, framing), self.tally.ended(ending)
         place = self._buffer.head - size
-        self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending)))
+        marks = self.last.prefix, self.last.suffix
+        self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending), *marks))
         self._deliver(frame.content)
         cause = Cause(Why.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
         is_gap = ending is Ending.GAP

@@ -64,7 +64,7 @@ class SendBlock(NoJob):
     def _go_on(self, payload: bytes) -> Outcome:
         room = payload[self.have : self.have + self._buffer.free]
         if room:
-            self._buffer.put(room)
+            self._buffer.put(room, is_received=False)
             self.have += len(room)
             self.last_bytes = self._env.now
         is_all = self.have == self.need

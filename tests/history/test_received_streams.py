@@ -1,0 +1,93 @@
+"""The stream of each CONNECT and ComBuffer has the bytes that DATA had, and those that were dropped."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import count
+
+from tests.scenario.scenarios import SCENARIOS
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.environment import (
+    BytesLost,
+    FrameEnded,
+    JobEnded,
+    NoiseDropped,
+    PartialFrameDropped,
+)
+from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.records import HistoryRequest, JobSpan, Seek
+from trcvtui.history.stream_reader import StreamReader
+from trcvtui.net.events import BytesDropped
+from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.scenario import load_scenario
+
+NOISE = "noise before the prefix"
+
+
+class Compared(VirtualPace):
+    """After each scan the stream is asked for what the ledger says of that scan, and DATA holds after it."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.reader = StreamReader(bench, LedgerReader(bench))
+        self.bench, self.found = bench, Counter[str]()
+        self._frames, self._seeks, self._seq = Counter[str](), count(1), 0
+
+    def next_scan(self, bench: Bench) -> None:
+        super().next_scan(bench)
+        events = [event for scan, _, event in bench.runtime.ledger.stamped_since(self._seq)]
+        self._seq = bench.runtime.ledger.last_seq
+        in_data: dict[str, tuple[str, str, int, int]] = {}  # by variable: the newest job of the scan
+        drops: Counter[tuple[str, int, str]] = Counter()
+        for event in events:
+            match event:
+                case JobEnded(instance, number, connect, _, _, size, True):
+                    in_data[self._data(instance)] = connect, instance, number, size
+                case FrameEnded(instance, buffer, _, size):
+                    self._frames[instance] += 1
+                    in_data[self._data(instance)] = buffer, instance, self._frames[instance], size
+                case BytesDropped():
+                    drops[event.connection, event.size, event.reason] += 1
+                case NoiseDropped():
+                    drops[event.buffer, event.size, NOISE] += 1
+                case PartialFrameDropped():
+                    drops[event.buffer, event.size, f"incomplete, {event.reason}"] += 1
+                case BytesLost() if event.buffer != "TX":  # what is sent was not received
+                    drops[event.buffer, event.size, event.reason] += 1
+        for data, (name, instance, number, size) in in_data.items():
+            if data:
+                self._job(name, instance, number, bench.runtime.data(data, size))
+        names = {name for name, _, _ in drops}
+        assert drops == Counter((n, job.whole, job.reason) for n in names for job in self._dropped(n))
+        self.found["drops"] += drops.total()
+
+    def _data(self, instance: str) -> str:
+        decl = self.bench.project.instance(instance)
+        return (decl.data or "") if decl is not None else ""
+
+    def _job(self, name: str, instance: str, number: int, content: bytes) -> None:
+        seek = Seek(next(self._seeks), 0, False, job=(instance, number))
+        sought = self.reader.window(HistoryRequest(name, seek=seek)).sought
+        assert sought is not None and sought.position is not None
+        window = self.reader.window(HistoryRequest(name, sought.position, 8192, job_at=sought.position))
+        assert window.job == (sought.position, content) or not content
+        job = next(job for job in window.jobs if job.number == number and job.instance == instance)
+        assert (job.whole, job.scan, job.done) == (len(content), self.bench.runtime.scans, True)
+        assert window.content[: job.size] == content[: job.size][:8192]
+        self.found["jobs"] += 1
+
+    def _dropped(self, name: str) -> list[JobSpan]:
+        scan, window = self.bench.runtime.scans, self.reader.window(HistoryRequest(name, size=8192))
+        assert all(job.scan for job in window.jobs), "of each byte it is known whose it is"
+        return [job for job in window.jobs if not (job.done or job.is_open or job.first) and job.scan == scan]
+
+
+def test_every_scenario_has_the_same_jobs_and_drops_in_data_and_stream() -> None:
+    found = Counter[str]()
+    for path in SCENARIOS:
+        scenario = load_scenario(path)
+        bench = Bench(scenario.project, "sim")
+        compared = Compared(bench)
+        Runner(bench, scenario.name, compared, lambda *_: None).play([*scenario.start, *scenario.steps])
+        bench.close()
+        found += compared.found
+    assert found["jobs"] > 900 and found["drops"] > 80

@@ -1,0 +1,310 @@
+"""Whose the received bytes of each ring are: recv calls, jobs, frames and what was dropped, by position.
+
+Rule 1: only what the ledger tells is kept; where lines were overwritten, nobody's bytes stay nobody's.
+Rule 2: the bytes are those of the ring (net/received_ring.py): nothing is copied here, and nothing is late.
+Rule 3: all of it is bounded: spans of one stream, the fewer the more streams there are; the oldest go first.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator
+from operator import attrgetter
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.environment import (
+    BytesArrived,
+    BytesLost,
+    FrameEnded,
+    JobEnded,
+    NoiseDropped,
+    PartialFrameDropped,
+)
+from trcvtui.blocks.framing import Ending
+from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.records import JobSpan, RecvSpan, Span
+from trcvtui.history.stream_index import Listener
+from trcvtui.net.events import BytesDropped, BytesReceived
+from trcvtui.net.received_ring import MOST_SKIPPED
+
+MOST_SPANS_KEPT: Final = 200_000  # of all streams: jobs, and as many recv calls
+LEAST_SPANS_KEPT: Final = 1000  # of each
+SLACK: Final = 1024  # spans that are forgotten at once
+MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many may share a CONNECT
+MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as many as it has bytes
+RUNS: Final = "the job runs"
+WAITS: Final = "of a frame without its end, or not read yet"
+NOISE: Final = "noise before the prefix"
+UNUSUAL: Final = {str(Ending.GAP): "ended by a gap", str(Ending.OVERRUN): "size reached, no suffix"}
+POSITION: Final = attrgetter("position")
+STOP: Final = attrgetter("stop")
+Pieces = list[tuple[int, int]]  # position and size of the bytes of one job, which another may part
+
+
+class ReceivedStream:
+    """The spans of one ring by position."""
+
+    def __init__(self) -> None:
+        self.begin = 0  # before it, spans were forgotten
+        self.jobs: list[JobSpan] = []
+        self.recvs: list[RecvSpan] = []
+        self.blanks: list[JobSpan] = []  # of the jobs: places without values
+        self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
+
+    def add(self, span: JobSpan) -> None:
+        """Put a span in its place: of two jobs that read in turns the later one may end first."""
+        place = len(self.jobs)
+        while place and self.jobs[place - 1].position > span.position:
+            place -= 1
+        self.jobs.insert(place, span)
+        if not span.is_kept:
+            self.blanks.append(span)
+
+    def add_pieces(self, span: JobSpan, pieces: Pieces) -> None:
+        """Add a job, or dropped bytes, of `whole` bytes in so many pieces."""
+        first = 0
+        for position, size in pieces:
+            rest = span.whole - first - size
+            self.add(span._replace(
+                position=position, size=size, first=first,
+                prefix=min(size, max(0, span.prefix - first)), suffix=min(size, max(0, span.suffix - rest)),
+            ))  # fmt: skip
+            first += size
+
+    def forget(self, most: int, begin: int) -> None:
+        """Forget the oldest spans of too many, and those whose bytes are gone."""
+        for spans in (self.jobs, self.recvs, self.blanks):
+            if len(spans) > most + SLACK or (len(spans) > SLACK and spans[SLACK].stop <= begin):
+                del spans[:SLACK]
+                self.begin = max(self.begin, spans[0].position)
+
+    def dropped(self, incarnation: int, offset: int, size: int) -> tuple[Pieces, int]:
+        """Return where `size` bytes from `offset` of a connection lie, and how many a datagram was cut by."""
+        found: Pieces = []
+        cut = 0
+        for recv in reversed(self.recvs):
+            if not found and recv is self.recvs[-1] and recv.incarnation == incarnation:
+                cut = max(0, offset + size - recv.offset - recv.size)
+            if recv.incarnation != incarnation or recv.offset + recv.size <= offset:
+                break
+            first, stop = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
+            if first < stop:
+                found.append((recv.position + first - recv.offset, stop - first))
+        return joined(reversed(found)), cut
+
+    def taken(self, stop: int, size: int) -> Pieces | None:
+        """Take the last `size` bytes before byte `stop` of a ComBuffer that no block has taken.
+
+        Return None where not all of them are known.
+        """
+        held: list[RecvSpan] = []
+        while self.arrivals and self.arrivals[0].offset < stop:
+            held.append(self.arrivals.popleft())
+        beyond = max(0, held[-1].offset + held[-1].size - stop) if held else 0
+        stays = sum([recv.size for recv in held]) - beyond - size
+        if stays < 0:
+            return None
+        found: Pieces = []
+        kept: list[RecvSpan] = []
+        for recv in held:
+            last = beyond if recv is held[-1] else 0
+            before = min(stays, recv.size - last)
+            stays -= before
+            here = recv.size - before - last
+            kept += [_part(recv, 0, before)] if before else []
+            found += [(recv.position + before, here)] if here else []
+            kept += [_part(recv, recv.size - last, last)] if last else []
+        self.arrivals.extendleft(reversed(kept))
+        return joined(found)
+
+    # -- looking for a place ----------------------------------------------------------------------------
+
+    def pieces(self, place: int) -> list[JobSpan]:
+        """Return all pieces of the job, or of the dropped bytes, at a place in `jobs`."""
+        span = self.jobs[place]
+        if span.size == span.whole:
+            return [span]
+        near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS]
+        same = span._replace(position=0, size=0, first=0, is_kept=True, prefix=0, suffix=0)
+        return [
+            one for one in near
+            if one._replace(position=0, size=0, first=0, is_kept=True, prefix=0, suffix=0) == same
+        ]  # fmt: skip
+
+    def job_before(self, position: int, instance: str) -> list[JobSpan]:
+        """Return the pieces of the job of an instance that began before a position, and ended with DONE."""
+        last = bisect_left(self.jobs, position, key=POSITION) - 1
+        for place in range(last, max(-1, last - MOST_STEPS), -1):
+            job = self.jobs[place]
+            if job.done and job.instance == instance and not job.first:
+                return self.pieces(place)
+        return []
+
+    def job(self, instance: str, number: int) -> int | None:
+        """Return where the newest job, or frame, of that number begins."""
+        found = (
+            job.position for job in reversed(self.jobs)
+            if job.done and job.number == number and job.instance == instance and not job.first
+        )  # fmt: skip
+        return next(found, None)
+
+    def done(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
+        """Return where the next job that ended with DONE begins, or the one that began before.
+
+        Without `is_done`: the next bytes that were dropped.
+        """
+        place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=POSITION)
+        numbers = range(place, len(self.jobs)) if is_forward else range(place - 1, -1, -1)
+        jobs = (self.jobs[number] for number in numbers)
+        return next((job.position for job in jobs if job.done is is_done and not job.first), None)
+
+
+class ReceivedStreams:
+    """The streams of a bench: one a CONNECT, UDP_CONFIG or ComBuffer."""
+
+    def __init__(self, bench: Bench, reader: LedgerReader) -> None:
+        self.index = reader.index
+        self.streams: defaultdict[str, ReceivedStream] = defaultdict(ReceivedStream)
+        self._bench = bench
+        self._frames: dict[str, int] = {}  # by instance
+        self._arrivals: dict[str, int] = {}
+        listeners: dict[type, Listener] = {
+            BytesReceived: self._received,
+            BytesDropped: self._dropped,
+            BytesArrived: self._arrived,
+            FrameEnded: self._frame,
+            NoiseDropped: self._noise,
+            PartialFrameDropped: self._part,
+            BytesLost: self._lost,
+        }
+        self.index.listen(listeners)
+        self.index.ends[True].append(self._delivered)
+        reader.lost.append(self._lose)
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        for stream in self.streams.values():
+            stream.arrivals.clear()
+
+    def _recv(self, name: str, recv: RecvSpan) -> ReceivedStream:
+        stream = self.streams[name]
+        stream.recvs.append(recv)
+        if len(stream.recvs) > SLACK or len(stream.jobs) > SLACK:
+            ring = self._bench.runtime.received(name)
+            most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
+            stream.forget(most, ring.begin if ring is not None else 0)
+        return stream
+
+    # -- a CONNECT ---------------------------------------------------------------------------------------
+
+    def _received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
+        self._recv(event.connection, self.index.last_read(event.instance))
+
+    def _delivered(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
+        instance, number, connect, _, _, size, _, _ = event
+        reads = self.index.reads(instance)
+        if reads and (pieces := first_of(reads, size)) is not None:
+            span = JobSpan(0, 0, instance, number, scan, t_ns, True, whole=size)
+            self.streams[connect].add_pieces(span, pieces)
+
+    def _dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
+        stream, size = self.streams[event.connection], event.size
+        span = JobSpan(0, 0, "", 0, scan, t_ns, False, event.reason, whole=size)
+        if event.offset < 0:
+            stream.add(span._replace(position=event.position, size=min(size, MOST_SKIPPED), is_kept=False))
+            return
+        reader = self.index.reader_of((event.connection, event.incarnation), event.offset)
+        if reader is not None and (job := self.index.started(reader)) is not None:
+            span = span._replace(instance=reader, number=job.number)
+        pieces, cut = stream.dropped(event.incarnation, event.offset, size)
+        stream.add_pieces(span, pieces)
+        if cut:
+            last, shown = stream.recvs[-1].stop, min(cut, MOST_SKIPPED)
+            stream.add(span._replace(position=last, size=shown, first=size - cut, is_kept=False))
+
+    # -- a ComBuffer -------------------------------------------------------------------------------------
+
+    def _arrived(self, seq: int, scan: int, t_ns: int, event: BytesArrived) -> None:
+        buffer, offset, size, position = event
+        if position >= 0:
+            number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
+            recv = RecvSpan(position, size, number, scan, t_ns, offset)
+            self._recv(buffer, recv).arrivals.append(recv)
+
+    def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
+        instance, buffer, offset, size, ending, prefix, suffix = event
+        number = self._frames[instance] = self._frames.get(instance, 0) + 1
+        pieces = self.streams[buffer].taken(offset + size, size)
+        span = JobSpan(
+            0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
+            prefix=prefix, suffix=suffix, is_frame=True,
+        )  # fmt: skip
+        self.streams[buffer].add_pieces(span, pieces or [])
+
+    def _noise(self, seq: int, scan: int, t_ns: int, event: NoiseDropped) -> None:
+        self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, NOISE))
+
+    def _part(self, seq: int, scan: int, t_ns: int, event: PartialFrameDropped) -> None:
+        reason = f"incomplete, {event.reason}"
+        self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, reason))
+
+    def _lost(self, seq: int, scan: int, t_ns: int, event: BytesLost) -> None:
+        buffer, offset, size, reason, position = event
+        if position < 0:
+            self._drop(buffer, offset - size, size, ("", scan, t_ns, reason))
+        else:
+            span = JobSpan(position, size, "", 0, scan, t_ns, False, reason, whole=size)
+            self.streams[buffer].add(span)
+
+    def _drop(self, buffer: str, offset: int, size: int, what: tuple[str, int, int, str]) -> None:
+        instance, scan, t_ns, reason = what
+        span = JobSpan(0, 0, instance, 0, scan, t_ns, False, reason, whole=size)
+        stream = self.streams[buffer]
+        stream.add_pieces(span, stream.taken(offset + size, size) or [])
+
+    # -- what has no end yet -----------------------------------------------------------------------------
+
+    def running(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
+        """Yield what running jobs, and frames without their end, have between two positions."""
+        waiting = self.streams[name].arrivals
+        jobs = [(RUNS, instance, job.number, reads) for instance, job, reads in self.index.running(name)]
+        for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
+            at, whole, first = reads[0] if reads else None, sum([recv.size for recv in reads]), 0
+            for position, size in joined((recv.position, recv.size) for recv in reads):
+                if at is not None and position < stop and position + size > start:
+                    yield JobSpan(
+                        position, size, instance, number, at.scan, at.t_ns, False, reason,
+                        whole=whole, first=first, is_open=True,
+                    )  # fmt: skip
+                first += size
+
+
+def spans_between(spans: list[Span], start: int, stop: int) -> list[Span]:
+    """Return the spans with a byte between two positions, by bisection at both ends."""
+    first = bisect_right(spans, start, key=STOP)
+    return spans[first : bisect_left(spans, stop, lo=first, key=POSITION)]
+
+
+def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
+    """Return stretches of bytes as few ones, joined where one goes on in the next."""
+    found: Pieces = []
+    for position, size in parts:
+        if found and sum(found[-1]) == position:
+            found[-1] = found[-1][0], found[-1][1] + size
+        else:
+            found.append((position, size))
+    return found
+
+
+def first_of(reads: list[RecvSpan], size: int) -> Pieces | None:
+    """Return where the first `size` bytes of some recv calls lie; None: they have fewer."""
+    left, parts = size, []
+    for recv in reads:
+        parts.append((recv.position, min(left, recv.size)))
+        left -= parts[-1][1]
+    return None if left else joined(part for number, part in enumerate(parts) if part[1] or not number)
+
+
+def _part(recv: RecvSpan, first: int, size: int) -> RecvSpan:
+    return recv._replace(position=recv.position + first, offset=recv.offset + first, size=size)

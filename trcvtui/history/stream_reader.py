@@ -1,0 +1,240 @@
+"""Reads windows out of the received streams for the screen; looks for bytes in them stretch by stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from operator import attrgetter
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams, spans_between
+from trcvtui.history.records import (
+    END,
+    MOST_SPANS,
+    MOST_WINDOW,
+    HistoryRequest,
+    HistoryWindow,
+    JobSpan,
+    MessageSpan,
+    PreviousJobBytes,
+    RecvSpan,
+    Seek,
+    SeekResult,
+)
+from trcvtui.net.received_ring import ReceivedRing
+from trcvtui.udt.byte_text import MOST_COUNTED, first_in, hit_of, last_in
+
+STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
+MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write
+LOST: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
+_EMPTY: Final = ReceivedStream()
+
+
+class _Source:
+    """One stream with its ring, as long as a picture is made."""
+
+    def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream) -> None:
+        self.name, self.ring, self.stream = name, ring, stream
+        self.begin, self.end = max(ring.begin, min(stream.begin, ring.end)), ring.end
+
+    @property
+    def lack(self) -> str:
+        return self.ring.lack if self.begin == self.ring.begin else "older than the jobs that are kept"
+
+    def runs(self, start: int, stop: int) -> list[tuple[int, bytes]]:
+        """Return the bytes from `start` to `stop`, put together as far as no byte is missing between them."""
+        start, stop = max(start, self.begin), min(stop, self.end)
+        found: list[tuple[int, bytes]] = []
+        for blank in spans_between(self.stream.blanks, start, stop):
+            if blank.position > start:
+                found.append((start, self.ring.read(start, blank.position)))
+            start = blank.stop
+        return [*found, (start, self.ring.read(start, stop))] if start < stop else found
+
+    def content(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB) -> bytes:
+        """Return `size` bytes of a job from byte `first` on; b"" where one of its bytes is not kept."""
+        whole = pieces[0].whole if pieces else 0
+        parts = [self.ring.read(piece.position, piece.stop) for piece in pieces if piece.is_kept]
+        content = b"".join(parts)
+        return content[first : first + size] if len(content) == whole else b""
+
+
+class StreamReader:
+    """Answers requests. Of a search only the place is remembered up to which it has come."""
+
+    def __init__(self, bench: Bench, reader: LedgerReader) -> None:
+        self.streams = ReceivedStreams(bench, reader)
+        self._bench, self._catch_up = bench, reader.catch_up
+        self._seek: Seek | None = None
+        self._reached = 0
+        self._answer: SeekResult | None = None
+
+    def window(self, request: HistoryRequest) -> HistoryWindow:
+        """Return the window; one outside is moved to what is kept."""
+        self._catch_up()
+        ring = self._bench.runtime.received(request.connect)
+        if ring is None:
+            return HistoryWindow(request.connect, 0, 0)
+        of = _Source(request.connect, ring, self.streams.streams.get(request.connect, _EMPTY))
+        size = max(0, min(request.size, MOST_WINDOW))
+        start = of.end - size if request.start == END else request.start
+        start = max(of.begin, min(start, of.end))
+        jobs, recvs, messages, stop = self._spans(of, start, min(start + size, of.end))
+        return HistoryWindow(
+            request.connect, of.begin, of.end, start, ring.read(start, stop),
+            tuple(jobs), tuple(recvs), tuple(messages),
+            tuple(_before(of, jobs, start, stop)) if request.before else (),
+            self._sought(of, request.seek), self._job_at(of, request.job_at),
+            _before_data(of, request.data), of.lack,
+        )  # fmt: skip
+
+    def _spans(
+        self, of: _Source, start: int, stop: int
+    ) -> tuple[list[JobSpan], list[RecvSpan], list[MessageSpan], int]:
+        ended = spans_between(of.stream.jobs, start, stop)[: MOST_SPANS + 1]
+        recvs = spans_between(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
+        running = self.streams.running(of.name, start, stop)
+        jobs = [*_without_gaps(sorted([*ended, *running], key=_POSITION), start, stop)]
+        stop = min(
+            [stop, *(spans[MOST_SPANS].position for spans in (jobs, recvs) if len(spans) > MOST_SPANS)]
+        )
+        messages: list[MessageSpan] = []
+        for recv in recvs[:MOST_SPANS]:
+            if len(messages) >= MOST_SPANS:
+                stop = min(stop, recv.position)
+                break
+            self._add_messages(messages, of.name, recv, (start, stop))
+        return spans_between(jobs, start, stop), spans_between(recvs, start, stop), messages, stop
+
+    def _add_messages(
+        self, messages: list[MessageSpan], name: str, recv: RecvSpan, window: tuple[int, int]
+    ) -> None:
+        position = max(recv.position, window[0])
+        offset = recv.offset + position - recv.position
+        size = min(recv.stop, window[1]) - position
+        link = name, recv.incarnation
+        for found in self.streams.index.messages_within(link, offset, size, position):
+            last = messages[-1] if messages else None
+            if last is not None and _goes_on(last, found):
+                messages[-1] = last._replace(size=last.size + found.size)
+            else:
+                messages.append(found)
+
+    def _job_at(self, of: _Source, position: int | None) -> tuple[int, bytes] | None:
+        """Return where the job, or piece of one, at a position begins, and all bytes of the job."""
+        if position is None:
+            return None
+        jobs = of.stream.jobs
+        for span in spans_between(jobs, position, position + 1):
+            place = next(number for number, one in enumerate(jobs) if one is span)
+            return span.position, of.content(of.stream.pieces(place))
+        for span in self.streams.running(of.name, position, position + 1):
+            return span.position, of.ring.read(span.position, span.stop)
+        return None
+
+    # -- looking for a place -----------------------------------------------------------------------------
+
+    def _sought(self, of: _Source, seek: Seek | None) -> SeekResult | None:
+        if seek is None:
+            return None
+        if self._seek != seek:
+            self._seek, self._answer, self._reached = seek, None, seek.start
+            found = None
+            if seek.job is not None:
+                found = of.stream.job(*seek.job)
+            elif not seek.patterns:
+                found = of.stream.done(seek.start, seek.is_forward, not seek.dropped)
+            if not seek.patterns or seek.job is not None:
+                is_kept = found is not None and found >= of.begin
+                self._answer = SeekResult(seek.number, found if is_kept else None)
+        if self._answer is None or self._answer.share < 1:
+            self._answer = self._search(of, seek)
+        return self._answer
+
+    def _search(self, of: _Source, seek: Seek) -> SeekResult:
+        """Search one stretch more; stretches overlap, so that nothing on their border is missed."""
+        size = max(1, STRETCH // len(seek.patterns))
+        more = max(map(len, seek.patterns)) - 1
+        if seek.is_forward:
+            start = max(self._reached, of.begin)
+            found = _first(of.runs(start, start + size + more), seek.patterns)
+            self._reached = start + size
+            is_over = self._reached >= of.end
+            done, whole = self._reached - seek.start, of.end - seek.start
+        else:
+            stop = min(self._reached, of.end)
+            found = _last(of.runs(stop - size, stop + more), seek.patterns, stop)
+            self._reached = stop - size
+            is_over = self._reached <= of.begin
+            done, whole = seek.start - self._reached, seek.start - of.begin
+        if found is not None:
+            few = of.runs(of.begin, min(of.end, of.begin + MOST_COUNTED + 1))
+            return SeekResult(seek.number, found, hit=hit_of(few, seek.patterns, found))
+        if is_over:
+            return SeekResult(seek.number, None)
+        return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
+
+
+_POSITION: Final = attrgetter("position")
+
+
+def _without_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
+    """Yield the jobs, and between them the bytes of which it is not known whose they are."""
+    reached = start
+    for job in jobs:
+        if job.position > reached:
+            yield _unknown(reached, job.position)
+        yield job
+        reached = max(reached, job.stop)
+    if reached < stop:
+        yield _unknown(reached, stop)
+
+
+def _unknown(start: int, stop: int) -> JobSpan:
+    return JobSpan(start, stop - start, "", 0, 0, 0, False, LOST, whole=stop - start, is_open=True)
+
+
+def _goes_on(last: MessageSpan, found: MessageSpan) -> bool:
+    return (
+        (last.peer, last.number, last.stop) == (found.peer, found.number, found.position)
+        and last.first + last.size == found.first
+    )  # fmt: skip
+
+
+def _first(runs: list[tuple[int, bytes]], patterns: tuple[bytes, ...]) -> int | None:
+    for place, part in runs:
+        found = first_in(part, patterns)
+        if found is not None:
+            return place + found
+    return None
+
+
+def _last(runs: list[tuple[int, bytes]], patterns: tuple[bytes, ...], before: int) -> int | None:
+    for place, part in reversed(runs):
+        found = last_in(part, patterns, before - place)
+        if found is not None:
+            return place + found
+    return None
+
+
+def _before(of: _Source, jobs: list[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
+    """Yield, for each job of the window, the bytes of the job before it at the same places."""
+    for job in jobs:
+        earlier = of.stream.job_before(job.position, job.instance) if job.done and not job.first else []
+        if earlier:
+            at = max(start, job.position)
+            content = of.content(earlier, at - job.position, min(stop, job.stop) - at)
+            if content:
+                yield PreviousJobBytes(at, content, earlier[0].number)
+
+
+def _before_data(of: _Source, asked: tuple[str, int, int] | None) -> PreviousJobBytes | None:
+    """Return bytes of the job before the newest one of an instance: what DATA held before."""
+    if asked is None:
+        return None
+    instance, first, size = asked
+    newest = of.stream.job_before(of.end + 1, instance)
+    earlier = of.stream.job_before(newest[0].position, instance) if newest else []
+    content = of.content(earlier, first, min(size, MOST_WINDOW))
+    return PreviousJobBytes(first, content, earlier[0].number) if content else None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError
 from trcvtui.picture.protocol import EngineStopped, MessageReader
+from trcvtui.picture.update_pipe import UpdateReader
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -40,7 +41,7 @@ class ProcessDriver:
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
-        self._arriving = MessageReader(self._channel)
+        self._arriving, self._reader = MessageReader(self._channel), UpdateReader()
         self._outstanding = False
         self._project: Project | None = None
 
@@ -99,8 +100,7 @@ class ProcessDriver:
             self._project = message
             return None
         self._outstanding = False
-        picture: BenchUpdate = message
-        return picture
+        return self._reader.picture(message)
 
     def _message(self) -> Any:
         """Return the next message, None while no whole one has come."""

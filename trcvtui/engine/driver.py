@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError
 from trcvtui.picture.protocol import EngineStopped, MessageReader
-from trcvtui.picture.update_pipe import UpdateReader
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -41,6 +40,8 @@ class ProcessDriver:
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
+        from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
+
         self._arriving, self._reader = MessageReader(self._channel), UpdateReader()
         self._outstanding = False
         self._project: Project | None = None

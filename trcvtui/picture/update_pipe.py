@@ -10,10 +10,13 @@ import os
 import pickle
 import struct
 import sys
+from itertools import starmap
 from multiprocessing.connection import Connection as Channel
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from msgspec.structs import replace
+
+from trcvtui.plc.ledger import Line
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate
@@ -24,10 +27,15 @@ Parts = tuple[tuple[Any, ...], ...]
 
 
 class UpdateMessage(NamedTuple):
-    """A picture without the parts of its snapshot; of each kind their number, and the changed by place."""
+    """A picture without the parts of its snapshot, and without lines.
+
+    `changed`: of each kind of parts their number, and those that have changed by place. `lines` as plain
+    tuples of number, scan, time, kind of event and its fields: pickled in a quarter of the time.
+    """
 
     update: BenchUpdate
     changed: tuple[tuple[int, list[tuple[int, Any]]], ...]
+    lines: list[tuple[Any, ...]]
 
 
 def _parts_of(snapshot: Snapshot) -> Parts:
@@ -53,10 +61,15 @@ class UpdatePipe:
             for kind, sent in zip(parts, self._sent, strict=True)
         )
         self._sent = parts
+        lines = [
+            (seq, scan, t_ns, event.__class__, *event)
+            if isinstance(event, tuple)
+            else (seq, scan, t_ns, None, event)
+            for seq, scan, t_ns, event in picture.lines
+        ]
         head = replace(picture.snapshot, instances=(), connections=(), data=())
-        message = pickle.dumps(
-            UpdateMessage(replace(picture, snapshot=head), changed), pickle.HIGHEST_PROTOCOL
-        )
+        update = replace(picture, snapshot=head, lines=())
+        message = pickle.dumps(UpdateMessage(update, changed, lines), pickle.HIGHEST_PROTOCOL)
         if sys.platform == "win32":
             self._channel.send_bytes(message)
         else:  # as `send_bytes` does: the length in four bytes, network order, then the message
@@ -98,4 +111,9 @@ class UpdateReader:
         instances, connections, data = map(tuple, self._parts)
         update = message.update
         snapshot = replace(update.snapshot, instances=instances, connections=connections, data=data)
-        return replace(update, snapshot=snapshot)
+        lines = tuple(starmap(_line, message.lines))
+        return replace(update, snapshot=snapshot, lines=lines)
+
+
+def _line(seq: int, scan: int, t_ns: int, kind: Any, *fields: Any) -> Line:
+    return Line(seq, scan, t_ns, fields[0] if kind is None else kind(*fields))

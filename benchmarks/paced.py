@@ -18,7 +18,7 @@ from trcvtui.clock import now_ns
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import TIMING_FILE, Engine
 from trcvtui.files import noting_reads
-from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
@@ -99,7 +99,9 @@ class PacedEngine:
 
     def _snapshot(self) -> Snapshot:
         self._channel.send(UpdateRequest(most_lines=0))
-        return self._reader.picture(self._channel.recv()).snapshot
+        picture = self._reader.read(self._channel.recv_bytes())
+        assert isinstance(picture, BenchUpdate)
+        return picture.snapshot
 
 
 def _run(channel: Channel, file: Path, timing: Path, connections: int, record: Path | None) -> None:

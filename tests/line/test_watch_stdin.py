@@ -357,12 +357,12 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     jobs, reader = 0, UpdateReader()
     while not jobs:
         ours.send(UpdateRequest())
-        jobs = reader.picture(ours.recv()).snapshot.instances[0].jobs_done
+        jobs = reader.read(ours.recv_bytes()).snapshot.instances[0].jobs_done
     os.close(writes)
     said: list[object] = []
     while not any("have ended" in str(line) for line in said):
         ours.send(UpdateRequest())
-        said += reader.picture(ours.recv()).lines
+        said += reader.read(ours.recv_bytes()).lines
     assert any("UDP: DNS" in str(line) for line in said)
     ours.close()
     thread.join(20)

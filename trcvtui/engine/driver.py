@@ -6,7 +6,6 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 import multiprocessing
-import pickle
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -101,7 +100,8 @@ class ProcessDriver:
             self._project = message
             return None
         self._outstanding = False
-        return self._reader.picture(message)
+        picture: BenchUpdate = message
+        return picture
 
     def _message(self) -> Any:
         """Return the next message, None while no whole one has come."""
@@ -109,7 +109,7 @@ class ProcessDriver:
             message = self._arriving.next()
         except (EOFError, OSError):
             raise self._ended() from None
-        return None if message is None else pickle.loads(message)
+        return None if message is None else self._reader.read(message)
 
     def _ended(self, trace: str = "") -> EngineStopped:
         if not trace:

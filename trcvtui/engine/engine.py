@@ -1,7 +1,8 @@
 """The live engine: absolute deadlines, and the screen served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
-Rule 2: the screen is served between two scans: a picture is made in one gap, and sent in it or the next.
+Rule 2: the screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
+so that it is of one scan, and sent slice by slice.
 Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
@@ -9,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Callable
 from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
@@ -21,7 +21,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, close_files, noting_reads
-from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.signals import OF_A_TERMINAL, leave
 
@@ -85,10 +85,11 @@ def _tell(channel: Channel, last_words: str | UserError) -> None:
 
 
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
+GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
 STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
 READ_NS: Final = 100_000_000  # nothing is left unread for longer
 MOST_MESSAGES: Final = 64  # that are taken at once
-PATIENCE_NS: Final = 10_000_000  # a picture waits so long for a gap with enough room
+PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
 FAST_NS: Final = 5_000_000  # with shorter intervals
 PICTURE_NS: Final = 100_000_000  # lies between two pictures
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
@@ -108,9 +109,8 @@ class Engine:
             self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
-        self._picture: BenchUpdate | None = None  # made, and not sent
-        self._made_at = self._waits_since = 0
-        self._took_ns: dict[Callable[[], None], int] = {}  # the last time
+        self._asked_at = self._made_at = self._worked_at = 0  # when, for pictures
+        self._make_ns = 0  # what it took last to make a picture
         self._is_answered = True  # all lines that were taken have their answer in a picture
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
@@ -199,45 +199,36 @@ class Engine:
                         self._recorder = self._controller.black_box = self._controller.files_judge = None
                     self._begin(self._controller.bench)
             case UpdateRequest() as request:
-                self._request, self._waits_since = request, clock.now_ns()
+                self._request, self._asked_at = request, clock.now_ns()
 
     def _deliver(self, until: int) -> None:
-        """Make and send the picture that is asked for."""
-        self._pipe.go_on()
-        if self._wants_picture():
-            self._do(self._make, until)
-        if self._picture is not None:
-            self._do(self._send, until)
-
-    def _wants_picture(self) -> bool:
-        """Return whether one may be made: with short intervals ten a second, at once where a line waits."""
-        if self._request is None or self._picture is not None or self._pipe.is_busy():
-            return False
-        if self._interval >= FAST_NS:
-            self._timing.find_percentiles()
-            return True
-        if self._is_answered and clock.now_ns() < self._made_at + PICTURE_NS:
-            return False
-        return not self._timing.find_percentiles()  # which is work enough for one gap
-
-    def _do(self, work: Callable[[], None], until: int) -> None:
-        """Do it if the gap has room for what it took last, or if it has waited long enough."""
         began = clock.now_ns()
-        if began + self._took_ns.get(work, 0) > until and began < self._waits_since + PATIENCE_NS:
+        if self._request is None and not self._pipe.is_busy():
+            self._worked_at = began
             return
-        work()
-        self._waits_since = clock.now_ns()
-        self._took_ns[work] = self._waits_since - began
-        if began <= self._due < self._waits_since:
+        if began >= until and began < self._worked_at + PATIENCE_NS:
+            return
+        part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
+        if self._request is not None and not self._pipe.is_busy() and self._may_make(began, until):
+            self._make(self._request)
+        self._pipe.go_on(part)
+        self._worked_at = clock.now_ns()
+        if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
 
-    def _make(self) -> None:
-        assert self._request is not None
-        request, self._request = self._request, None
-        self._made_at, self._is_answered = clock.now_ns(), True
-        self._picture = self._controller.picture(request, self._timing.summary(), request.most_lines)
+    def _make(self, request: UpdateRequest) -> None:
+        began = clock.now_ns()
+        if not self._timing.find_percentiles() or self._interval >= FAST_NS:
+            self._pipe.begin(self._controller.picture(request, self._timing.summary(), request.most_lines))
+            self._make_ns, self._made_at = clock.now_ns() - began, began
+            self._request, self._is_answered = None, True
 
-    def _send(self) -> None:
-        assert self._picture is not None
-        picture, self._picture = self._picture, None
-        self._pipe.send(picture)
+    def _may_make(self, now: int, until: int) -> bool:
+        """Return whether a picture like the last one can be made before the next scan, or has to be.
+
+        With short intervals there are ten a second, and one at once where a line waits for its answer.
+        """
+        least = PICTURE_NS if self._interval < FAST_NS and self._is_answered else 0
+        if now < self._made_at + least:
+            return False
+        return now + self._make_ns <= until or now > self._asked_at + PATIENCE_NS

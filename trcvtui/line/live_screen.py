@@ -7,6 +7,7 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from trcvtui.plc.ledger import StatusEdge
     from trcvtui.recording.worker_process import FilesJudge
 
+SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
 SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
 
@@ -152,9 +154,9 @@ class ServedShadows:
             else:
                 controller.take(*message)
         if self._request is not None and not self._pipe.is_busy():
-            self._pipe.send(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
+            self._pipe.begin(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
             self._request = None
-        self._pipe.go_on()
+        self._pipe.go_on(clock.now_ns() + SLICE_NS)
 
 
 class _PipeServed(ServedShadows):

@@ -1,7 +1,8 @@
 """A picture on its way from the engine to the screen: one pickle, and of the snapshot what has changed.
 
 Rule 1: a picture costs by what has changed. On the screen's side the other parts are the same objects.
-Rule 2: a screen that does not read never makes a scan wait: only as much is written as the channel takes.
+Rule 2: pickling and writing stop when a gap's time is up, and go on in the next one; a picture never changes.
+Rule 3: a screen that does not read never makes a scan wait: only as much is written as the channel takes.
 """
 
 from __future__ import annotations
@@ -10,36 +11,35 @@ import os
 import pickle
 import struct
 import sys
-from itertools import starmap
+from collections.abc import Callable, Iterator, Sequence
+from io import BytesIO
+from itertools import chain, starmap
 from multiprocessing.connection import Connection as Channel
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from msgspec.structs import replace
 
+from trcvtui import clock
 from trcvtui.plc.ledger import Line
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate
-    from trcvtui.plc.snapshot import Snapshot
 
+SLICE: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
-Parts = tuple[tuple[Any, ...], ...]
+
+T = TypeVar("T")
 
 
 class UpdateMessage(NamedTuple):
-    """A picture without the parts of its snapshot, and without lines.
+    """A picture without the parts of its snapshot and without lines, which come after it in slices.
 
-    `changed`: of each kind of parts their number, and those that have changed by place. `lines` as plain
-    tuples of number, scan, time, kind of event and its fields: pickled in a quarter of the time.
+    `parts`: of each kind how many there are, and in how many slices come those that have changed.
     """
 
     update: BenchUpdate
-    changed: tuple[tuple[int, list[tuple[int, Any]]], ...]
-    lines: list[tuple[Any, ...]]
-
-
-def _parts_of(snapshot: Snapshot) -> Parts:
-    return snapshot.instances, snapshot.connections, snapshot.data
+    parts: list[tuple[int, int]]
+    lines: int  # slices
 
 
 class UpdatePipe:
@@ -47,73 +47,107 @@ class UpdatePipe:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._sent: Parts = (), (), ()  # of the picture before
+        self._sent: Sequence[tuple[Any, ...]] = (), (), ()  # parts of the picture before
+        self._pickling: Iterator[bytes] | None = None
         self._unsent = memoryview(b"")
 
     def is_busy(self) -> bool:
-        return bool(self._unsent)
+        return self._pickling is not None or bool(self._unsent)
 
-    def send(self, picture: BenchUpdate) -> None:
-        """Pickle a picture and begin to write it, when the one before is written."""
-        parts = _parts_of(picture.snapshot)
-        changed = tuple(
-            (len(kind), [(n, part) for n, part in enumerate(kind) if n >= len(sent) or part is not sent[n]])
-            for kind, sent in zip(parts, self._sent, strict=True)
-        )
-        self._sent = parts
-        lines = [
-            (seq, scan, t_ns, event.__class__, *event)
-            if isinstance(event, tuple)
-            else (seq, scan, t_ns, None, event)
-            for seq, scan, t_ns, event in picture.lines
-        ]
-        head = replace(picture.snapshot, instances=(), connections=(), data=())
-        update = replace(picture, snapshot=head, lines=())
-        message = pickle.dumps(UpdateMessage(update, changed, lines), pickle.HIGHEST_PROTOCOL)
-        if sys.platform == "win32":
-            self._channel.send_bytes(message)
-        else:  # as `send_bytes` does: the length in four bytes, network order, then the message
-            self._unsent = memoryview(struct.pack("!i", len(message)) + message)
-            self.go_on()
+    def begin(self, picture: BenchUpdate) -> None:
+        self._pickling = self._pickled(picture)
 
-    def go_on(self) -> None:
-        """Write what the channel takes."""
-        if not self._unsent:
-            return
-        descriptor = self._channel.fileno()
-        os.set_blocking(descriptor, False)
-        try:
-            while self._unsent:
-                self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
-        except BlockingIOError:
-            return
-        finally:
-            os.set_blocking(descriptor, True)
+    def go_on(self, until: int) -> None:
+        """Pickle and write until the time is up, but one slice at least; stop when the channel is full."""
+        while self._pickling is not None:
+            message = next(self._pickling)
+            if message:
+                self._pickling = None
+                self._post(message)
+            if clock.now_ns() >= until:
+                return
+        while self._unsent and self._write() and clock.now_ns() < until:
+            pass
 
     def finish(self) -> None:
         """Write the rest of a message that has begun, however long the screen takes: another one follows."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
+    def _pickled(self, picture: BenchUpdate) -> Iterator[bytes]:
+        """Yield b"" after each slice, the whole message at last."""
+        snapshot = picture.snapshot
+        kinds = snapshot.instances, snapshot.connections, snapshot.data
+        changed = [
+            [*_slices([(n, part) for n, part in enumerate(kind) if n >= len(sent) or part is not sent[n]])]
+            for kind, sent in zip(kinds, self._sent, strict=True)
+        ]
+        lines = [*_slices(picture.lines)]
+        update = replace(picture, lines=(), snapshot=replace(snapshot, instances=(), connections=(), data=()))
+        parts = [(len(kind), len(slices)) for kind, slices in zip(kinds, changed, strict=True)]
+        content = BytesIO()
+        dump = pickle.Pickler(content, pickle.HIGHEST_PROTOCOL).dump
+        dump(UpdateMessage(update, parts, len(lines)))
+        for some in chain(*changed, (map(_plain, each) for each in lines)):
+            yield b""
+            dump([*some])
+        self._sent = kinds
+        yield content.getvalue()
+
+    def _post(self, message: bytes) -> None:
+        if sys.platform == "win32":
+            self._channel.send_bytes(message)
+        else:  # as `send_bytes` does: the length in four bytes, network order, then the message
+            self._unsent = memoryview(struct.pack("!i", len(message)) + message)
+
+    def _write(self) -> bool:
+        descriptor = self._channel.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
+        except BlockingIOError:
+            return False
+        finally:
+            os.set_blocking(descriptor, True)
+        return True
+
 
 class UpdateReader:
-    """The screen's end: makes whole pictures of the messages, of each of them in their order."""
+    """The screen's end: it makes whole pictures, and has to read every message."""
 
     def __init__(self) -> None:
-        self._parts: tuple[list[Any], ...] = [], [], []
+        self._parts: Sequence[list[Any]] = [], [], []  # of the picture before
 
-    def picture(self, message: UpdateMessage) -> BenchUpdate:
-        for known, (size, changed) in zip(self._parts, message.changed, strict=True):
+    def read(self, message: bytes) -> Any:
+        """Return what has been sent."""
+        load = pickle.Unpickler(BytesIO(message)).load
+        sent = load()
+        return self._picture(sent, load) if isinstance(sent, UpdateMessage) else sent
+
+    def _picture(self, sent: UpdateMessage, load: Callable[[], Any]) -> BenchUpdate:
+        for known, (size, slices) in zip(self._parts, sent.parts, strict=True):
             if len(known) != size:
                 known[:] = [None] * size
-            for place, part in changed:
+            for place, part in chain.from_iterable(load() for _ in range(slices)):
                 known[place] = part
+        lines = starmap(_line, chain.from_iterable(load() for _ in range(sent.lines)))
         instances, connections, data = map(tuple, self._parts)
-        update = message.update
-        snapshot = replace(update.snapshot, instances=instances, connections=connections, data=data)
-        lines = tuple(starmap(_line, message.lines))
-        return replace(update, snapshot=snapshot, lines=lines)
+        snapshot = replace(sent.update.snapshot, instances=instances, connections=connections, data=data)
+        return replace(sent.update, snapshot=snapshot, lines=tuple(lines))
 
 
-def _line(seq: int, scan: int, t_ns: int, kind: Any, *fields: Any) -> Line:
+def _slices(items: Sequence[T]) -> Iterator[Sequence[T]]:
+    return (items[first : first + SLICE] for first in range(0, len(items), SLICE))
+
+
+# Pickled as a plain tuple a line takes a quarter of the time.
+
+
+def _plain(line: Line) -> tuple[Any, ...]:
+    seq, scan, t_ns, event = line
+    kind, *fields = (event.__class__, *event) if isinstance(event, tuple) else (None, event)
+    return seq, scan, t_ns, kind, fields
+
+
+def _line(seq: int, scan: int, t_ns: int, kind: Any, fields: list[Any]) -> Line:
     return Line(seq, scan, t_ns, fields[0] if kind is None else kind(*fields))

@@ -103,6 +103,6 @@ def _serve(channel: Channel, time_line: TimeLine) -> None:
         with restored_state(time_line.controller.run.is_restored, time_line.where):
             is_busy = time_line.work(clock.now_ns() + SLICE_NS)
             if request is not None and not pipe.is_busy():
-                pipe.send(time_line.picture(request))
+                pipe.begin(time_line.picture(request))
                 request = None
-        pipe.go_on()
+        pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -101,7 +101,8 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
         bench.take(0, line)
         bench.scan()
     edges: list[StatusEdge] = []
-    done, request = set(), UpdateRequest(partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1"))
+    done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
+    request = replace(asked, partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1"))
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
         for scan in range(200):
@@ -128,7 +129,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
             assert edges[-1].outputs == instance.outputs
             done.add(instance.jobs_done)
             known = ("T1", wave.first + len(wave.changes) - 1)
-            request = replace(request, since_seq=snapshot.ledger_seq, waves=(known,), project=1)
+            request = replace(request, since_seq=snapshot.ledger_seq, waves=(known,))
     assert len(done) > 5, "the pictures were of different scans, with jobs in between"
 
 

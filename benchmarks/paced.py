@@ -19,6 +19,7 @@ from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import TIMING_FILE, Engine
 from trcvtui.files import noting_reads
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.recording.files import RecordTo
@@ -49,6 +50,7 @@ class PacedEngine:
         file.write_text(project)
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
+        self._reader = UpdateReader()
         self._process = context.Process(
             target=_run, args=(theirs, file, self.timing, connections, record), daemon=True
         )
@@ -97,7 +99,7 @@ class PacedEngine:
 
     def _snapshot(self) -> Snapshot:
         self._channel.send(UpdateRequest(most_lines=0))
-        picture = self._channel.recv()
+        picture = self._reader.read(self._channel.recv_bytes())
         assert isinstance(picture, BenchUpdate)
         return picture.snapshot
 

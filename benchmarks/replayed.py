@@ -106,7 +106,7 @@ def _opened(path: Path) -> TimeLine:
     line = TimeLine(Recording(path), str(path))
     while not line.controller.at:
         line.work(clock.now_ns() + SLICE_NS)
-    line.collect(UpdateRequest())
+    line.picture(UpdateRequest())
     return line
 
 
@@ -118,7 +118,7 @@ def _work(line: TimeLine) -> None:
 def _go(line: TimeLine, scan: int) -> None:
     line.take(1, f"at {scan}")
     _work(line)
-    line.collect(UpdateRequest())
+    line.picture(UpdateRequest())
     assert line.controller.at == scan
 
 

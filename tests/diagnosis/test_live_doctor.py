@@ -398,7 +398,7 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
 
     def picture() -> BenchUpdate | None:
         line.work(clock.now_ns() + SLICE_NS)
-        return line.collect(UpdateRequest()).update
+        return line.picture(UpdateRequest())
 
     for name, cause in (("R", "frame-short"), ("C1", "frame-short"), ("", "frame-short")):
         told = told_by(lambda number, name=name: line.take(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]

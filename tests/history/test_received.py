@@ -41,7 +41,7 @@ def frames(told: Generator, count: int) -> bytes:
 def sought(reader: HistoryReader, seek: Seek) -> tuple[int | None, int]:
     """Return where something was found, and how many pictures that took."""
     for pictures in range(1, 1000):
-        answer = reader.later(HistoryRequest("C1", seek=seek))().sought
+        answer = reader.window(HistoryRequest("C1", seek=seek)).sought
         assert answer is not None
         if answer.share >= 1:
             return answer.position, pictures
@@ -62,20 +62,20 @@ def test_jobs_and_recv_calls_are_bounded_too(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(job_history, "MOST_JOBS", 7)
     told, reader = talking()
     frames(told, 20)
-    assert len(reader.later(HistoryRequest("C1", 0, 8192))().jobs) == 7
+    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 7
     monkeypatch.setattr(job_history, "MOST_RECVS", 3)
     frames(told, 1)
-    assert len(reader.later(HistoryRequest("C1", 0, 8192))().jobs) == 3
+    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 3
 
 
 def test_a_flood_keeps_its_labels_without_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(job_history, "COPY_A_SCAN", 23)
     told, reader = talking()
     frames(told, 1)
-    (job,) = reader.later(HistoryRequest("C1", 0, 24))().jobs
+    (job,) = reader.window(HistoryRequest("C1", 0, 24)).jobs
     assert (job.is_kept, job.reason) == (False, job_history.NOT_KEPT)
     frames(told, 1)
-    assert reader.later(HistoryRequest("C1", 0, 48))().jobs[1].is_kept, "what is looked at is always kept"
+    assert reader.window(HistoryRequest("C1", 0, 48)).jobs[1].is_kept, "what is looked at is always kept"
 
 
 def test_a_window_is_bounded_whatever_is_asked_for() -> None:
@@ -83,12 +83,12 @@ def test_a_window_is_bounded_whatever_is_asked_for() -> None:
     told.do("set X LEN=1")
     told.send(bytes(700), [])
     told.scan(1500)
-    window = reader.later(HistoryRequest("C1", 0, 1 << 30))()
+    window = reader.window(HistoryRequest("C1", 0, 1 << 30))
     assert window.end == 700
     assert len(window.jobs) == 512
     assert window.stop == 24 + 511, "the first job had begun before LEN was 1"
-    assert reader.later(HistoryRequest("C1", 1 << 40, 10))().content == b""
-    assert reader.later(HistoryRequest("nowhere", 5, 10))() == HistoryWindow("nowhere", 0, 0)
+    assert reader.window(HistoryRequest("C1", 1 << 40, 10)).content == b""
+    assert reader.window(HistoryRequest("nowhere", 5, 10)) == HistoryWindow("nowhere", 0, 0)
 
 
 def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -> None:

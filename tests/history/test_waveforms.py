@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.history.waveform_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.history import waveform_recorder as waves
-from trcvtui.history.pin_waveform import POLL_NS, PinWaveform, Window, with_changes
+from trcvtui.history.pin_waveform import POLL_NS, PinWaveform, Window
 from trcvtui.history.waveform_text import drawn, ruler
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.tui.panes.timing import ZOOMS
@@ -120,14 +120,14 @@ def test_signs_tell_levels_edges_and_pulses_apart_without_colour() -> None:
 def test_what_does_not_fit_into_one_picture_comes_with_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     run = random_run(5, 400, look_every=10_000)
     whole = list(zip(run.lane("STATUS").scans, run.lane("STATUS").values, strict=True))
-    news = run.console._waves.bare_news(RECEIVER, 0, (400, 0), 10)
+    news = run.console._waves.news(RECEIVER, 0, (400, 0), 10)
     assert news is not None and len(news.changes) == 10 and news.until_scan == news.changes[-1][1]
     run.scenario_folder = type(run.scenario_folder)()
     for _ in range(1000):
         wave = run.wave()
-        more = run.console._waves.bare_news(RECEIVER, wave.number, (400, 3_990_000_000), 10)
+        more = run.console._waves.news(RECEIVER, wave.number, (400, 3_990_000_000), 10)
         assert more is not None
-        wave.take(with_changes(more), 10_000_000)
+        wave.take(more, 10_000_000)
     assert list(zip(run.lane("STATUS").scans, run.lane("STATUS").values, strict=True)) == whole
     assert not run.wave().gaps and run.wave().until_scan == 400
 
@@ -234,10 +234,10 @@ def test_the_time_of_a_scan_is_exact_where_it_is_known() -> None:
     run.scan(100)
     run.catch_up()
     assert run.wave().time_at(57) == (560_000_000, True), "simulated time has no jitter"
-    news = run.console._waves.bare_news(RECEIVER, 0, (110, 1_200_000_000))
+    news = run.console._waves.news(RECEIVER, 0, (110, 1_200_000_000))
     late = type(run.wave())(RECEIVER)
     assert news is not None
-    late.take(with_changes(news), 10_000_000)
+    late.take(news, 10_000_000)
     t_ns, is_exact = late.time_at(57)
     assert not is_exact and 100_000_000 < t_ns < 1_200_000_000
 

@@ -29,7 +29,7 @@ def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
     """Go there; return the scan, what the instances show, and what is told beside."""
     line.take(1, f"at {text}")
     work(line)
-    update = line.collect(UpdateRequest()).update
+    update = line.picture(UpdateRequest())
     position = update.position
     assert position is not None
     shows = [f"{one.outputs.status:04X}" for one in line.controller.bench.runtime.snapshot().instances]
@@ -98,7 +98,7 @@ def test_missing_bytes_are_told_from_their_scan_on(watch: Watch, tmp_path: Path)
 def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Path) -> None:
     watch([*handshake(), *stream(12)], "--project", str(project(tmp_path)))
     line = shown(watch.path, project(tmp_path))
-    update = line.collect(UpdateRequest()).update
+    update = line.picture(UpdateRequest())
     assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
 
 
@@ -120,7 +120,7 @@ def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Pa
     line = shown(watch.path, bench)
     line.take(1, "if instance.R1.LEN=6")
     work(line)
-    position = line.collect(UpdateRequest()).update.position
+    position = line.picture(UpdateRequest()).position
     assert position is not None
     first, *_ = position.what_if
     assert first.startswith("what if instance.R1.LEN=6: they part at scan ")

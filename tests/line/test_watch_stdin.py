@@ -30,6 +30,7 @@ from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
 from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.recording.worker_process import FilesJudge
 
 __all__ = ["watch"]
@@ -353,15 +354,15 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     os.write(writes, capture([*handshake(), *[udp(b"x", target=("10.0.0.5", 53))] * 9, *stream(12)]))
     project = ours.recv()
     assert [each.name for each in project.instances] == ["C1_TO_PLC", "C1_FROM_PLC"]
-    jobs = 0
+    jobs, reader = 0, UpdateReader()
     while not jobs:
         ours.send(UpdateRequest())
-        jobs = ours.recv().snapshot.instances[0].jobs_done
+        jobs = reader.read(ours.recv_bytes()).snapshot.instances[0].jobs_done
     os.close(writes)
     said: list[object] = []
     while not any("have ended" in str(line) for line in said):
         ours.send(UpdateRequest())
-        said += ours.recv().lines
+        said += reader.read(ours.recv_bytes()).lines
     assert any("UDP: DNS" in str(line) for line in said)
     ours.close()
     thread.join(20)

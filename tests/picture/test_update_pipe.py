@@ -1,4 +1,4 @@
-"""The update pipe brings whole pictures in pieces, stops when the time is up, never waits for the screen."""
+"""A picture crosses whole, of one scan, with what has changed; the engine never waits for the screen."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection as Channel
+from operator import is_
 from pathlib import Path
 
 import pytest
@@ -18,9 +19,11 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller
 from trcvtui.history.records import HistoryRequest
-from trcvtui.picture.bench_update import BareUpdate, BenchUpdate, UpdateRequest
+from trcvtui.picture import update_pipe as module
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import MessageReader
-from trcvtui.picture.update_pipe import PARTS_A_PIECE, UpdatePipe
+from trcvtui.picture.update_pipe import UpdatePipe, UpdateReader
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.snapshots.bench import EngineTiming
 
@@ -45,88 +48,88 @@ def two_ends() -> Iterator[tuple[Channel, Channel]]:
         yield ours, theirs
 
 
-def picture(console: Controller, *data: str) -> tuple[BareUpdate, BenchUpdate]:
-    """Return the bench after one more scan, with the bytes of some variables; and the picture of it."""
-    console.bench.step()
-    bare = console.collect(UpdateRequest(data=data), EngineTiming(mode="test"), 2000)
-    return bare, bare.whole(console.bench.runtime.whole(bare.snapshot))
-
-
 def console() -> Controller:
     return Controller(Bench(read_project(DOCUMENT, "pipe", Path()), "sim"))
 
 
-def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
-    bench = console()
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
-        bare, sent = picture(bench)
-        pipe.begin(bare)
-        gaps = 0
-        while pipe.is_busy():
-            assert not screen.poll()
-            pipe.go_on(clock.now_ns())  # no time at all: one piece
-            gaps += 1
-        assert gaps > len(sent.snapshot.instances) // PARTS_A_PIECE
-        assert screen.recv() == sent
+def picture(bench: Controller, request: UpdateRequest) -> BenchUpdate:
+    return bench.picture(request, EngineTiming(mode="test"), 2000)
 
 
 def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
-    bench = console()
+    bench, request = console(), UpdateRequest(data=tuple(f"rx{n}" for n in range(8)))
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
-        bare, sent = picture(bench, *(f"rx{n}" for n in range(8)))  # more than the channel holds
-        pipe.begin(bare)
-        pipe.go_on(clock.now_ns() + FAR_AWAY)
-        assert pipe.is_busy(), "it has come back although the channel is full"
+        sent = picture(bench, request)  # more than the channel holds
+        pipe.begin(sent)
+        for _ in range(100):
+            bench.scan()
+            pipe.go_on(clock.now_ns() + FAR_AWAY)
+            assert pipe.is_busy(), "it has come back although the channel is full"
         with ThreadPoolExecutor(1) as pool:
-            arrived = pool.submit(screen.recv)
+            arrived = pool.submit(screen.recv_bytes)
             while pipe.is_busy():
                 pipe.go_on(clock.now_ns() + FAR_AWAY)
-            assert arrived.result(timeout=10) == sent
+            assert UpdateReader().read(arrived.result(timeout=10)) == sent
 
 
-def test_what_has_not_changed_is_the_same_object_on_both_sides() -> None:
-    bench = console()
+def test_what_has_not_changed_does_not_cross_and_is_the_same_object_on_both_sides() -> None:
+    bench, reader, arrived, names = console(), UpdateReader(), [], []
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
-        arrived = []
         for _ in range(8):
-            pipe.begin(picture(bench)[0])
+            bench.scan()
+            pipe.begin(picture(bench, UpdateRequest(project=bench._project_number)))
             pipe.go_on(clock.now_ns() + FAR_AWAY)
-            arrived.append(screen.recv())
-        before, after = (each.snapshot.instance("T5") for each in arrived[-2:])
-        assert before is after
-        assert arrived[-1].snapshot.scan == arrived[-2].snapshot.scan + 1
+            message = screen.recv_bytes()
+            names.append(message.count(b"ARRAY[1..60000]"))  # stands in each DATA
+            arrived.append(reader.read(message))
+    before, after = (each.snapshot for each in arrived[-2:])
+    assert after.scan == before.scan + 1 and after.instances == before.instances
+    assert all(map(is_, before.instances, after.instances))
+    assert names[0] and not names[-1]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_picture_in_pieces_is_that_of_one_scan_whatever_passes_meanwhile(seed: int) -> None:
-    draw, bench = random.Random(seed), console()
+def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "SLICE", 3)
+    draw, bench, reader = random.Random(seed), console(), UpdateReader()
     bench.take(0, "set T1 EN_R=1 LEN=8")
     for line in ("fault clear",) * 3 + ("peer P1 connect",):
         bench.take(0, line)
         bench.scan()
-    request = UpdateRequest(partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1", 0, 64))
+    edges: list[StatusEdge] = []
+    done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
+    request = replace(asked, partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1"))
     with two_ends() as (engine, screen):
-        pipe, expected, arrived, done = UpdatePipe(engine), [], [], set()
+        pipe = UpdatePipe(engine)
         for scan in range(200):
-            if draw.random() < 0.7:
-                bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
-            bench.scan() if draw.random() < 0.5 else bench.step()
-            if not pipe.is_busy():
-                bare = bench.collect(request, EngineTiming(), 2000)
-                expected.append(bare.whole(bench.bench.runtime.whole(bare.snapshot)))
-                pipe.begin(bare)
-            for _ in range(draw.randrange(4)):
-                pipe.go_on(clock.now_ns())  # one piece
-            while screen.poll():
-                arrived.append(screen.recv())
-        for found, known in zip(arrived, expected, strict=False):
-            assert replace(found, history=None) == replace(known, history=None)
-            done.add(found.snapshot.instances[1].jobs_done)
-            assert found.history is not None and known.history is not None
-            assert found.history.content.startswith(known.history.content.rstrip(b"\0"))
+            made = picture(bench, request)
+            pipe.begin(made)
+            gaps = 0
+            while pipe.is_busy():
+                assert not screen.poll()
+                if draw.random() < 0.3:
+                    bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
+                bench.scan() if draw.random() < 0.5 else bench.step()
+                pipe.go_on(clock.now_ns())  # no time at all: one slice
+                gaps += 1
+            assert gaps > len(made.lines) // 3
+            seen = reader.read(screen.recv_bytes())
+            assert seen == made
+            assert seen.history is not None
+            [wave], snapshot, instance = seen.waves, seen.snapshot, seen.snapshot.instances[1]
+            [(_, running)], received = seen.partial, snapshot.connections[1].bytes_received
+            assert seen.history.end + len(running) == received
+            assert len(seen.lines) == snapshot.ledger_seq - request.since_seq
+            assert wave.until_scan == snapshot.scan
+            edges += [each.event for each in wave.changes if isinstance(each.event, StatusEdge)]
+            assert edges[-1].outputs == instance.outputs
+            done.add(instance.jobs_done)
+            known = ("T1", wave.first + len(wave.changes) - 1)
+            request = replace(request, since_seq=snapshot.ledger_seq, waves=(known,))
     assert len(done) > 5, "the pictures were of different scans, with jobs in between"
 
 

@@ -85,11 +85,11 @@ class Generator:
 
 def all_of(reader: HistoryReader, connect: str = "C1") -> list[HistoryWindow]:
     """Return the whole history in small windows, as somebody sees it who scrolls through it."""
-    end = reader.later(HistoryRequest(connect))().end
-    position = reader.later(HistoryRequest(connect))().begin
+    end = reader.window(HistoryRequest(connect)).end
+    position = reader.window(HistoryRequest(connect)).begin
     windows: list[HistoryWindow] = []
     while position < end:
-        windows.append(reader.later(HistoryRequest(connect, position, 37))())
+        windows.append(reader.window(HistoryRequest(connect, position, 37)))
         assert windows[-1].start == position
         position = windows[-1].stop
     return windows

@@ -12,7 +12,7 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.history.pin_waveform import WaveformCache, with_changes
+from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
@@ -55,10 +55,9 @@ class Stood:
         return self.update()
 
     def update(self) -> BenchUpdate:
-        bare = self.line.collect(
+        return self.line.picture(
             UpdateRequest(partial_of=(INSTANCE,), bench=self.line.controller._bench_number)
         )
-        return bare.whole(self.line.controller.bench.runtime.whole(bare.snapshot))
 
     @property
     def scan(self) -> int:
@@ -249,7 +248,7 @@ def test_the_wave_of_the_other_run_ends_where_the_screen_stands() -> None:
     for scan in (100, 200):
         stood.go(f"at {scan}")
         ask = UpdateRequest(bench=number, waves=cache.asked((INSTANCE, name)))
-        news = [with_changes(each) for each in stood.line.collect(ask).update.waves]
+        news = stood.line.picture(ask).waves
         cache.take(news, 10_000_000)
         wave, other = cache.of(INSTANCE), cache.of(name)
         assert wave.until_scan == other.until_scan == scan

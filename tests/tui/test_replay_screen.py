@@ -47,8 +47,7 @@ class TimeLineDriver(FakeDriver):
         request, self._request = self._request, None
         if not self.stood.line.plays:
             self.stood.settle()
-        bare = self.stood.line.collect(request)
-        return bare.whole(self.stood.line.controller.bench.runtime.whole(bare.snapshot))
+        return self.stood.line.picture(request)
 
 
 class ReplayLooker(Looker):

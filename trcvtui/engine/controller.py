@@ -33,8 +33,9 @@ from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
-from trcvtui.picture.bench_update import BareUpdate, BenchUpdate, UpdateRequest
-from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.plc.runtime import Runtime
+from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.scenario.player import Player, refuse_too_many_steps
@@ -82,30 +83,25 @@ LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts, ADHOC where it does
 CONNECTED, NO_EFFECT = "connected", "without effect"
 
 
-def remark_on(command: words.BenchCommand, snapshot: Snapshot, adhoc_at_once: bool) -> str:
-    """Return the remark on a command that was given after this snapshot, mostly ""."""
+def remark_on(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
+    """Return the remark on a command that was given after the last scan, mostly ""."""
     match command:
         case words.Pulse(name, "COM_RST"):
-            return _on_reset(_instance(snapshot, name), snapshot)
+            return _on_reset(runtime.instance(name), runtime)
         case words.Set(name, pins):
-            instance = _instance(snapshot, name)
+            instance = runtime.instance(name)
             latched = LATCHED[: 1 if adhoc_at_once else None]
             said = [_on_latched(instance, *pin) for pin in pins if pin[0] in latched]
             if any(pin == RESET and value for pin, value in pins):
-                said.append(_on_reset(instance, snapshot))
+                said.append(_on_reset(instance, runtime))
             return "; ".join(filter(None, said))
     return ""
 
 
-def _instance(snapshot: Snapshot, name: str) -> InstanceSnapshot | None:
-    return next((each for each in snapshot.instances if each.name == name), None)
-
-
-def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
+def _on_reset(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
     if instance is None:
         return ""
-    link = next((each for each in snapshot.connections if each.name == instance.connect), None)
-    stands = link is not None and link.state == CONNECTED
+    stands = runtime.link(instance.connect).state == CONNECTED
     if not instance.pin("CONT") and (not stands or instance.condition == Condition.NO_JOB):
         return f"{NO_EFFECT}: CONT is 0, and the edge is not remembered"
     return (
@@ -260,7 +256,7 @@ class Controller:
                 return "waits and traces belong into a scenario file"
             case words.Set() | words.Pulse():
                 at_once = self.bench.project.rules.adhoc_at_once
-                remark = remark_on(command, self.bench.runtime.snapshot(), at_once)
+                remark = remark_on(command, self.bench.runtime, at_once)
                 wrong = self.bench.do(command)
                 self._told = "" if wrong else remark
                 return wrong
@@ -485,19 +481,9 @@ class Controller:
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
-        bare = self.collect(request, timing, most_lines)
-        return bare.whole(self.bench.runtime.whole(bare.snapshot))
-
-    def complain(self, text: str) -> None:
-        """Say what is wrong, asked by no line."""
-        self._answers.append(Answer(0, "", text))
-
-    def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
-        """Return what a picture is made of: references that stay as they are, whatever scans follow."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
-        lines = ledger.stamped_since(since, min(most_lines, request.most_lines))
         self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:
@@ -506,18 +492,14 @@ class Controller:
         self._answers.clear()
         self._count_project()
         kept = self._trigger_watch.take_kept() if known else None
-        if kept is not None:
-            lines, first_seq = kept.lines_after(since)
-        else:
-            first_seq = ledger.last_seq - len(lines) + 1
-        skipped = first_seq - since - 1 if lines or kept is None else 0
-        snapshot = kept.snapshot if kept else runtime.collect(self.bench.faults())
+        lines = kept.lines_after(since) if kept else ledger.since(since, min(most_lines, request.most_lines))
+        last = kept.snapshot.ledger_seq if kept else ledger.last_seq
         if known:
-            self._trigger_watch.told = first_seq + len(lines) - 1 if lines else since
-        update = BenchUpdate(
-            snapshot=snapshot.head,
-            lines=(),
-            lines_skipped=max(0, skipped),
+            self._trigger_watch.told = lines[-1].seq if lines else since
+        return BenchUpdate(
+            snapshot=kept.snapshot if kept else runtime.snapshot(self.bench.faults()),
+            lines=lines,
+            lines_skipped=max(0, last - since - len(lines)),
             data=kept.data if kept else self._data(request.data if known else ()),
             partial=kept.partial if kept else self._partial(request.partial_of if known else ()),
             peers=kept.peers if kept else self.bench.peer_snapshots(),
@@ -532,6 +514,7 @@ class Controller:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
+            history=self._history.window(request.history) if request.history and known else None,
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
@@ -544,8 +527,10 @@ class Controller:
             talks=self.talks(),
             doctor=self._doctor.snapshot,
         )
-        window = self._history.later(request.history) if request.history and known else lambda: None
-        return BareUpdate(update, snapshot, lines, first_seq, window)
+
+    def complain(self, text: str) -> None:
+        """Say what is wrong, asked by no line."""
+        self._answers.append(Answer(0, "", text))
 
     def _data(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
         return tuple((name, self.bench.runtime.data(name, MOST_DATA)) for name in names)
@@ -556,7 +541,7 @@ class Controller:
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger
         now = ledger.scan, ledger.t_ns
-        news = (self._waves.bare_news(name, number if known else 0, now) for name, number in asked)
+        news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
         return tuple(fresh for fresh in news if fresh is not None)
 
     def _count_project(self) -> None:

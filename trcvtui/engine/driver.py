@@ -6,7 +6,6 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 import multiprocessing
-import pickle
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +39,9 @@ class ProcessDriver:
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
-        self._arriving = MessageReader(self._channel)
+        from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
+
+        self._arriving, self._reader = MessageReader(self._channel), UpdateReader()
         self._outstanding = False
         self._project: Project | None = None
 
@@ -108,7 +109,7 @@ class ProcessDriver:
             message = self._arriving.next()
         except (EOFError, OSError):
             raise self._ended() from None
-        return None if message is None else pickle.loads(message)
+        return None if message is None else self._reader.read(message)
 
     def _ended(self, trace: str = "") -> EngineStopped:
         if not trace:

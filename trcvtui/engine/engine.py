@@ -1,7 +1,8 @@
 """The live engine: absolute deadlines, and the screen served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
-Rule 2: the screen is served between two scans, piece by piece, and only as long as the gap lasts.
+Rule 2: the screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
+so that it is of one scan, and sent slice by slice.
 Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
@@ -108,8 +109,8 @@ class Engine:
             self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
-        self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
-        self._collect_ns = 0  # what it took last to collect a picture
+        self._asked_at = self._made_at = self._worked_at = 0  # when, for pictures
+        self._make_ns = 0  # what it took last to make a picture
         self._is_answered = True  # all lines that were taken have their answer in a picture
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
@@ -208,26 +209,26 @@ class Engine:
         if began >= until and began < self._worked_at + PATIENCE_NS:
             return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
-        if self._request is not None and not self._pipe.is_busy() and self._may_collect(began, until):
-            self._collect(self._request)
+        if self._request is not None and not self._pipe.is_busy() and self._may_make(began, until):
+            self._make(self._request)
         self._pipe.go_on(part)
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
 
-    def _collect(self, request: UpdateRequest) -> None:
+    def _make(self, request: UpdateRequest) -> None:
         began = clock.now_ns()
         if not self._timing.find_percentiles() or self._interval >= FAST_NS:
-            self._pipe.begin(self._controller.collect(request, self._timing.summary(), request.most_lines))
-            self._collect_ns, self._collected_at = clock.now_ns() - began, began
+            self._pipe.begin(self._controller.picture(request, self._timing.summary(), request.most_lines))
+            self._make_ns, self._made_at = clock.now_ns() - began, began
             self._request, self._is_answered = None, True
 
-    def _may_collect(self, now: int, until: int) -> bool:
-        """Return whether a picture like the last one can be collected before the next scan, or has to be.
+    def _may_make(self, now: int, until: int) -> bool:
+        """Return whether a picture like the last one can be made before the next scan, or has to be.
 
         With short intervals there are ten a second, and one at once where a line waits for its answer.
         """
         least = PICTURE_NS if self._interval < FAST_NS and self._is_answered else 0
-        if now < self._collected_at + least:
+        if now < self._made_at + least:
             return False
-        return now + self._collect_ns <= until or now > self._asked_at + PATIENCE_NS
+        return now + self._make_ns <= until or now > self._asked_at + PATIENCE_NS

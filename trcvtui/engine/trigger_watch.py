@@ -24,8 +24,8 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import Event, InputEdge, Stamped
-from trcvtui.plc.snapshot import BareSnapshot
+from trcvtui.plc.ledger import Event, InputEdge, Line
+from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.snapshots.bench import TriggerEvent
@@ -173,21 +173,18 @@ Named = tuple[tuple[str, bytes], ...]
 
 
 class KeptScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `lines`: what the ledger has up to `last_seq`."""
+    """The bench in the scan of a trigger; `lines` are the newest of the ledger by then."""
 
     fired: TriggerEvent
-    snapshot: BareSnapshot
-    lines: list[Stamped]
-    last_seq: int
+    snapshot: Snapshot
+    lines: tuple[Line, ...]
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
     facts: tuple[tuple[str, Facts], ...]
 
-    def lines_after(self, seq: int) -> tuple[list[Stamped], int]:
-        """Return the lines after `seq`, and the number of the first of them."""
-        count = min(len(self.lines), max(0, self.last_seq - seq))
-        return self.lines[len(self.lines) - count :], self.last_seq - count + 1
+    def lines_after(self, seq: int) -> tuple[Line, ...]:
+        return tuple([line for line in self.lines if line.seq > seq])
 
 
 class TriggerWatch:
@@ -259,9 +256,8 @@ class TriggerWatch:
         names = [instance.name for instance in bench.project.instances[:MOST_INSTANCES]]
         return KeptScan(
             fired,
-            runtime.collect(bench.faults()),
-            runtime.ledger.stamped_since(self.told, BEFORE),
-            runtime.ledger.last_seq,
+            runtime.snapshot(bench.faults()),
+            runtime.ledger.since(self.told, BEFORE),
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),

@@ -192,11 +192,6 @@ class WaveformDelta(Struct, frozen=True):
     until_ns: int
 
 
-def with_changes(news: WaveformDelta) -> WaveformDelta:
-    """Return the news with their changes made of bare ones."""
-    return replace(news, changes=tuple([tuple.__new__(PinChange, change) for change in news.changes]))
-
-
 def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
     """Return the news as they were after a scan of the past; None: what is left begins later."""
     if news.before and news.before_scan > scan:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
-from functools import partial
 from operator import attrgetter
 from typing import Final
 
@@ -39,14 +37,11 @@ class HistoryReader:
         self._reached = 0
         self._answer: SeekResult | None = None
 
-    def later(self, request: HistoryRequest) -> Callable[[], HistoryWindow]:
-        """Return what makes the window later, on the stream by then; one outside is moved to what is kept."""
+    def window(self, request: HistoryRequest) -> HistoryWindow:
+        """Return the window that is asked for; one outside is moved to what is kept."""
         self._history.catch_up()
         self._history.watched = request.connect
         stream = self._history.streams.get(request.connect, _NOTHING)
-        return partial(self._window, request, stream)
-
-    def _window(self, request: HistoryRequest, stream: JobStream) -> HistoryWindow:
         size = max(0, min(request.size, MOST_WINDOW))
         start = stream.end - size if request.start == END else request.start
         start = max(stream.begin, min(start, stream.end))

@@ -35,9 +35,6 @@ CREATED, DELETED, DOWNLOADED = "created", "deleted", "downloaded"
 NOTED: Final = frozenset({CREATED, DELETED, DOWNLOADED})
 
 
-BareChange = tuple[int, int, int, StatusEdge | InputEdge | KnownPins]  # the fields of a PinChange
-
-
 class PinRecord:
     """The changes of one instance, the oldest dropped first: what they did is in `before`."""
 
@@ -47,10 +44,10 @@ class PinRecord:
         self.before_at = 0, 0  # scan and time
         self.total = 0
         self._keep = keep
-        self._changes: deque[BareChange] = deque()
-        self.on_drop: Callable[[BareChange], None] | None = None  # told of each change that is dropped
+        self._changes: deque[PinChange] = deque()
+        self.on_drop: Callable[[PinChange], None] | None = None  # told of each change that is dropped
 
-    def add(self, change: BareChange) -> None:
+    def add(self, change: PinChange) -> None:
         self.total += 1
         changes = self._changes
         changes.append(change)
@@ -79,7 +76,7 @@ class PinRecord:
     def kept(self) -> int:
         return len(self._changes)
 
-    def after(self, number: int, most: int = KEPT_CHANGES) -> list[BareChange]:
+    def after(self, number: int, most: int = KEPT_CHANGES) -> list[PinChange]:
         """Return the oldest `most` of the kept changes after `number`."""
         kept = len(self._changes)
         fresh = min(kept, self.total - number)
@@ -88,10 +85,10 @@ class PinRecord:
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
-        """Return the oldest `most` changes after `number`, bare, and the number of the first of them."""
+        """Return the oldest `most` changes after `number`, and the number of the first of them."""
         first = max(number, self.total - len(self._changes)) + 1
         found = self.after(number, most)
-        return min(first, self.total + 1), tuple(found)  # type: ignore[arg-type]
+        return min(first, self.total + 1), tuple(found)
 
 
 class WaveformRecorder:
@@ -102,7 +99,7 @@ class WaveformRecorder:
         self.records = {
             decl.name: PinRecord(_first_pins(decl, project), self._keep) for decl in project.instances
         }
-        self._renewed: dict[str, BareChange] = {}  # who was downloaded in a scan, and not called in it so far
+        self._renewed: dict[str, PinChange] = {}  # who was downloaded in a scan, and not called in it so far
         self._renewed_in = 0
         reader.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
         reader.lost.append(self._lose)
@@ -113,14 +110,14 @@ class WaveformRecorder:
             self._renewed.pop(event.instance, None)
         record = self.records.get(event.instance)
         if record is not None:
-            record.add((seq, scan, t_ns, event))
+            record.add(PinChange(seq, scan, t_ns, event))
 
     def _input(self, seq: int, scan: int, t_ns: int, event: InputEdge) -> None:
         if self._renewed:
             self._settle(scan)
         record = self.records.get(event.instance)
         if record is not None:
-            record.add((seq, scan, t_ns, event))
+            record.add(PinChange(seq, scan, t_ns, event))
 
     def _note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
         if note.what not in NOTED:
@@ -131,14 +128,14 @@ class WaveformRecorder:
         if note.what == CREATED and decl is not None:
             first = _first_pins(decl, project)
             record = self.records.setdefault(name, PinRecord(_unknown(dict(first)), self._keep))
-            record.add((seq, scan, t_ns, KnownPins(first)))
+            record.add(PinChange(seq, scan, t_ns, KnownPins(first)))
         elif name in self.records:
             record = self.records[name]
             if note.what == DELETED:
-                record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
+                record.add(PinChange(seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
             else:
                 dark = tuple((pin, 0) for pin in record.pins() if shown_by(pin))
-                self._renewed[name], self._renewed_in = (seq, scan, t_ns, KnownPins(dark)), scan
+                self._renewed[name], self._renewed_in = PinChange(seq, scan, t_ns, KnownPins(dark)), scan
 
     def _settle(self, scan: int) -> None:
         if self._renewed and scan > self._renewed_in:
@@ -149,15 +146,14 @@ class WaveformRecorder:
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._renewed.clear()
         for record in self.records.values():
-            record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
+            record.add(PinChange(seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
 
-    def bare_news(
+    def news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
     ) -> WaveformDelta | None:
         """Return what is new of an instance after its change `number`; None: no such instance.
 
-        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once: bare
-        ones, the fields of PinChange.
+        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
         """
         self._catch_up()
         self._settle(now[0] + 1)

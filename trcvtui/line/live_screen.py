@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -155,11 +154,9 @@ class ServedShadows:
             else:
                 controller.take(*message)
         if self._request is not None and not self._pipe.is_busy():
-            self._pipe.begin(controller.collect(self._request, EngineTiming(mode="live"), MOST_LINES))
+            self._pipe.begin(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
             self._request = None
-        if self._pipe.is_busy():
-            with suppress(BlockingIOError):
-                self._pipe.go_on(clock.now_ns() + SLICE_NS)
+        self._pipe.go_on(clock.now_ns() + SLICE_NS)
 
 
 class _PipeServed(ServedShadows):

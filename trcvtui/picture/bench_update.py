@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
-from trcvtui.history.pin_waveform import WaveformDelta, with_changes
+from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
-from trcvtui.plc.ledger import Line, Stamped
-from trcvtui.plc.snapshot import BareSnapshot, Snapshot
+from trcvtui.plc.ledger import Line
+from trcvtui.plc.snapshot import Snapshot
 from trcvtui.snapshots.bench import Answer, EngineTiming, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.snapshots.doctor import DoctorSnapshot
@@ -109,23 +108,3 @@ def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:
         builds = block_row(instance.block).runs_as is Condition.ESTABLISHING
         if builds and link is not None and link.state != State.CLOSED:
             yield f"pulse {instance.name} REQ"
-
-
-class BareUpdate(NamedTuple):
-    """A BenchUpdate as it is collected between two scans: all of it frozen, the dear parts not made yet.
-
-    `update` has no parts of the snapshot, no lines, no window, and bare changes in its waves. `lines` are
-    those of the ledger, the first has number `first_seq`; `window` makes the window on the stream, which
-    tells itself how far it goes.
-    """
-
-    update: BenchUpdate
-    snapshot: BareSnapshot
-    lines: Sequence[Stamped]
-    first_seq: int
-    window: Callable[[], HistoryWindow | None]
-
-    def whole(self, snapshot: Snapshot) -> BenchUpdate:
-        lines = tuple([Line(seq, *item) for seq, item in enumerate(self.lines, self.first_seq)])
-        waves = tuple(map(with_changes, self.update.waves))
-        return replace(self.update, snapshot=snapshot, lines=lines, waves=waves, history=self.window())

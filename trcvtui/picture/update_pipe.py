@@ -1,8 +1,7 @@
-"""Brings a picture from the engine to the screen, piece by piece in the gaps between scans.
+"""A picture on its way from the engine to the screen: one pickle, and of the snapshot what has changed.
 
-Rule 1: packing and writing stop when the gap's time is up, and go on in the next one.
-Rule 2: of the snapshot's parts only those cross that have changed since the picture before: a picture costs
-by what has changed. On the screen's side the others are the same objects.
+Rule 1: a picture costs by what has changed. On the screen's side the other parts are the same objects.
+Rule 2: pickling and writing stop when a gap's time is up, and go on in the next one; a picture never changes.
 Rule 3: a screen that does not read never makes a scan wait: only as much is written as the channel takes.
 """
 
@@ -12,53 +11,58 @@ import os
 import pickle
 import struct
 import sys
-from collections.abc import Iterable, Iterator
-from itertools import chain, compress, count, islice, starmap
+from collections.abc import Callable, Iterator, Sequence
+from io import BytesIO
+from itertools import chain, starmap
 from multiprocessing.connection import Connection as Channel
-from operator import is_not
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.history.pin_waveform import PinChange, WaveformDelta
-from trcvtui.picture.bench_update import BareUpdate, BenchUpdate
-from trcvtui.plc.ledger import Line, Stamped
-from trcvtui.plc.snapshot import made
+from trcvtui.plc.ledger import Line
 
-LINES_A_PIECE: Final = 32
-PARTS_A_PIECE: Final = 8
-LOOK_AT: Final = 2000  # parts that are looked at in one piece of work, whether they have changed
+if TYPE_CHECKING:
+    from trcvtui.picture.bench_update import BenchUpdate
+
+SLICE: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
-PIPES_KNOWN: Final = 8  # on the screen's side
 
 T = TypeVar("T")
-Parts = tuple[Any, ...]
-_numbers: Final = count()
+
+
+class UpdateMessage(NamedTuple):
+    """A picture without the parts of its snapshot and without lines, which come after it in slices.
+
+    `parts`: of each kind how many there are, and in how many slices come those that have changed.
+    """
+
+    update: BenchUpdate
+    parts: list[tuple[int, int]]
+    lines: int  # slices
 
 
 class UpdatePipe:
-    """One picture at a time on its way into the channel."""
+    """The engine's end: one picture at a time on its way into the channel."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._name = f"{os.getpid()} {next(_numbers)}"
-        self._sent: list[Parts] = [(), (), ()]  # the parts of the picture before
-        self._packing: Iterator[bytes] | None = None
+        self._sent: Sequence[tuple[Any, ...]] = (), (), ()  # parts of the picture before
+        self._pickling: Iterator[bytes] | None = None
         self._unsent = memoryview(b"")
 
     def is_busy(self) -> bool:
-        return self._packing is not None or bool(self._unsent)
+        return self._pickling is not None or bool(self._unsent)
 
-    def begin(self, picture: BareUpdate) -> None:
-        self._packing = self._pack(picture)
+    def begin(self, picture: BenchUpdate) -> None:
+        self._pickling = self._pickled(picture)
 
     def go_on(self, until: int) -> None:
-        """Pack and write until the time is up, but one piece at least; stop when the channel is full."""
-        while self._packing is not None:
-            message = next(self._packing)
+        """Pickle and write until the time is up, but one slice at least; stop when the channel is full."""
+        while self._pickling is not None:
+            message = next(self._pickling)
             if message:
-                self._packing = None
+                self._pickling = None
                 self._post(message)
             if clock.now_ns() >= until:
                 return
@@ -70,43 +74,25 @@ class UpdatePipe:
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
-    # -- packing ---------------------------------------------------------------------------------------
-
-    def _pack(self, picture: BareUpdate) -> Iterator[bytes]:
-        """Yield b"" after each piece of work, the whole message at last."""
-        parts: list[tuple[int, list[bytes]]] = []
-        kinds: list[Parts] = [*picture.snapshot[1:]]
-        for kind, before in zip(kinds, self._sent, strict=True):
-            pieces: list[bytes] = []
-            parts.append((len(kind), pieces))
-            for first in range(0, len(kind), LOOK_AT):
-                places: Iterable[int] = range(first, min(first + LOOK_AT, len(kind)))
-                if len(kind) == len(before):
-                    span = slice(first, first + LOOK_AT)
-                    places = [*compress(places, map(is_not, kind[span], before[span]))]
-                yield b""
-                for some in _batches(places, PARTS_A_PIECE):
-                    pieces.append(_dumps([(place, kind[place]) for place in some]))
-                    yield b""
-        lines: list[bytes] = []
-        for numbered in _batches(enumerate(picture.lines, picture.first_seq), LINES_A_PIECE):
-            lines.append(_dumps([*starmap(_plain, numbered)]))
+    def _pickled(self, picture: BenchUpdate) -> Iterator[bytes]:
+        """Yield b"" after each slice, the whole message at last."""
+        snapshot = picture.snapshot
+        kinds = snapshot.instances, snapshot.connections, snapshot.data
+        changed = [
+            [*_slices([(n, part) for n, part in enumerate(kind) if n >= len(sent) or part is not sent[n]])]
+            for kind, sent in zip(kinds, self._sent, strict=True)
+        ]
+        lines = [*_slices(picture.lines)]
+        update = replace(picture, lines=(), snapshot=replace(snapshot, instances=(), connections=(), data=()))
+        parts = [(len(kind), len(slices)) for kind, slices in zip(kinds, changed, strict=True)]
+        content = BytesIO()
+        dump = pickle.Pickler(content, pickle.HIGHEST_PROTOCOL).dump
+        dump(UpdateMessage(update, parts, len(lines)))
+        for some in chain(*changed, (map(_plain, each) for each in lines)):
             yield b""
-        waves: list[list[bytes]] = []
-        for news in picture.update.waves:
-            waves.append([_dumps(replace(news, changes=()))])
-            for changes in _batches(news.changes, LINES_A_PIECE):
-                waves[-1].append(_dumps([*map(tuple, changes)]))
-                yield b""
-        window = picture.window()
-        yield b""
-        bare = replace(picture.update, waves=(), history=window)
-        message = _dumps(_Package(self._name, bare, parts, lines, waves))
-        yield b""
+            dump([*some])
         self._sent = kinds
-        yield message
-
-    # -- writing ---------------------------------------------------------------------------------------
+        yield content.getvalue()
 
     def _post(self, message: bytes) -> None:
         if sys.platform == "win32":
@@ -126,63 +112,42 @@ class UpdatePipe:
         return True
 
 
-class _Package:
-    """A picture in pieces; unpickling it gives the whole BenchUpdate."""
+class UpdateReader:
+    """The screen's end: it makes whole pictures, and has to read every message."""
 
-    def __init__(self, *whole: Any) -> None:
-        self._whole = whole
+    def __init__(self) -> None:
+        self._parts: Sequence[list[Any]] = [], [], []  # of the picture before
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _unpack, self._whole
+    def read(self, message: bytes) -> Any:
+        """Return what has been sent."""
+        load = pickle.Unpickler(BytesIO(message)).load
+        sent = load()
+        return self._picture(sent, load) if isinstance(sent, UpdateMessage) else sent
 
-
-_arrived: Final[dict[str, list[list[Any]]]] = {}  # by pipe: the parts of the last picture that came
-
-
-def _unpack(
-    pipe: str,
-    bare: BenchUpdate,
-    parts: list[tuple[int, list[bytes]]],
-    lines: list[bytes],
-    waves: list[list[bytes]],
-) -> BenchUpdate:
-    known = _arrived.setdefault(pipe, [[], [], []])
-    if len(_arrived) > PIPES_KNOWN:
-        del _arrived[next(iter(_arrived))]
-    for kind, (size, pieces) in zip(known, parts, strict=True):
-        if len(kind) != size:
-            kind[:] = [None] * size
-        for place, part in chain.from_iterable(map(pickle.loads, pieces)):
-            kind[place] = made(part)
-    instances, connections, data = map(tuple, known)
-    snapshot = replace(bare.snapshot, instances=instances, connections=connections, data=data)
-    news = chain.from_iterable(map(pickle.loads, lines))
-    drawn = tuple(map(_wave, waves))
-    return replace(bare, snapshot=snapshot, lines=tuple(starmap(_line, news)), waves=drawn)
+    def _picture(self, sent: UpdateMessage, load: Callable[[], Any]) -> BenchUpdate:
+        for known, (size, slices) in zip(self._parts, sent.parts, strict=True):
+            if len(known) != size:
+                known[:] = [None] * size
+            for place, part in chain.from_iterable(load() for _ in range(slices)):
+                known[place] = part
+        lines = starmap(_line, chain.from_iterable(load() for _ in range(sent.lines)))
+        instances, connections, data = map(tuple, self._parts)
+        snapshot = replace(sent.update.snapshot, instances=instances, connections=connections, data=data)
+        return replace(sent.update, snapshot=snapshot, lines=tuple(lines))
 
 
-def _wave(pieces: list[bytes]) -> WaveformDelta:
-    bare: WaveformDelta = pickle.loads(pieces[0])
-    changes = chain.from_iterable(map(pickle.loads, pieces[1:]))
-    return replace(bare, changes=tuple(starmap(PinChange, changes)))
+def _slices(items: Sequence[T]) -> Iterator[Sequence[T]]:
+    return (items[first : first + SLICE] for first in range(0, len(items), SLICE))
 
 
-def _plain(seq: int, item: Stamped) -> tuple[int, int, int, Any, Any]:
-    scan, t_ns, event = item
-    if isinstance(event, tuple):
-        return seq, scan, t_ns, event.__class__, [*event]
-    return seq, scan, t_ns, None, event
+# Pickled as a plain tuple a line takes a quarter of the time.
 
 
-def _line(seq: int, scan: int, t_ns: int, kind: Any, event: Any) -> Line:
-    return Line(seq, scan, t_ns, event if kind is None else kind(*event))
+def _plain(line: Line) -> tuple[Any, ...]:
+    seq, scan, t_ns, event = line
+    kind, *fields = (event.__class__, *event) if isinstance(event, tuple) else (None, event)
+    return seq, scan, t_ns, kind, fields
 
 
-def _batches(items: Iterable[T], size: int) -> Iterator[list[T]]:
-    left = iter(items)
-    while some := list(islice(left, size)):
-        yield some
-
-
-def _dumps(value: object) -> bytes:
-    return pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+def _line(seq: int, scan: int, t_ns: int, kind: Any, fields: list[Any]) -> Line:
+    return Line(seq, scan, t_ns, fields[0] if kind is None else kind(*fields))

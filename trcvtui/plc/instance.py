@@ -16,7 +16,7 @@ from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.containment import INTERNAL_ERROR
 from trcvtui.plc.ledger import InputEdge, Outputs, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
-from trcvtui.plc.snapshot import Bare, FramerSnapshot, InstanceSnapshot, framer_snapshot
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_snapshot
 from trcvtui.project.project import InstanceDecl
 
 KNOWN_OUTCOMES: Final = 64
@@ -53,7 +53,7 @@ class Instance:
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
-        self._bare: Bare = ()
+        self._snapshot: InstanceSnapshot | None = None  # the last one
         self.fresh()
 
     def join(self, stream: StreamFeed | StreamDrain | None) -> None:
@@ -231,12 +231,12 @@ class Instance:
             return None
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 
-    def bare(self) -> Bare:
-        """Return what an InstanceSnapshot is made of; the same object while nothing has changed."""
+    def snapshot(self) -> InstanceSnapshot:
+        """Return the instance as it is; the same object while nothing has changed."""
         job, edge, decl = self._block.job, self.edge, self.decl
-        done, error = self.last_done or (None, None), self.last_error or (None, None)
-        bare = (
-            InstanceSnapshot,
+        done_scan, rcvd_len = self.last_done or (None, None)
+        error_scan, error_status = self.last_error or (None, None)
+        fresh = InstanceSnapshot(
             self.name,
             self.block_name,
             decl.connect,
@@ -252,14 +252,16 @@ class Instance:
             job.last_bytes,
             self.jobs_done,
             self.errors,
-            *done,
-            *error[::-1],
+            done_scan,
+            rcvd_len,
+            error_status,
+            error_scan,
             decl.task,
             decl.addr,
             self.framer(),
             decl.on_config,
             self.last_is_expected,
         )
-        if bare != self._bare:
-            self._bare = bare
-        return self._bare
+        if self._snapshot is None or fresh != self._snapshot:
+            self._snapshot = fresh
+        return self._snapshot

@@ -13,8 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from msgspec.structs import replace
-
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
@@ -56,16 +54,15 @@ from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import (
-    Bare,
-    BareSnapshot,
+    ConnectionSnapshot,
     FramerSnapshot,
+    InstanceSnapshot,
     SentBytes,
     Snapshot,
     addr_snapshots,
-    bare_connection,
-    bare_data,
-    bare_port,
-    made,
+    connection_snapshot,
+    data_snapshot,
+    port_snapshot,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
@@ -98,8 +95,6 @@ def area_of(decl: DataDecl) -> DataArea:
 
 
 T = TypeVar("T")
-NOTHING: Final[tuple[Bare, None]] = (), None
-RETRY: Final = 10  # the place of the time to the next attempt in what a ConnectionSnapshot is made of
 
 
 class Runtime:
@@ -141,10 +136,9 @@ class Runtime:
         self._call_order = self._new_call_order()
         self._written: set[str] = set()  # the variables that a command has written since the last snapshot
         self._pausing: set[str] = set()  # the CONNECTs that wait for their next attempt
-        self._made: tuple[dict[str, tuple[Bare, Any]], ...] = {}, {}, {}
-        self._instance_snapshots = {name: i.bare() for name, i in self._instances.items()}
-        self._connection_snapshots = {n: self._bare_link(n) for n in (*self._connections, *self._ports)}
-        self._data_snapshots = {name: bare_data(data) for name, data in self._data.items()}
+        self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
+        self._connection_snapshots = {n: self.link(n) for n in (*self._connections, *self._ports)}
+        self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
@@ -453,7 +447,7 @@ class Runtime:
     def _create(self, decl: InstanceDecl, place: int | None) -> None:
         instance = self._instance(decl)
         self._instances = _with(self._instances, decl.name, instance, place)
-        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.bare(), place)
+        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.snapshot(), place)
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
@@ -465,13 +459,13 @@ class Runtime:
                     self._lines.join(self._instances[name], self._connections, self._project.rules)
             case DataDecl(name):
                 data = self._data[name] = area_of(decl)
-                self._data_snapshots[name] = bare_data(data)
+                self._data_snapshots[name] = data_snapshot(data)
             case ConnectConfig(name):
                 self._connections[name] = self._connection(decl)
-                self._connection_snapshots[name] = self._bare_link(name)
+                self._connection_snapshots[name] = self.link(name)
             case UdpConfig(name):
                 self._ports[name] = self._port(decl)
-                self._connection_snapshots[name] = self._bare_link(name)
+                self._connection_snapshots[name] = self.link(name)
             case AddrParam(name):
                 self._addrs[name] = RemoteAddress(decl)
         self._call_order = self._new_call_order()
@@ -521,7 +515,7 @@ class Runtime:
         instance.detach("declared anew")
         fresh = self._instances[decl.name] = self._instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
-        self._instance_snapshots[decl.name] = fresh.bare()
+        self._instance_snapshots[decl.name] = fresh.snapshot()
 
     def _withdraw(self, decl: Part) -> None:
         name = decl.name
@@ -587,32 +581,18 @@ class Runtime:
     # -- the frozen picture ------------------------------------------------------------------------
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
-        return self.whole(self.collect(faults))
-
-    def whole(self, bare: BareSnapshot) -> Snapshot:
-        """Return the snapshot of what was collected; parts that have not changed are the same objects."""
-        head, *kinds = bare
-        parts = []
-        for known, kind in zip(self._made, kinds, strict=True):
-            for part in kind:
-                if known.get(part[1], NOTHING)[0] is not part:
-                    known[part[1]] = part, made(part)
-            parts.append(tuple([known[part[1]][1] for part in kind]))
-        return replace(head, instances=parts[0], connections=parts[1], data=parts[2])
-
-    def collect(self, faults: tuple[str, ...] = ()) -> BareSnapshot:
-        """Return what a snapshot is made of; what has not changed since the last one is the same object."""
+        """Return the PLC after its last scan; parts that have not changed are the same objects as before."""
         self._renew()
-        head = Snapshot(
+        return Snapshot(
             scan=self._env.scan,
             t_ns=self._env.now,
             running=self.running,
             dialect=self._project.dialect.name,
             model=self._project.model,
             interval_ns=self.interval_ns,
-            instances=(),
-            connections=(),
-            data=(),
+            instances=tuple(self._instance_snapshots.values()),
+            connections=tuple(self._connection_snapshots.values()),
+            data=tuple(self._data_snapshots.values()),
             ledger_seq=self.ledger.last_seq,
             connections_used=self._resources.budget.used,
             connections_limit=self._resources.budget.limit,
@@ -620,30 +600,34 @@ class Runtime:
             addrs=addr_snapshots(self._addrs.values()),
             combuffers=self._lines.snapshots(),
         )
-        kinds = self._instance_snapshots, self._connection_snapshots, self._data_snapshots
-        return BareSnapshot(head, *(tuple(kind.values()) for kind in kinds))
+
+    def instance(self, name: str) -> InstanceSnapshot | None:
+        """Return an instance as it is now; None: it is not created yet."""
+        found = self._instances.get(name)
+        return found.snapshot() if found is not None else None
+
+    def link(self, name: str) -> ConnectionSnapshot:
+        """Return a CONNECT or UDP_CONFIG as it is now."""
+        port, now = self._ports.get(name), self._env.now
+        return port_snapshot(port, now) if port else connection_snapshot(self._connections[name], now)
 
     def _renew(self) -> None:
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
         for instance in self._call_order.on(awake):
-            self._instance_snapshots[instance.name] = instance.bare()
+            self._instance_snapshots[instance.name] = instance.snapshot()
             if instance.data is not None:
                 self._written.add(instance.data.name)
         for name in self._written & self._data.keys():
-            if self._data_snapshots[name][-1] != self._data[name].generation:
-                self._data_snapshots[name] = bare_data(self._data[name])
+            if self._data_snapshots[name].generation != self._data[name].generation:
+                self._data_snapshots[name] = data_snapshot(self._data[name])
         self._written.clear()
         # The time to the next attempt runs on also where nobody is left to make it.
         for name in awake | self._pausing:
             if name in self._connection_snapshots:
-                fresh = self._bare_link(name)
+                fresh = self.link(name)
                 if fresh != self._connection_snapshots[name]:
                     self._connection_snapshots[name] = fresh
-                (self._pausing.discard if fresh[RETRY] is None else self._pausing.add)(name)
-
-    def _bare_link(self, name: str) -> Bare:
-        port, now = self._ports.get(name), self._env.now
-        return bare_port(port, now) if port else bare_connection(self._connections[name], now)
+                (self._pausing.discard if fresh.retry_in_ns is None else self._pausing.add)(name)
 
 
 def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:

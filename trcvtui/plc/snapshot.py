@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
 
 from msgspec import Struct, field
 
@@ -196,37 +195,18 @@ class Snapshot(Struct, frozen=True):
 
 
 # -- how they are taken -----------------------------------------------------------------------------------
-#
-# In the gap after a scan only the fields are collected, all of them frozen: (what makes the snapshot, its
-# name, the other arguments). The snapshot itself is made of them when there is time.
-
-Bare = tuple[Any, ...]
 
 
-class BareSnapshot(NamedTuple):
-    """A Snapshot whose parts are collected and not made yet; those of `head` are empty."""
-
-    head: Snapshot
-    instances: tuple[Bare, ...]
-    connections: tuple[Bare, ...]
-    data: tuple[Bare, ...]
-
-
-def made(bare: Bare) -> Any:
-    return bare[0](*bare[1:])
-
-
-def bare_connection(connection: Connection, now: int) -> Bare:
-    """Return what a ConnectionSnapshot of a CONNECT at `now` (ns) is made of."""
+def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
+    """Return a CONNECT as it is at `now` (ns)."""
     retry, state = connection.retry_at, connection.state
     config = connection.config
-    return (
-        _connection_snapshot,
+    return ConnectionSnapshot(
         config.name,
         config.active,
         str(state),
-        connection.local,
-        connection.peer if state is State.CONNECTED else connection.set_up.remote,
+        str(connection.local or ""),
+        str((connection.peer if state is State.CONNECTED else connection.set_up.remote) or ""),
         connection.incarnation,
         connection.bytes_received,
         connection.attempts,
@@ -240,22 +220,15 @@ def bare_connection(connection: Connection, now: int) -> Bare:
     )
 
 
-def _connection_snapshot(
-    name: str, active: bool, state: str, local: object, remote: object, *others: Any
-) -> ConnectionSnapshot:
-    return ConnectionSnapshot(name, active, state, str(local or ""), str(remote or ""), *others)
-
-
-def bare_port(port: UdpEndpoint, now: int) -> Bare:
-    """Return the same of a UDP_CONFIG: `created` is ready, `remote` the other end of the last datagram."""
+def port_snapshot(port: UdpEndpoint, now: int) -> ConnectionSnapshot:
+    """Return a UDP_CONFIG: `created` is ready, `remote` the other end of the last datagram."""
     retry = port.retry_at
-    return (
-        _connection_snapshot,
+    return ConnectionSnapshot(
         port.config.name,
         False,
         "created" if port.is_open else "closed" if retry is None else "establishing",
-        port.local,
-        port.peer,
+        str(port.local or ""),
+        str(port.peer or ""),
         port.incarnation,
         port.bytes_received,
         port.attempts,
@@ -268,8 +241,8 @@ def bare_port(port: UdpEndpoint, now: int) -> Bare:
     )
 
 
-def bare_data(data: DataArea) -> Bare:
-    return DataSnapshot, data.name, data.type_name, data.size, data.generation
+def data_snapshot(data: DataArea) -> DataSnapshot:
+    return DataSnapshot(data.name, data.type_name, data.size, data.generation)
 
 
 def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:

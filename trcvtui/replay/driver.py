@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -103,8 +103,6 @@ def _serve(channel: Channel, time_line: TimeLine) -> None:
         with restored_state(time_line.controller.run.is_restored, time_line.where):
             is_busy = time_line.work(clock.now_ns() + SLICE_NS)
             if request is not None and not pipe.is_busy():
-                pipe.begin(time_line.collect(request))
+                pipe.begin(time_line.picture(request))
                 request = None
-        if pipe.is_busy():
-            with suppress(BlockingIOError):
-                pipe.go_on(clock.now_ns() + SLICE_NS)
+        pipe.go_on(clock.now_ns() + SLICE_NS)

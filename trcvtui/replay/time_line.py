@@ -20,7 +20,7 @@ from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.waveform_recorder import WaveformRecorder
-from trcvtui.picture.bench_update import BareUpdate, UpdateRequest
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
@@ -70,10 +70,10 @@ class WhatIfRun:
         """Return what is new of an instance up to a scan, after its change `number`."""
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
         asked = name.removeprefix(BESIDE)
-        news = waves.bare_news(asked, number, (ledger.scan, ledger.t_ns))
+        news = waves.news(asked, number, (ledger.scan, ledger.t_ns))
         if news is None or (news.before and news.before_scan > scan):
             return None
-        changes = tuple([change for change in news.changes if change[1] <= scan])
+        changes = tuple([change for change in news.changes if change.scan <= scan])
         is_all = len(changes) == len(news.changes) and news.until_scan <= scan
         until = (news.until_scan, news.until_ns) if is_all else (scan, t_ns)
         return replace(news, instance=name, changes=changes, until_scan=until[0], until_ns=until[1])
@@ -147,13 +147,13 @@ class ReplayController(Controller):
         )
         return (*waves, *(other for other in others if other is not None))
 
-    def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
-        """Return what a picture is made of, with the position in the recording."""
-        bare = super().collect(request, timing, most_lines)
+    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
+        """Return the bench after its last scan, with the position in the recording."""
+        picture = super().picture(request, timing, most_lines)
         of = "replay" if self.position is None or self.position.first_ns is None else "capture"
         last = 0 if self.position is None else self.position.last_scan  # the doctor has seen all of it
-        doctor = replace(bare.update.doctor, scan=last)
-        return bare._replace(update=replace(bare.update, position=self.position, kernel=of, doctor=doctor))
+        doctor = replace(picture.doctor, scan=last)
+        return replace(picture, position=self.position, kernel=of, doctor=doctor)
 
 
 class CaptureRun(NamedTuple):
@@ -376,7 +376,7 @@ class TimeLine:
         if self._judge is not None:
             self._judge.close()
 
-    def collect(self, request: UpdateRequest) -> BareUpdate:
+    def picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
         controller.beside = beside
         controller.shadows = self._capture.shadows if self._capture else frozenset()
@@ -399,7 +399,7 @@ class TimeLine:
         )
         wants = self._wants_findings and survey.is_over and not survey.is_judged
         request = replace(request, doctor=request.doctor or wants)
-        return controller.collect(request, EngineTiming(mode="replay"), request.most_lines)
+        return controller.picture(request, EngineTiming(mode="replay"), request.most_lines)
 
 
 def _speed_text(speed: float) -> str:

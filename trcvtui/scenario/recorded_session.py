@@ -30,7 +30,8 @@ from trcvtui.commands.table import to_line
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.waveform_recorder import BareChange, PinRecord, WaveformRecorder
+from trcvtui.history.pin_waveform import PinChange
+from trcvtui.history.waveform_recorder import PinRecord, WaveformRecorder
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
@@ -271,7 +272,7 @@ class Session:
         record.on_drop = partial(self._dropped, showing, record)
         return showing
 
-    def _dropped(self, showing: _Shown, record: PinRecord, change: BareChange) -> None:
+    def _dropped(self, showing: _Shown, record: PinRecord, change: PinChange) -> None:
         if record.total - record.kept > showing.read:
             self._look(showing, change)
             showing.read += 1
@@ -296,7 +297,7 @@ class Session:
             self._go_on(showing, until)
         return self._shown
 
-    def _look(self, showing: _Shown, change: BareChange) -> None:
+    def _look(self, showing: _Shown, change: PinChange) -> None:
         _, scan, _, edge = change
         if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
             return

@@ -56,20 +56,21 @@ def test_noise_frames_and_dropped_parts_stand_in_the_order_in_which_they_came() 
     ]
 
 
-def test_of_much_noise_the_last_bytes_are_kept_and_all_are_counted() -> None:
+def test_all_bytes_of_much_noise_stand_there() -> None:
     console = line("prefix RD hex 02", "suffix RD hex 0A")
     fed(console, f"feed RX hex {'FF ' * 200} {'EE ' * 99}")
     window = seen(console)
     (noise,) = window.jobs
-    assert (noise.whole, noise.size, noise.is_kept) == (299, 256, True)
-    assert window.content == b"\xff" * 157 + b"\xee" * 99
+    assert (noise.whole, noise.size, noise.is_kept) == (299, 299, True)
+    assert window.content == b"\xff" * 200 + b"\xee" * 99
 
 
-def test_what_never_had_room_is_told_without_its_bytes() -> None:
+def test_what_waits_and_what_never_had_room_stand_where_they_came() -> None:
     console = line("set RD SizeReceiveData=0")
     fed(console, "feed RX random 310")
-    (lost,) = seen(console).jobs
-    assert (lost.whole, lost.is_kept, lost.reason) == (10, False, "the ComBuffer is full")
+    waiting, lost = seen(console).jobs
+    assert (waiting.size, waiting.is_open) == (300, True)
+    assert (lost.position, lost.whole, lost.is_kept, lost.reason) == (300, 10, True, "the ComBuffer is full")
 
 
 def test_thrown_away_bytes_are_found_from_the_newest_back() -> None:

@@ -7,25 +7,24 @@ import random
 import pytest
 
 from tests.properties.test_history import Generator, all_of, history_bench, labels
-from trcvtui.history import reader as history_reader
-from trcvtui.history import received as job_history
+from trcvtui.history import received_streams, stream_reader
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.reader import HistoryReader
-from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
 from trcvtui.history.stream_index import StreamIndex
+from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.plc.ledger import PeerSent
 
 
-def talking() -> tuple[Generator, HistoryReader]:
+def talking() -> tuple[Generator, StreamReader]:
     bench = history_bench()
-    told = Generator(bench, JobHistory(bench, LedgerReader(bench)))
+    ledger = LedgerReader(bench)
+    told, reader = Generator(bench, ledger), StreamReader(bench, ledger)
     told.do("set X CONT=1 EN_R=1")
     told.scan(3)
     told.do("peer P1 connect")
     told.scan(4)
-    return told, HistoryReader(told.history)
+    return told, reader
 
 
 def frames(told: Generator, count: int) -> bytes:
@@ -38,7 +37,7 @@ def frames(told: Generator, count: int) -> bytes:
     return sent
 
 
-def sought(reader: HistoryReader, seek: Seek) -> tuple[int | None, int]:
+def sought(reader: StreamReader, seek: Seek) -> tuple[int | None, int]:
     """Return where something was found, and how many pictures that took."""
     for pictures in range(1, 1000):
         answer = reader.window(HistoryRequest("C1", seek=seek)).sought
@@ -48,34 +47,42 @@ def sought(reader: HistoryReader, seek: Seek) -> tuple[int | None, int]:
     raise AssertionError("never found, never given up")
 
 
-def test_the_oldest_job_is_forgotten_first_and_positions_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_history, "MOST_BYTES", 240)
+def test_the_oldest_bytes_are_forgotten_first_and_positions_stay() -> None:
     told, reader = talking()
+    told.bench.runtime.received("C1").most = 240  # type: ignore[union-attr]
     sent = frames(told, 50)
     windows = all_of(reader)
     assert (windows[0].begin, windows[0].end) == (40 * 24, 50 * 24)
+    assert windows[0].lack == "older than the 240B that are kept"
     assert b"".join(window.content for window in windows) == sent[40 * 24 :]
     assert labels(windows)[0][2:4] == (41, 0), "the first byte that is kept is the first of message 41"
 
 
 def test_jobs_and_recv_calls_are_bounded_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_history, "MOST_JOBS", 7)
+    for name, size in (("MOST_SPANS_KEPT", 7), ("LEAST_SPANS_KEPT", 1), ("SLACK", 1)):
+        monkeypatch.setattr(received_streams, name, size)
     told, reader = talking()
     frames(told, 20)
-    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 7
-    monkeypatch.setattr(job_history, "MOST_RECVS", 3)
-    frames(told, 1)
-    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 3
+    window = reader.window(HistoryRequest("C1", 0, 8192))
+    assert (window.begin, len(window.jobs), window.lack) == (12 * 24, 8, "older than the jobs that are kept")
 
 
-def test_a_flood_keeps_its_labels_without_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_history, "COPY_A_SCAN", 23)
+def test_bytes_of_a_running_job_and_dropped_ones_stand_where_they_came() -> None:
     told, reader = talking()
-    frames(told, 1)
-    (job,) = reader.window(HistoryRequest("C1", 0, 24)).jobs
-    assert (job.is_kept, job.reason) == (False, job_history.NOT_KEPT)
-    frames(told, 1)
-    assert reader.window(HistoryRequest("C1", 0, 48)).jobs[1].is_kept, "what is looked at is always kept"
+    told.send(b"part", [])
+    told.scan(2)
+    (job,) = reader.window(HistoryRequest("C1", 0, 99)).jobs
+    assert (job.instance, job.number, job.whole, job.done, job.is_open) == ("X", 1, 4, False, True)
+    told.do("set X EN_R=0")
+    told.scan(2)
+    told.do("set X EN_R=1")
+    sent = frames(told, 1)
+    window = reader.window(HistoryRequest("C1", 0, 99))
+    assert window.content == b"part" + sent
+    assert [(job.size, job.done, job.is_open, job.is_kept) for job in window.jobs] == [
+        (4, False, False, True),
+        (24, True, False, True),
+    ]
 
 
 def test_a_window_is_bounded_whatever_is_asked_for() -> None:
@@ -92,7 +99,7 @@ def test_a_window_is_bounded_whatever_is_asked_for() -> None:
 
 
 def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(history_reader, "STRETCH", 64)
+    monkeypatch.setattr(stream_reader, "STRETCH", 64)
     told, reader = talking()
     sent = frames(told, 40)
     pattern = sent[500:506]  # over the border of two jobs

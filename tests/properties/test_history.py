@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.reader import HistoryReader
-from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, JobSpan
+from trcvtui.history.stream_reader import StreamReader
 from trcvtui.project.file import read_project
 
 DATA = 24
@@ -41,7 +40,7 @@ class Generator:
     """What was sent, and how far the PLC has taken it; no line of the ledger is read here."""
 
     bench: Bench
-    history: JobHistory
+    ledger: LedgerReader
     said: bytearray = field(default_factory=bytearray)
     sizes: list[int] = field(default_factory=list)
     jobs: list[tuple[int, int, int]] = field(default_factory=list)  # scan, first byte, size
@@ -57,7 +56,7 @@ class Generator:
             collected = len(self.bench.runtime.partial("X"))
             enabled = bool(self.bench.runtime.inputs("X")["EN_R"])
             self.bench.step()
-            self.history.catch_up()
+            self.ledger.catch_up()
             outputs = self.bench.runtime.outputs("X")
             if outputs.done:
                 size = outputs.rcvd_len or 0
@@ -83,7 +82,7 @@ class Generator:
         return number + 1, offset - (ends[number] - self.sizes[number])
 
 
-def all_of(reader: HistoryReader, connect: str = "C1") -> list[HistoryWindow]:
+def all_of(reader: StreamReader, connect: str = "C1") -> list[HistoryWindow]:
     """Return the whole history in small windows, as somebody sees it who scrolls through it."""
     end = reader.window(HistoryRequest(connect)).end
     position = reader.window(HistoryRequest(connect)).begin
@@ -129,8 +128,8 @@ def test_every_byte_has_the_label_that_the_generator_gave_it(
     seed: int, fragment: bool, moves: list[tuple[str, int, list[int]]]
 ) -> None:
     bench = history_bench(seed, fragment)
-    history = JobHistory(bench, LedgerReader(bench))
-    told = Generator(bench, history)
+    ledger = LedgerReader(bench)
+    told, reader = Generator(bench, ledger), StreamReader(bench, ledger)
     draw = random.Random(seed)
     told.do("set X CONT=1 EN_R=1")
     told.scan(3)
@@ -151,13 +150,15 @@ def test_every_byte_has_the_label_that_the_generator_gave_it(
             told.do("set X EN_R=1")
     told.scan(30)
 
-    found = labels(all_of(HistoryReader(history)))
-    assert [offset for *_, offset in found] == list(range(told.taken)), "no byte is missing, none is twice"
+    found = labels(all_of(reader))
+    taken = told.taken + len(bench.runtime.partial("X"))
+    assert [offset for *_, offset in found] == list(range(taken)), "no byte is missing, none is twice"
     for job, value, message, byte, offset in found:
         assert (message, byte) == told.label(offset)
-        assert value == (told.said[offset] if job.done else 0)
+        assert value == told.said[offset]
+        assert job.is_open == (offset >= told.taken)
     jobs = dict.fromkeys(job for job, *_ in found)
     offsets = {job: offset for job, *_, offset in reversed(found)}
     assert [(job.scan, offsets[job], job.size) for job in jobs if job.done] == told.jobs
-    assert [(offsets[job], job.whole) for job in jobs if not job.done] == told.dropped
+    assert [(offsets[job], job.whole) for job in jobs if not (job.done or job.is_open)] == told.dropped
     bench.close()

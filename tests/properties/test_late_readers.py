@@ -18,7 +18,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
 from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import Controller
-from trcvtui.history import ledger_reader, received
+from trcvtui.history import ledger_reader
 from trcvtui.history.pin_waveform import Waveform
 from trcvtui.history.records import HistoryRequest
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -98,25 +98,13 @@ def waves(of: BenchUpdate) -> dict[str, Waveform]:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_who_reads_late_tells_the_same_or_that_values_are_not_kept(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_reads_late_tells_the_same(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ledger_reader, "LINES_A_STEP", 1 + seed)
     prompt, late, _ = prompt_and_late(seed, 20_000, 0.1, MORE)
     expected, found = told(prompt), told(late)
-    assert (found.waves, found.facts) == (expected.waves, expected.facts)
+    assert (found.waves, found.facts, found.history) == (expected.waves, expected.facts, expected.history)
     assert list(late.session.steps()) == list(prompt.session.steps())
-    assert expected.history is not None and found.history is not None
-    assert (found.history.recvs, found.history.messages) == (
-        expected.history.recvs,
-        expected.history.messages,
-    )
-    for job, other in zip(expected.history.jobs, found.history.jobs, strict=True):
-        assert other in (job, job._replace(reason=received.TOO_LATE, is_kept=False))
-        if other.is_kept:
-            part = slice(job.position, job.stop)
-            assert found.history.content[part] == expected.history.content[part]
-    assert any(job.is_kept for job in found.history.jobs), "it was in time here and there"
+    assert found.history is not None and found.history.jobs
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -20,7 +20,12 @@ class StreamMessage(NamedTuple):
 
 
 def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
-    """Return the messages of which every byte is known, oldest first; none where nothing tells their ends."""
+    """Return the messages of which every byte is known, oldest first; none where nothing tells their ends.
+
+    Bytes of a running job are left out: what follows them may still be of the same message.
+    """
+    running = min([job.position for job in window.jobs if job.is_open], default=window.stop)
+    recvs = [recv for recv in window.recvs if recv.stop <= running]
     by_pauses = False
     sent = [span for span in window.messages if span.peer not in (A_PACKET, A_HOLE)]
     if sent:
@@ -31,8 +36,12 @@ def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
         found = [(f"{job.instance} job {job.number}", range(job.position, job.stop)) for job in jobs]
     else:
         by_pauses = True
-        last = window.recvs[-1] if window.recvs else None
+        last = recvs[-1] if recvs else None
         has_last = last is not None and last.offset + last.size == e.facts.received
-        bursts = bursts_in(window.recvs, has_last and not e.is_arriving)
+        bursts = bursts_in(recvs, has_last and not e.is_arriving)
         found = [(f"message by pauses from byte {each.start}", each) for each in bursts]
-    return [StreamMessage(name, at, by_pauses, window.cut(at)) for name, at in found if window.knows(at)]
+    return [
+        StreamMessage(name, at, by_pauses, window.cut(at))
+        for name, at in found
+        if at.stop <= running and window.knows(at)
+    ]

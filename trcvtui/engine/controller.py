@@ -29,8 +29,7 @@ from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import WaveformDelta
-from trcvtui.history.reader import HistoryReader
-from trcvtui.history.received import JobHistory
+from trcvtui.history.stream_reader import StreamReader
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -178,7 +177,7 @@ class Controller:
 
     def _begin(self, bench: Bench) -> None:
         self._ledger = reader = LedgerReader(bench)
-        self._history = HistoryReader(JobHistory(bench, reader))
+        self._history = StreamReader(bench, reader)
         self._trigger_watch = TriggerWatch(bench, reader)
         self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()

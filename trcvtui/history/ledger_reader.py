@@ -23,7 +23,6 @@ class LedgerReader:
 
     def __init__(self, bench: Bench) -> None:
         self.index = StreamIndex()
-        self.first: list[Callable[[], None]] = []  # called before the lines of a scan are read
         self.lost: list[Callable[[int, int, int], None]] = []  # get seq, scan, time before a loss
         self._bench = bench
         self._has_failed = False
@@ -50,8 +49,6 @@ class LedgerReader:
 
     def _read_on(self, until: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners
-        for look in self.first:
-            look()
         while True:
             if self._read == len(self._news):
                 if self._seq == ledger.last_seq:

@@ -270,7 +270,7 @@ class ReceivedStreams:
         waiting = self.streams[name].arrivals
         jobs = [(RUNS, instance, job.number, reads) for instance, job, reads in self.index.running(name)]
         for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
-            at, whole, first = reads[0] if reads else None, sum([recv.size for recv in reads]), 0
+            at, whole, first = reads[-1] if reads else None, sum([recv.size for recv in reads]), 0
             for position, size in joined((recv.position, recv.size) for recv in reads):
                 if at is not None and position < stop and position + size > start:
                     yield JobSpan(

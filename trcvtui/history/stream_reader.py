@@ -121,7 +121,8 @@ class StreamReader:
             else:
                 messages.append(found)
 
-    def _job_at(self, of: _Source, position: int | None) -> tuple[int, bytes] | None:
+    @staticmethod
+    def _job_at(of: _Source, position: int | None) -> tuple[int, bytes] | None:
         """Return where the job, or piece of one, at a position begins, and all bytes of the job."""
         if position is None:
             return None
@@ -129,8 +130,6 @@ class StreamReader:
         for span in spans_between(jobs, position, position + 1):
             place = next(number for number, one in enumerate(jobs) if one is span)
             return span.position, of.content(of.stream.pieces(place))
-        for span in self.streams.running(of.name, position, position + 1):
-            return span.position, of.ring.read(span.position, span.stop)
         return None
 
     # -- looking for a place -----------------------------------------------------------------------------

@@ -148,7 +148,9 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if message is not None and not is_hole:
         byte = message.first + place - message.position
         words.append(f"{message.peer} #{message.number} byte {byte}")
-    byte = place - job.position
+    if not job.done and not job.is_open and values[0] is not None:
+        words.insert(1, "dropped")
+    byte = place - job.position + job.first
     words.append(_job_words(job, byte))
     if job.done and (field := field_at(project, job.instance, byte)):
         words.append(field)
@@ -167,7 +169,8 @@ def _job_words(job: JobSpan, byte: int) -> str:
         return job.instance
     if not job.is_frame:
         return f"{job.instance} job {job.number} byte {byte}"
-    part = "prefix" if byte < job.prefix else "suffix" if byte >= job.size - job.suffix else "data"
+    is_suffix = byte - job.first >= job.size - job.suffix
+    part = "prefix" if byte - job.first < job.prefix else "suffix" if is_suffix else "data"
     return f"{job.instance} frame {job.number} byte {byte}, {part}"
 
 
@@ -364,7 +367,7 @@ class Received(Vertical):
         """Return where the job lies whose bytes are to come, None where they are here."""
         job = self.job_here()
         known = self.past_job is not None and job is not None and self.past_job[0] == job.position
-        return None if job is None or known else job.position
+        return None if job is None or job.is_open or known else job.position
 
     def _show_past(self) -> None:
         self.stream.compare(self.stream.marked, self.message_here())
@@ -394,6 +397,9 @@ class Received(Vertical):
             return "" if self.stream.window.end else "nothing was received yet"
         project = self._view_model.project
         origin = origin_words(self.stream.cursor, self.stream.values(), self.stream.labels(), project)
+        window = self.stream.window
+        if window.lack and self.stream.cursor == window.begin:
+            origin += f" · what came before is {window.lack}"
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def _with_hit(self, place: int | None, text: str) -> str:
@@ -445,6 +451,8 @@ class Received(Vertical):
             has_bytes = not self._view_model.is_frozen or self._view_model.has_bytes
             return "" if has_bytes else NOT_KEPT
         job = self.job_here()
+        if job is not None and job.is_open:
+            return job.reason
         if job is not None and not job.is_kept:
             return f"{f'job {job.number}' if job.done else f'{job.whole} B dropped'}, {job.reason}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
@@ -452,15 +460,18 @@ class Received(Vertical):
     def byte_in_job(self) -> int:
         """Return the place of the stream's cursor in its job, -1 where there is none."""
         job = self.job_here()
-        return -1 if job is None or self.stream.cursor is None else self.stream.cursor - job.position
+        here = self.stream.cursor
+        return -1 if job is None or here is None else here - job.position + job.first
 
     def show_field(self, field: range, goes_there: bool) -> None:
         job = self.job_here()
         if job is None:
             return
-        self.stream.show_link(range(job.position + field.start, job.position + field.stop))
-        if goes_there and field:
-            self.stream.go_to(job.position + field.start)
+        begin = job.position - job.first
+        here = range(max(job.position, begin + field.start), min(job.stop, begin + field.stop))
+        self.stream.show_link(here)
+        if goes_there and here:
+            self.stream.go_to(here.start)
 
     # -- keys --------------------------------------------------------------------------------------------
 
@@ -574,7 +585,9 @@ class Received(Vertical):
             if first <= goal.number < stop:
                 view.select(goal.number)
             else:
-                self._nowhere = f"{goal.about} is not here: bytes {first} to {stop - 1} are"
+                is_older = self.is_past and goal.number < first
+                why = kept.lack if is_older else f"not here: bytes {first} to {stop - 1} are"
+                self._nowhere = f"{goal.about} is {why}"
         self.show()
 
     def action_end_find(self) -> None:

@@ -156,11 +156,13 @@ def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
 
 
 def bracket_of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
-    name = span.instance
+    name, ends = span.instance, (span.first == 0, span.first + span.size == span.whole)
+    if span.is_open:
+        return True, False, RECV, (f"{name} {span.reason}".strip(), span.reason, "")
     if not span.done:
         return True, True, DROPPED, (f"{span.whole} B dropped: {span.reason}", "dropped", "")
     number = f"{'frame' if span.is_frame else 'job'} {span.number}"
-    return True, True, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
+    return *ends, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
 
 
 # -- beside the rulers ---------------------------------------------------------------------------------------
@@ -190,7 +192,7 @@ def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
         return ""
     if job.done:
         return f"DONE {stamp(job.t_ns)}" if not job.reason else clip(job.reason, 60)
-    return f"{stamp(job.t_ns)} dropped"
+    return job.reason if job.is_open else f"{stamp(job.t_ns)} dropped"
 
 
 FULL: Final = 0.6  # of the room in rows that are cut at messages, at least
@@ -453,7 +455,7 @@ class StreamView(ByteLines):
         style = "ghost" if byte is None else CLASS_OF[byte]
         style = HOLE if self.is_hole(position) else style
         if job is not None and (job.prefix or job.suffix or not job.done):
-            style = marks_of_span(job).style(position) or (style if job.done else "ghost")
+            style = marks_of_span(job).style(position) or (style if job.done or job.is_open else "ghost")
         if self._differs(position):
             style += " changed"
         if position in self.link:

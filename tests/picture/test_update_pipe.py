@@ -102,7 +102,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
         bench.scan()
     edges: list[StatusEdge] = []
     done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
-    request = replace(asked, partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1"))
+    request = replace(asked, waves=(("T1", 0),), history=HistoryRequest("C1"))
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
         for scan in range(200):
@@ -121,8 +121,8 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
             assert seen == made
             assert seen.history is not None
             [wave], snapshot, instance = seen.waves, seen.snapshot, seen.snapshot.instances[1]
-            [(_, running)], received = seen.partial, snapshot.connections[1].bytes_received
-            assert seen.history.end + len(running) == received
+            received = snapshot.connections[1].bytes_received
+            assert seen.history.end == received
             assert len(seen.lines) == snapshot.ledger_seq - request.since_seq
             assert wave.until_scan == snapshot.scan
             edges += [each.event for each in wave.changes if isinstance(each.event, StatusEdge)]

@@ -155,11 +155,22 @@ async def test_a_job_of_the_past_is_yanked_and_named(state: Path, pane: str, let
         assert await _yanked(looker, letter) == written(letter, past)
 
 
-async def test_bytes_of_the_past_that_are_not_kept_are_not_yanked(state: Path) -> None:
+async def test_of_the_past_dropped_bytes_are_yanked_and_those_that_were_never_read_are_not(
+    state: Path,
+) -> None:
     async with on_a_bench(WIDE) as looker:
         await two_jobs(looker)
-        await looker.press("G", "y")
-        assert "nothing to yank: 9 B dropped, EN_R fell" in looker.text
+        await looker.press("G")
+        await looker.pictures()
+        await looker.press("y")
+        assert "Yank · thrown away, 9 bytes" in looker.text
+        await looker.press("escape")
+        looker.bench.do(f"peer P1 send hex {JOBS[0].hex()}", scans=3)
+        looker.bench.do("set TRCV_C_1 CONT=0", scans=3)
+        await looker.press("G")
+        await looker.pictures()
+        await looker.press("y")
+        assert "nothing to yank: 24 B dropped, disconnected" in looker.text
         looker.app.main.yank("h")
         assert await _yanked(looker, "H", "5", "y") == ""
         assert "Yank · 24 bytes of rx" in looker.text, "DATA now, by name"

@@ -34,7 +34,6 @@ LEAST_SPANS_KEPT: Final = 1000  # of each
 SLACK: Final = 1024  # spans that are forgotten at once
 MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many may share a CONNECT
 MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as many as it has bytes
-RUNS: Final = "the job runs"
 WAITS: Final = "of a frame without its end, or not read yet"
 NOISE: Final = "noise before the prefix"
 UNUSUAL: Final = {str(Ending.GAP): "ended by a gap", str(Ending.OVERRUN): "size reached, no suffix"}
@@ -268,7 +267,8 @@ class ReceivedStreams:
     def running(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
         """Yield what running jobs, and frames without their end, have between two positions."""
         waiting = self.streams[name].arrivals
-        jobs = [(RUNS, instance, job.number, reads) for instance, job, reads in self.index.running(name)]
+        running = self.index.running(name)
+        jobs = [(f"job {job.number} runs", instance, job.number, reads) for instance, job, reads in running]
         for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
             at, whole, first = reads[-1] if reads else None, sum([recv.size for recv in reads]), 0
             for position, size in joined((recv.position, recv.size) for recv in reads):

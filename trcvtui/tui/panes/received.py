@@ -148,8 +148,6 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if message is not None and not is_hole:
         byte = message.first + place - message.position
         words.append(f"{message.peer} #{message.number} byte {byte}")
-    if not job.done and not job.is_open and values[0] is not None:
-        words.insert(1, "dropped")
     byte = place - job.position + job.first
     words.append(_job_words(job, byte))
     if job.done and (field := field_at(project, job.instance, byte)):
@@ -176,9 +174,10 @@ def _job_words(job: JobSpan, byte: int) -> str:
 
 def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
     if value is None:
-        return "value not kept" if job.done else "dropped"
+        return "dropped"
     differs = was is not None and was != value
-    return f"16#{value:02X} = {value}" + (f" (was {was:02X})" if differs else "")
+    is_dropped = not (job.done or job.is_open)
+    return f"16#{value:02X} = {value}" + (f" (was {was:02X})" if differs else " · dropped" * is_dropped)
 
 
 def field_at(project: Project, instance: str, byte: int) -> str:
@@ -438,12 +437,15 @@ class Received(Vertical):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number and bytes of the job under the cursor of the stream, once they are here."""
+        """Return instance, number and bytes of the job under the cursor of the stream, once they are here.
+
+        Of bytes that were dropped the number is 0.
+        """
         job = self.job_here() if self.is_past else None
         here = job is not None and self.past_job is not None and self.past_job[0] == job.position
-        if job is None or self.past_job is None or not here or not job.is_kept:
+        if job is None or self.past_job is None or not here or len(self.past_job[1]) < job.whole:
             return None
-        return job.instance, job.number, self.past_job[1]
+        return job.instance, job.number * job.done, self.past_job[1]
 
     def lack(self) -> str:
         """Return why the bytes of what is shown cannot be had, "" where they can."""
@@ -451,10 +453,10 @@ class Received(Vertical):
             has_bytes = not self._view_model.is_frozen or self._view_model.has_bytes
             return "" if has_bytes else NOT_KEPT
         job = self.job_here()
-        if job is not None and job.is_open:
-            return job.reason
-        if job is not None and not job.is_kept:
-            return f"{f'job {job.number}' if job.done else f'{job.whole} B dropped'}, {job.reason}"
+        if job is not None and (job.is_open or not job.is_kept):
+            return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
+        if job is not None and job.position - job.first < self.stream.window.begin:
+            return f"the first bytes of it are {self.stream.window.lack}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
 
     def byte_in_job(self) -> int:

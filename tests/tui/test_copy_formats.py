@@ -167,6 +167,7 @@ async def test_of_the_past_dropped_bytes_are_yanked_and_those_that_were_never_re
         await looker.press("escape")
         looker.bench.do(f"peer P1 send hex {JOBS[0].hex()}", scans=3)
         looker.bench.do("set TRCV_C_1 CONT=0", scans=3)
+        await looker.pictures()
         await looker.press("G")
         await looker.pictures()
         await looker.press("y")

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -352,17 +353,24 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     thread = threading.Thread(target=run)
     thread.start()
     os.write(writes, capture([*handshake(), *[udp(b"x", target=("10.0.0.5", 53))] * 9, *stream(12)]))
-    project = ours.recv()
+    reader = UpdateReader(ours)
+
+    def arrived() -> Any:
+        while (message := reader.next()) is None:
+            ours.poll(None)
+        return message
+
+    project = arrived()
     assert [each.name for each in project.instances] == ["C1_TO_PLC", "C1_FROM_PLC"]
-    jobs, reader = 0, UpdateReader()
+    jobs = 0
     while not jobs:
         ours.send(UpdateRequest())
-        jobs = reader.read(ours.recv_bytes()).snapshot.instances[0].jobs_done
+        jobs = arrived().snapshot.instances[0].jobs_done
     os.close(writes)
     said: list[object] = []
     while not any("have ended" in str(line) for line in said):
         ours.send(UpdateRequest())
-        said += reader.read(ours.recv_bytes()).lines
+        said += arrived().lines
     assert any("UDP: DNS" in str(line) for line in said)
     ours.close()
     thread.join(20)

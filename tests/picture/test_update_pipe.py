@@ -7,7 +7,6 @@ import os
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing.connection import Connection as Channel
 from operator import is_
 from pathlib import Path
 
@@ -40,10 +39,10 @@ DOCUMENT = {
 
 
 @contextmanager
-def two_ends() -> Iterator[tuple[Channel, Channel]]:
+def two_ends() -> Iterator[tuple[UpdatePipe, UpdateReader]]:
     ours, theirs = multiprocessing.Pipe()
     with ours, theirs:
-        yield ours, theirs
+        yield UpdatePipe(ours), UpdateReader(theirs)
 
 
 def console() -> Controller:
@@ -56,15 +55,13 @@ def picture(bench: Controller, request: UpdateRequest) -> BenchUpdate:
 
 def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
     bench, request = console(), UpdateRequest(data=tuple(f"rx{n}" for n in range(8)))
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
+    with two_ends() as (pipe, reader):
         sent = picture(bench, request)  # more than the channel holds
         pipe.begin(sent)
         for _ in range(100):
             bench.scan()
             pipe.go_on(clock.now_ns() + FAR_AWAY)
             assert pipe.is_busy(), "it has come back although the channel is full"
-        reader = UpdateReader(screen)
         while pipe.is_busy():
             assert reader.next() is None, "it does not wait for the rest either"
             pipe.go_on(clock.now_ns() + FAR_AWAY)
@@ -73,8 +70,7 @@ def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
 
 def test_what_has_not_changed_does_not_cross_and_is_the_same_object_on_both_sides() -> None:
     bench, arrived, crosses = console(), [], []
-    with two_ends() as (engine, screen):
-        pipe, reader = UpdatePipe(engine), UpdateReader(screen)
+    with two_ends() as (pipe, reader):
         for _ in range(8):
             bench.scan()
             pipe.begin(picture(bench, UpdateRequest(project=bench._project_number)))
@@ -102,14 +98,13 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
     edges: list[StatusEdge] = []
     done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
     request = replace(asked, partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1"))
-    with two_ends() as (engine, screen):
-        pipe, reader = UpdatePipe(engine), UpdateReader(screen)
+    with two_ends() as (pipe, reader):
         for scan in range(200):
             made = picture(bench, request)
             pipe.begin(made)
             gaps = 0
             while pipe.is_busy():
-                assert not screen.poll()
+                assert reader.next() is None
                 if draw.random() < 0.3:
                     bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
                 bench.scan() if draw.random() < 0.5 else bench.step()

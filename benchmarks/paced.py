@@ -50,7 +50,7 @@ class PacedEngine:
         file.write_text(project)
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        self._reader = UpdateReader()
+        self._reader = UpdateReader(self._channel)
         self._process = context.Process(
             target=_run, args=(theirs, file, self.timing, connections, record), daemon=True
         )
@@ -99,7 +99,8 @@ class PacedEngine:
 
     def _snapshot(self) -> Snapshot:
         self._channel.send(UpdateRequest(most_lines=0))
-        picture = self._reader.read(self._channel.recv_bytes())
+        while (picture := self._reader.next()) is None:
+            self._channel.poll(None)
         assert isinstance(picture, BenchUpdate)
         return picture.snapshot
 

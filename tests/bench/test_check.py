@@ -11,7 +11,7 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.counters_and_checksums import Checker, frame
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.peers import CheckSnapshot, CheckTally
+from trcvtui.snapshots.bench import CheckSnapshot, CheckTally
 
 SIZE = 16
 

@@ -13,7 +13,9 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -354,15 +356,18 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     os.write(writes, capture([*handshake(), *[udp(b"x", target=("10.0.0.5", 53))] * 9, *stream(12)]))
     project = ours.recv()
     assert [each.name for each in project.instances] == ["C1_TO_PLC", "C1_FROM_PLC"]
-    jobs, reader = 0, UpdateReader()
-    while not jobs:
+    jobs, reader = 0, UpdateReader(ours)
+
+    def picture() -> Any:
         ours.send(UpdateRequest())
-        jobs = reader.read(ours.recv_bytes()).snapshot.instances[0].jobs_done
+        return next(filter(None, (ours.poll(None) and reader.next() for _ in count())))
+
+    while not jobs:
+        jobs = picture().snapshot.instances[0].jobs_done
     os.close(writes)
     said: list[object] = []
     while not any("have ended" in str(line) for line in said):
-        ours.send(UpdateRequest())
-        said += reader.read(ours.recv_bytes()).lines
+        said += picture().lines
     assert any("UDP: DNS" in str(line) for line in said)
     ours.close()
     thread.join(20)

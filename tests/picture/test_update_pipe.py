@@ -6,9 +6,7 @@ import multiprocessing
 import os
 import random
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from multiprocessing.connection import Connection as Channel
 from operator import is_
 from pathlib import Path
 
@@ -21,7 +19,6 @@ from trcvtui.engine.controller import Controller
 from trcvtui.history.records import HistoryRequest
 from trcvtui.picture import update_pipe as module
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.picture.protocol import MessageReader
 from trcvtui.picture.update_pipe import UpdatePipe, UpdateReader
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -42,10 +39,10 @@ DOCUMENT = {
 
 
 @contextmanager
-def two_ends() -> Iterator[tuple[Channel, Channel]]:
+def two_ends() -> Iterator[tuple[UpdatePipe, UpdateReader]]:
     ours, theirs = multiprocessing.Pipe()
     with ours, theirs:
-        yield ours, theirs
+        yield UpdatePipe(ours), UpdateReader(theirs)
 
 
 def console() -> Controller:
@@ -58,36 +55,34 @@ def picture(bench: Controller, request: UpdateRequest) -> BenchUpdate:
 
 def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
     bench, request = console(), UpdateRequest(data=tuple(f"rx{n}" for n in range(8)))
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
+    with two_ends() as (pipe, reader):
         sent = picture(bench, request)  # more than the channel holds
         pipe.begin(sent)
         for _ in range(100):
             bench.scan()
             pipe.go_on(clock.now_ns() + FAR_AWAY)
             assert pipe.is_busy(), "it has come back although the channel is full"
-        with ThreadPoolExecutor(1) as pool:
-            arrived = pool.submit(screen.recv_bytes)
-            while pipe.is_busy():
-                pipe.go_on(clock.now_ns() + FAR_AWAY)
-            assert UpdateReader().read(arrived.result(timeout=10)) == sent
+        while pipe.is_busy():
+            assert reader.next() is None, "it does not wait for the rest either"
+            pipe.go_on(clock.now_ns() + FAR_AWAY)
+        assert reader.next() == sent
 
 
 def test_what_has_not_changed_does_not_cross_and_is_the_same_object_on_both_sides() -> None:
-    bench, reader, arrived, names = console(), UpdateReader(), [], []
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
+    bench, arrived, crosses = console(), [], []
+    with two_ends() as (pipe, reader):
         for _ in range(8):
             bench.scan()
             pipe.begin(picture(bench, UpdateRequest(project=bench._project_number)))
+            while not pipe._unsent:
+                pipe.go_on(clock.now_ns())
+            crosses.append(b"InstanceSnapshot" in bytes(pipe._unsent))
             pipe.go_on(clock.now_ns() + FAR_AWAY)
-            message = screen.recv_bytes()
-            names.append(message.count(b"ARRAY[1..60000]"))  # stands in each DATA
-            arrived.append(reader.read(message))
+            arrived.append(reader.next())
     before, after = (each.snapshot for each in arrived[-2:])
     assert after.scan == before.scan + 1 and after.instances == before.instances
     assert all(map(is_, before.instances, after.instances))
-    assert names[0] and not names[-1]
+    assert (crosses[0], crosses[-1]) == (True, False)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -95,7 +90,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "SLICE", 3)
-    draw, bench, reader = random.Random(seed), console(), UpdateReader()
+    draw, bench = random.Random(seed), console()
     bench.take(0, "set T1 EN_R=1 LEN=8")
     for line in ("fault clear",) * 3 + ("peer P1 connect",):
         bench.take(0, line)
@@ -103,21 +98,20 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
     edges: list[StatusEdge] = []
     done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
     request = replace(asked, waves=(("T1", 0),), history=HistoryRequest("C1"))
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
+    with two_ends() as (pipe, reader):
         for scan in range(200):
             made = picture(bench, request)
             pipe.begin(made)
             gaps = 0
             while pipe.is_busy():
-                assert not screen.poll()
+                assert reader.next() is None
                 if draw.random() < 0.3:
                     bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
                 bench.scan() if draw.random() < 0.5 else bench.step()
                 pipe.go_on(clock.now_ns())  # no time at all: one slice
                 gaps += 1
             assert gaps > len(made.lines) // 3
-            seen = reader.read(screen.recv_bytes())
+            seen = reader.next()
             assert seen == made
             assert seen.history is not None
             [wave], snapshot, instance = seen.waves, seen.snapshot, seen.snapshot.instances[1]
@@ -137,10 +131,10 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
 def test_the_last_words_of_a_process_that_has_not_read_a_request_are_heard() -> None:
     here, there = multiprocessing.Pipe()
     here.send("a request")
-    there.send_bytes(b"last words")
+    there.send("last words")
     there.close()  # with the request unread: the system tells this end of a reset
     with here:
-        reader = MessageReader(here)
-        assert reader.next() == b"last words"
+        reader = UpdateReader(here)
+        assert reader.next() == "last words"
         with pytest.raises(EOFError):
             reader.next()

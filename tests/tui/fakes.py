@@ -16,8 +16,7 @@ from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.snapshots.bench import Answer, EngineTiming
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import Answer, EngineTiming, PeerSnapshot
 
 HERE = Path(__file__).parent
 MS = 1_000_000

@@ -36,7 +36,7 @@ from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.project.tables import LEAST_INTERVAL_NS
-from trcvtui.snapshots.peers import CheckSnapshot, PeerSnapshot
+from trcvtui.snapshots.bench import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel

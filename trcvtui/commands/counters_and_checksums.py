@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, cast
 
-from trcvtui.snapshots.peers import CheckTally
+from trcvtui.snapshots.bench import CheckTally
 from trcvtui.udt.compare.checksums import CHECKSUMS
 
 # A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.

@@ -12,7 +12,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
     from trcvtui.project.project import Project

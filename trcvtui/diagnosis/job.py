@@ -15,7 +15,7 @@ from trcvtui.history.records import Drop, Facts
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.net.layer import TlsError
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
 Tell = Callable[[Evidence], str]

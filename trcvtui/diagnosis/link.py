@@ -13,7 +13,7 @@ from trcvtui.history.records import NOT_BUILT, Failures
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, duration, times
 
 ANY: Final = "0.0.0.0"

@@ -12,7 +12,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DO, how_far, limit
 from trcvtui.history.records import Drop
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one

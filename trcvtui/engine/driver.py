@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError
-from trcvtui.picture.protocol import EngineStopped, MessageReader
+from trcvtui.picture.protocol import EngineStopped
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -41,7 +41,7 @@ class ProcessDriver:
         theirs.close()
         from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
 
-        self._arriving, self._reader = MessageReader(self._channel), UpdateReader()
+        self._arriving = UpdateReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
 
@@ -106,10 +106,9 @@ class ProcessDriver:
     def _message(self) -> Any:
         """Return the next message, None while no whole one has come."""
         try:
-            message = self._arriving.next()
+            return self._arriving.next()
         except (EOFError, OSError):
             raise self._ended() from None
-        return None if message is None else self._reader.read(message)
 
     def _ended(self, trace: str = "") -> EngineStopped:
         if not trace:

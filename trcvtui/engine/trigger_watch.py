@@ -28,8 +28,7 @@ from trcvtui.plc.ledger import Event, InputEdge, Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
-from trcvtui.snapshots.bench import TriggerEvent
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot, TriggerEvent
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import StringType
 

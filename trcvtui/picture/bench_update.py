@@ -15,10 +15,9 @@ from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.snapshots.bench import Answer, EngineTiming, TriggerEvent
+from trcvtui.snapshots.bench import Answer, EngineTiming, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.snapshots.doctor import DoctorSnapshot
-from trcvtui.snapshots.peers import PeerSnapshot
 from trcvtui.snapshots.replay import Position
 from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
 

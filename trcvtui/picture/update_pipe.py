@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 SLICE: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
+READ_BYTES: Final = 1 << 18
+LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
 
 T = TypeVar("T")
 
@@ -97,8 +99,8 @@ class UpdatePipe:
     def _post(self, message: bytes) -> None:
         if sys.platform == "win32":
             self._channel.send_bytes(message)
-        else:  # as `send_bytes` does: the length in four bytes, network order, then the message
-            self._unsent = memoryview(struct.pack("!i", len(message)) + message)
+        else:
+            self._unsent = memoryview(LENGTH.pack(len(message)) + message)
 
     def _write(self) -> bool:
         descriptor = self._channel.fileno()
@@ -113,13 +115,46 @@ class UpdatePipe:
 
 
 class UpdateReader:
-    """The screen's end: it makes whole pictures, and has to read every message."""
+    """The screen's end. A message is taken when the whole of it is there; nobody waits for more.
 
-    def __init__(self) -> None:
-        self._parts: Sequence[list[Any]] = [], [], []  # of the picture before
+    The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
+    """
 
-    def read(self, message: bytes) -> Any:
-        """Return what has been sent."""
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._bytes = bytearray()
+        self._has_ended = False
+        self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
+
+    def next(self) -> Any:
+        """Return the next message, None while no whole one is there; raise EOFError after the last one."""
+        if sys.platform == "win32":
+            return self._read(self._channel.recv_bytes()) if self._channel.poll() else None
+        self._look()
+        if len(self._bytes) >= LENGTH.size:
+            end = LENGTH.size + LENGTH.unpack_from(self._bytes)[0]
+            if len(self._bytes) >= end:
+                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                del self._bytes[:end]
+                return self._read(message)
+        if self._has_ended:
+            raise EOFError
+        return None
+
+    def _look(self) -> None:
+        descriptor = self._channel.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            while not self._has_ended:
+                read = os.read(descriptor, READ_BYTES)
+                self._bytes += read
+                self._has_ended = not read
+        except OSError as why:  # a reset: the other end had not read all; what it said before that is here
+            self._has_ended = not isinstance(why, BlockingIOError)
+        finally:
+            os.set_blocking(descriptor, True)
+
+    def _read(self, message: bytes) -> Any:
         load = pickle.Unpickler(BytesIO(message)).load
         sent = load()
         return self._picture(sent, load) if isinstance(sent, UpdateMessage) else sent

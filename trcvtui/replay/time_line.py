@@ -18,7 +18,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.pin_waveform import WaveformDelta
+from trcvtui.history.pin_waveform import WaveformDelta, up_to
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
@@ -71,12 +71,8 @@ class WhatIfRun:
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
         asked = name.removeprefix(BESIDE)
         news = waves.news(asked, number, (ledger.scan, ledger.t_ns))
-        if news is None or (news.before and news.before_scan > scan):
-            return None
-        changes = tuple([change for change in news.changes if change.scan <= scan])
-        is_all = len(changes) == len(news.changes) and news.until_scan <= scan
-        until = (news.until_scan, news.until_ns) if is_all else (scan, t_ns)
-        return replace(news, instance=name, changes=changes, until_scan=until[0], until_ns=until[1])
+        known = up_to(news, scan, t_ns) if news is not None else None
+        return replace(known, instance=name) if known is not None else None
 
 
 class ReplayController(Controller):

@@ -1,4 +1,4 @@
-"""What a bench says beside its PLC: answers to lines, punctuality, triggers."""
+"""What a bench says beside its PLC: answers to lines, punctuality, triggers, peers and their checks."""
 
 from __future__ import annotations
 
@@ -41,3 +41,55 @@ class TriggerEvent(Struct, frozen=True):
     scan: int
     t_ns: int
     holds: bool = False
+
+
+class ReplySnapshot(Struct, frozen=True):
+    """A reply rule as `replies` of a project has it; `missed` are hits of a flood that were not answered."""
+
+    rule: str
+    hits: int
+    missed: int = 0
+
+
+class CheckTally(Struct, frozen=True):
+    """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
+
+    frames: int
+    lost: int
+    doubled: int
+    shifts: int
+    strange: int  # bytes that were no frame
+
+    @property
+    def is_good(self) -> bool:
+        return not (self.lost or self.doubled or self.shifts)
+
+
+class CheckSnapshot(Struct, frozen=True):
+    """Self-checking traffic: frames sent, what DATA has shown of them, and what has come back."""
+
+    sent: int
+    data: CheckTally | None
+    echo: CheckTally
+
+
+class PeerSnapshot(Struct, frozen=True):
+    """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
+
+    name: str
+    active: bool
+    state: str
+    local: str
+    remote: str
+    stalled: bool
+    messages_sent: int
+    bytes_sent: int
+    bytes_received: int
+    pending: int
+    last_received: bytes
+    received_here: int = 0  # on the current or last connection
+    udp: bool = False
+    replies: tuple[ReplySnapshot, ...] = ()
+    link: str = ""  # the CONNECT that it talks to, "" where none is known
+    silent: bool = False  # that wire is down
+    check: CheckSnapshot | None = None

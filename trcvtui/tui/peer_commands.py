@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"

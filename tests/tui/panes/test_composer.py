@@ -20,7 +20,7 @@ from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.peers import ReplySnapshot
+from trcvtui.snapshots.bench import ReplySnapshot
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of
 

@@ -15,7 +15,7 @@ from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import PeerDecl
-from trcvtui.snapshots.peers import PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot

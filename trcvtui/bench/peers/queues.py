@@ -21,7 +21,7 @@ from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.snapshots.peers import ReplySnapshot
+from trcvtui.snapshots.bench import ReplySnapshot
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger

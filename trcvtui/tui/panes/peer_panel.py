@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.peers import CheckSnapshot, CheckTally, PeerSnapshot
+from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed

@@ -22,9 +22,8 @@ from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.snapshots.bench import Answer, TriggerEvent
+from trcvtui.snapshots.bench import Answer, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
-from trcvtui.snapshots.peers import PeerSnapshot
 from trcvtui.snapshots.replay import BESIDE
 from trcvtui.tui.formatting import SECOND
 

@@ -90,7 +90,7 @@ def flood(bench: Bench, source: str, scans: int) -> int:
 
 
 def framer_of(bench: Bench) -> FramerSnapshot:
-    framer = bench.runtime.framer("RD")
+    framer = next(each.framer for each in bench.runtime.snapshot().instances if each.name == "RD")
     assert framer is not None
     return framer
 

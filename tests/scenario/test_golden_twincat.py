@@ -62,8 +62,7 @@ def test_a_connection_that_closes_in_a_frame_leaves_a_note_and_no_bytes() -> Non
 
 
 def test_noise_is_counted_in_the_ledger() -> None:
-    framer = played("3-14").runtime.framer("RD")
-    assert framer is not None
+    framer = next(each.framer for each in played("3-14").runtime.snapshot().instances if each.framer)
     assert (framer.discarded, framer.noise) == (43, b"\xff\xee\xdd" + b"\x55" * 40)
     totals = [e.total for line in played("3-14").runtime.ledger if isinstance(e := line.event, NoiseDropped)]
     assert totals == [3, 43]

@@ -47,6 +47,7 @@ class ReceivedStream:
 
     def __init__(self) -> None:
         self.begin = 0  # before it, spans were forgotten
+        self.looked_at = SLACK  # with so many spans, the oldest may go
         self.jobs: list[JobSpan] = []
         self.recvs: list[RecvSpan] = []
         self.blanks: list[JobSpan] = []  # of the jobs: places without values
@@ -78,59 +79,46 @@ class ReceivedStream:
             if len(spans) > most + SLACK or (len(spans) > SLACK and spans[SLACK].stop <= begin):
                 del spans[:SLACK]
                 self.begin = max(self.begin, spans[0].position)
+        self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
-    def dropped(self, incarnation: int, offset: int, size: int) -> tuple[Pieces, int]:
-        """Return where `size` bytes from `offset` of a connection lie, and how many a datagram was cut by."""
+    def read(self, incarnation: int, offset: int, size: int) -> Pieces:
+        """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
         found: Pieces = []
-        cut = 0
         for recv in reversed(self.recvs):
-            if not found and recv is self.recvs[-1] and recv.incarnation == incarnation:
-                cut = max(0, offset + size - recv.offset - recv.size)
             if recv.incarnation != incarnation or recv.offset + recv.size <= offset:
                 break
             first, stop = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
             if first < stop:
                 found.append((recv.position + first - recv.offset, stop - first))
-        return joined(reversed(found)), cut
+        return joined(reversed(found))
 
-    def taken(self, stop: int, size: int) -> Pieces | None:
-        """Take the last `size` bytes before byte `stop` of a ComBuffer that no block has taken.
-
-        Return None where not all of them are known.
-        """
+    def taken(self, stop: int, size: int) -> Pieces:
+        """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
-            held.append(self.arrivals.popleft())
-        beyond = max(0, held[-1].offset + held[-1].size - stop) if held else 0
-        stays = sum([recv.size for recv in held]) - beyond - size
-        if stays < 0:
-            return None
+            recv = self.arrivals.popleft()
+            if recv.offset + recv.size > stop:
+                self.arrivals.appendleft(_part(recv, stop - recv.offset, recv.size))
+                recv = _part(recv, 0, stop - recv.offset)
+            held.append(recv)
         found: Pieces = []
-        kept: list[RecvSpan] = []
-        for recv in held:
-            last = beyond if recv is held[-1] else 0
-            before = min(stays, recv.size - last)
-            stays -= before
-            here = recv.size - before - last
-            kept += [_part(recv, 0, before)] if before else []
-            found += [(recv.position + before, here)] if here else []
-            kept += [_part(recv, recv.size - last, last)] if last else []
-        self.arrivals.extendleft(reversed(kept))
-        return joined(found)
+        while held and size:
+            recv = held.pop()
+            if recv.size > size:
+                held.append(_part(recv, 0, recv.size - size))
+                recv = _part(recv, recv.size - size, recv.size)
+            found.append((recv.position, recv.size))
+            size -= recv.size
+        self.arrivals.extendleft(reversed(held))
+        return [] if size else joined(reversed(found))
 
     # -- looking for a place ----------------------------------------------------------------------------
 
     def pieces(self, place: int) -> list[JobSpan]:
         """Return all pieces of the job, or of the dropped bytes, at a place in `jobs`."""
-        span = self.jobs[place]
-        if span.size == span.whole:
-            return [span]
-        near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS]
-        same = span._replace(position=0, size=0, first=0, is_kept=True, prefix=0, suffix=0)
-        return [
-            one for one in near
-            if one._replace(position=0, size=0, first=0, is_kept=True, prefix=0, suffix=0) == same
-        ]  # fmt: skip
+        job = self.jobs[place]
+        near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
+        return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
     def job_before(self, position: int, instance: str) -> list[JobSpan]:
         """Return the pieces of the job of an instance that began before a position, and ended with DONE."""
@@ -189,7 +177,7 @@ class ReceivedStreams:
     def _recv(self, name: str, recv: RecvSpan) -> ReceivedStream:
         stream = self.streams[name]
         stream.recvs.append(recv)
-        if len(stream.recvs) > SLACK or len(stream.jobs) > SLACK:
+        if len(stream.recvs) + len(stream.jobs) > stream.looked_at:
             ring = self._bench.runtime.received(name)
             most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
             stream.forget(most, ring.begin if ring is not None else 0)
@@ -203,9 +191,12 @@ class ReceivedStreams:
     def _delivered(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         instance, number, connect, _, _, size, _, _ = event
         reads = self.index.reads(instance)
-        if reads and (pieces := first_of(reads, size)) is not None:
+        if len(reads) == 1 and reads[0].size >= size:
+            span = JobSpan(reads[0].position, size, instance, number, scan, t_ns, True, "", True, size)
+            self.streams[connect].add(span)
+        elif sum([recv.size for recv in reads]) >= size and reads:
             span = JobSpan(0, 0, instance, number, scan, t_ns, True, whole=size)
-            self.streams[connect].add_pieces(span, pieces)
+            self.streams[connect].add_pieces(span, first_of(reads, size))
 
     def _dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
         stream, size = self.streams[event.connection], event.size
@@ -216,11 +207,12 @@ class ReceivedStreams:
         reader = self.index.reader_of((event.connection, event.incarnation), event.offset)
         if reader is not None and (job := self.index.started(reader)) is not None:
             span = span._replace(instance=reader, number=job.number)
-        pieces, cut = stream.dropped(event.incarnation, event.offset, size)
-        stream.add_pieces(span, pieces)
-        if cut:
-            last, shown = stream.recvs[-1].stop, min(cut, MOST_SKIPPED)
-            stream.add(span._replace(position=last, size=shown, first=size - cut, is_kept=False))
+        stream.add_pieces(span, stream.read(event.incarnation, event.offset, size))
+        last = stream.recvs[-1] if stream.recvs else None
+        cut = event.offset + size - last.offset - last.size if last is not None else 0
+        if last is not None and last.incarnation == event.incarnation and cut > 0:  # it had no room
+            shown = min(cut, MOST_SKIPPED)
+            stream.add(span._replace(position=last.stop, size=shown, first=size - cut, is_kept=False))
 
     # -- a ComBuffer -------------------------------------------------------------------------------------
 
@@ -239,7 +231,7 @@ class ReceivedStreams:
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,
         )  # fmt: skip
-        self.streams[buffer].add_pieces(span, pieces or [])
+        self.streams[buffer].add_pieces(span, pieces)
 
     def _noise(self, seq: int, scan: int, t_ns: int, event: NoiseDropped) -> None:
         self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, NOISE))
@@ -260,7 +252,7 @@ class ReceivedStreams:
         instance, scan, t_ns, reason = what
         span = JobSpan(0, 0, instance, 0, scan, t_ns, False, reason, whole=size)
         stream = self.streams[buffer]
-        stream.add_pieces(span, stream.taken(offset + size, size) or [])
+        stream.add_pieces(span, stream.taken(offset + size, size))
 
     # -- what has no end yet -----------------------------------------------------------------------------
 
@@ -297,14 +289,15 @@ def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
     return found
 
 
-def first_of(reads: list[RecvSpan], size: int) -> Pieces | None:
-    """Return where the first `size` bytes of some recv calls lie; None: they have fewer."""
-    left, parts = size, []
+def first_of(reads: list[RecvSpan], size: int) -> Pieces:
+    """Return where the first `size` bytes of some recv calls lie."""
+    parts: Pieces = []
     for recv in reads:
-        parts.append((recv.position, min(left, recv.size)))
-        left -= parts[-1][1]
-    return None if left else joined(part for number, part in enumerate(parts) if part[1] or not number)
+        if size or not parts:
+            parts.append((recv.position, min(size, recv.size)))
+            size -= parts[-1][1]
+    return joined(parts)
 
 
-def _part(recv: RecvSpan, first: int, size: int) -> RecvSpan:
-    return recv._replace(position=recv.position + first, offset=recv.offset + first, size=size)
+def _part(recv: RecvSpan, first: int, stop: int) -> RecvSpan:
+    return recv._replace(position=recv.position + first, offset=recv.offset + first, size=stop - first)

@@ -31,9 +31,7 @@ Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
 _Told = tuple[int, int, int, str]  # offset, size, number, peer
 _Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
-_Ended = tuple[
-    int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]
-]  # JobEnded, how it began, its reads
+_Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]]  # JobEnded, beginning, reads
 _LAST: Final = (1 << 62, 0, "")
 
 
@@ -130,16 +128,15 @@ class JobRecord(NamedTuple):
 
 
 class _InstanceReads:
-    """What one instance has read, in bare fields: its running job and those that ended last."""
+    """What one instance has read, in bare fields: its running job and the one that DATA has."""
 
-    __slots__ = ("began", "delivered", "ended", "link", "reads", "runs")
+    __slots__ = ("began", "delivered", "link", "reads", "runs")
 
     def __init__(self) -> None:
         self.began: _Began | None = None
         self.runs = False
         self.reads: list[RecvSpan] = []  # of the running job
         self.link: Link = "", 0  # where it read these
-        self.ended: _Ended | None = None
         self.delivered: _Ended | None = None
 
 
@@ -262,10 +259,9 @@ class StreamIndex:
         instance, _, _, _, _, _, done, _ = event
         reading = self._readings[instance]
         begun = reading.began if reading.runs else None
-        reading.ended = scan, t_ns, tuple(event), begun, reading.reads
-        reading.runs, reading.reads = False, []
         if done:
-            reading.delivered = reading.ended
+            reading.delivered = scan, t_ns, tuple(event), begun, reading.reads
+        reading.runs, reading.reads = False, []
         for listener in self.ends[done]:
             listener(seq, scan, t_ns, event)
 
@@ -326,14 +322,9 @@ class StreamIndex:
         return _begun(reading.began) if reading is not None and reading.began is not None else None
 
     def reads(self, instance: str) -> list[RecvSpan]:
-        """Return the recv calls of the job that ended last; none where not all of them are known."""
-        ended = self._readings[instance].ended
-        return ended[4] if ended is not None and ended[3] is not None else []
-
-    def ended(self, instance: str) -> JobRecord:
-        ended = self._readings[instance].ended
-        assert ended is not None
-        return _record(ended)
+        """Return the recv calls of the newest job with DONE; none where not all of them are known."""
+        delivered = self._readings[instance].delivered
+        return delivered[4] if delivered is not None and delivered[3] is not None else []
 
     def last_read(self, instance: str) -> RecvSpan:
         """Return the newest recv call of the running job."""

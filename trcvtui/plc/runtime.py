@@ -55,7 +55,6 @@ from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import (
     ConnectionSnapshot,
-    FramerSnapshot,
     InstanceSnapshot,
     SentBytes,
     Snapshot,
@@ -251,9 +250,6 @@ class Runtime:
     def partial(self, instance: str) -> bytes:
         known = self._instances.get(instance)
         return known.partial() if known else b""
-
-    def framer(self, instance: str) -> FramerSnapshot | None:
-        return self._instances[instance].framer() if instance in self._instances else None
 
     def recording(self, combuffer: str) -> LineRecording:
         """Return what has come over the line of a ComBuffer, with its times."""

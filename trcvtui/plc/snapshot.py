@@ -57,8 +57,7 @@ class SentBytes(Struct, frozen=True):
 class FramerSnapshot(Struct, frozen=True):
     """Prefix and suffix as a receiving block would use them now; None: the pointer is 0.
 
-    `noise` are the last of the `discarded` bytes before a prefix, `dropped` the end of the part of a frame
-    that was thrown away last, `last` the marks of the newest frame.
+    `noise` are the last of the `discarded` bytes before a prefix, `last` the marks of the newest frame.
     """
 
     prefix: bytes | None
@@ -68,7 +67,6 @@ class FramerSnapshot(Struct, frozen=True):
     is_text: bool
     discarded: int
     noise: bytes
-    dropped: bytes
     tally: Tally
     last: FrameMarks | None
 
@@ -270,7 +268,6 @@ def framer_snapshot(
         is_text,
         job.framer.discarded,
         job.framer.noise,
-        job.dropped,
         job.tally,
         job.last,
     )

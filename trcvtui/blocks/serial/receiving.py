@@ -11,7 +11,7 @@ from trcvtui.blocks.block import JobBlock, JoblessBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
-from trcvtui.blocks.framing import KEPT_NOISE, NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
+from trcvtui.blocks.framing import NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -43,7 +43,6 @@ class Reception:
         self.framer = Framer()
         self.last: FrameMarks | None = None  # of the frame that was delivered last
         self.tally = NO_FRAMES
-        self.dropped = b""  # the end of the part that was thrown away last
         self._env = bound.env
         self._buffer = bound.buffer
         self._instance = bound.instance
@@ -129,9 +128,9 @@ class Reception:
         return self._idle
 
     def _note_dropped(self, part: bytes, reason: str) -> None:
-        self.tally, self.dropped = self.tally.dropped(reason), part[-KEPT_NOISE:]
-        place = self._buffer.head - len(part)
-        self._env.write(PartialFrameDropped(self._instance, self._buffer.name, place, len(part), reason))
+        self.tally, size = self.tally.dropped(reason), len(part)
+        place = self._buffer.head - size
+        self._env.write(PartialFrameDropped(self._instance, self._buffer.name, place, size, reason))
 
     def _complete(self, frame: Frame, framing: Framing) -> Outcome:
         size, ending = len(frame.content), frame.ending

@@ -174,9 +174,9 @@ class ReceivedStreams:
         for stream in self.streams.values():
             stream.arrivals.clear()
 
-    def _recv(self, name: str, recv: RecvSpan) -> ReceivedStream:
+    def _stream(self, name: str) -> ReceivedStream:
+        """Return a stream that has room for one more span."""
         stream = self.streams[name]
-        stream.recvs.append(recv)
         if len(stream.recvs) + len(stream.jobs) > stream.looked_at:
             ring = self._bench.runtime.received(name)
             most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
@@ -186,20 +186,20 @@ class ReceivedStreams:
     # -- a CONNECT ---------------------------------------------------------------------------------------
 
     def _received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
-        self._recv(event.connection, self.index.last_read(event.instance))
+        self._stream(event.connection).recvs.append(self.index.last_read(event.instance))
 
     def _delivered(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         instance, number, connect, _, _, size, _, _ = event
         reads = self.index.reads(instance)
         if len(reads) == 1 and reads[0].size >= size:
             span = JobSpan(reads[0].position, size, instance, number, scan, t_ns, True, "", True, size)
-            self.streams[connect].add(span)
+            self._stream(connect).add(span)
         elif sum([recv.size for recv in reads]) >= size and reads:
             span = JobSpan(0, 0, instance, number, scan, t_ns, True, whole=size)
-            self.streams[connect].add_pieces(span, first_of(reads, size))
+            self._stream(connect).add_pieces(span, first_of(reads, size))
 
     def _dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
-        stream, size = self.streams[event.connection], event.size
+        stream, size = self._stream(event.connection), event.size
         span = JobSpan(0, 0, "", 0, scan, t_ns, False, event.reason, whole=size)
         if event.offset < 0:
             stream.add(span._replace(position=event.position, size=min(size, MOST_SKIPPED), is_kept=False))
@@ -220,18 +220,19 @@ class ReceivedStreams:
         buffer, offset, size, position = event
         if position >= 0:
             number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
-            recv = RecvSpan(position, size, number, scan, t_ns, offset)
-            self._recv(buffer, recv).arrivals.append(recv)
+            stream = self._stream(buffer)
+            stream.recvs.append(RecvSpan(position, size, number, scan, t_ns, offset))
+            stream.arrivals.append(stream.recvs[-1])
 
     def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
         instance, buffer, offset, size, ending, prefix, suffix = event
         number = self._frames[instance] = self._frames.get(instance, 0) + 1
-        pieces = self.streams[buffer].taken(offset + size, size)
         span = JobSpan(
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,
         )  # fmt: skip
-        self.streams[buffer].add_pieces(span, pieces)
+        stream = self._stream(buffer)
+        stream.add_pieces(span, stream.taken(offset + size, size))
 
     def _noise(self, seq: int, scan: int, t_ns: int, event: NoiseDropped) -> None:
         self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, NOISE))
@@ -246,12 +247,12 @@ class ReceivedStreams:
             self._drop(buffer, offset - size, size, ("", scan, t_ns, reason))
         else:
             span = JobSpan(position, size, "", 0, scan, t_ns, False, reason, whole=size)
-            self.streams[buffer].add(span)
+            self._stream(buffer).add(span)
 
     def _drop(self, buffer: str, offset: int, size: int, what: tuple[str, int, int, str]) -> None:
         instance, scan, t_ns, reason = what
         span = JobSpan(0, 0, instance, 0, scan, t_ns, False, reason, whole=size)
-        stream = self.streams[buffer]
+        stream = self._stream(buffer)
         stream.add_pieces(span, stream.taken(offset + size, size))
 
     # -- what has no end yet -----------------------------------------------------------------------------

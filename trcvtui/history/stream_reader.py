@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
-from operator import attrgetter
 from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams, spans_between
+from trcvtui.history.received_streams import POSITION, STOP, ReceivedStream, ReceivedStreams, spans_between
 from trcvtui.history.records import (
     END,
     MOST_SPANS,
@@ -95,7 +95,7 @@ class StreamReader:
         ended = spans_between(of.stream.jobs, start, stop)[: MOST_SPANS + 1]
         recvs = spans_between(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
         running = self.streams.running(of.name, start, stop)
-        jobs = [*_without_gaps(sorted([*ended, *running], key=_POSITION), start, stop)]
+        jobs = [*_without_gaps(sorted([*ended, *running], key=POSITION), start, stop)]
         stop = min(
             [stop, *(spans[MOST_SPANS].position for spans in (jobs, recvs) if len(spans) > MOST_SPANS)]
         )
@@ -127,10 +127,9 @@ class StreamReader:
         if position is None:
             return None
         jobs = of.stream.jobs
-        for span in spans_between(jobs, position, position + 1):
-            place = next(number for number, one in enumerate(jobs) if one is span)
-            return span.position, of.content(of.stream.pieces(place))
-        return None
+        place = bisect_right(jobs, position, key=STOP)
+        is_here = place < len(jobs) and jobs[place].position <= position
+        return (jobs[place].position, of.content(of.stream.pieces(place))) if is_here else None
 
     # -- looking for a place -----------------------------------------------------------------------------
 
@@ -173,9 +172,6 @@ class StreamReader:
         if is_over:
             return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
-
-
-_POSITION: Final = attrgetter("position")
 
 
 def _without_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:

@@ -71,17 +71,20 @@ def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
 def test_what_has_not_changed_does_not_cross_and_is_the_same_object_on_both_sides() -> None:
     bench, arrived, crosses = console(), [], []
     with two_ends() as (pipe, reader):
-        for _ in range(8):
+        for line in ("go", "delete T6", "create TRCV_C T9 connect=C1", "go", "go", "go"):
+            bench.take(0, line)
             bench.scan()
-            pipe.begin(picture(bench, UpdateRequest(project=bench._project_number)))
+            made = picture(bench, UpdateRequest(project=bench._project_number))
+            pipe.begin(made)
             while not pipe._unsent:
                 pipe.go_on(clock.now_ns())
             crosses.append(b"InstanceSnapshot" in bytes(pipe._unsent))
             pipe.go_on(clock.now_ns() + FAR_AWAY)
             arrived.append(reader.next())
+            assert arrived[-1].snapshot == made.snapshot
     before, after = (each.snapshot for each in arrived[-2:])
     assert after.scan == before.scan + 1 and after.instances == before.instances
-    assert all(map(is_, before.instances, after.instances))
+    assert all(map(is_, before.instances, after.instances)) and after.instance("T9") and not after.instance("T6")
     assert (crosses[0], crosses[-1]) == (True, False)
 
 

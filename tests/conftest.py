@@ -24,13 +24,15 @@ settings.register_profile("searching", deadline=None, max_examples=600)
 settings.load_profile("same")
 
 
-# What a folder's tests are. Those that wait for real time begin: the first worker waits, the others compute. Then
-# come the longest: a long test that begins last is waited for by all workers.
+# What a folder's tests are; the longest begin, for a long test that begins last is waited for by all workers.
 OF_FOLDER = {"properties": ("slow",), "e2e": ("live", "slow"), "tui": ("screen",)}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests of real sockets, of the screen, and long ones; let those that wait and the long ones begin."""
+    """Mark tests of real sockets, of the screen, and long ones; let those that wait and the long ones begin.
+
+    Each worker has an equal part of all tests, in their order: two begin with what waits, the others compute.
+    """
     ranks = {folder: rank for rank, folder in enumerate(OF_FOLDER)}
     folder_of = {item: item.path.relative_to(TESTS).parts[0] for item in items}
     for item in items:
@@ -38,7 +40,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         kernel = ("live",) if "live" in list(case) else ()
         for name in (*OF_FOLDER.get(folder_of[item], ()), *kernel):
             item.add_marker(name)
-    items.sort(key=lambda item: -1 if "live" in item.keywords else ranks.get(folder_of[item], len(ranks)))
+    items.sort(key=lambda item: ranks.get(folder_of[item], len(ranks)))
+    live = [item for item in items if item.get_closest_marker("live")]
+    others = [item for item in items if not item.get_closest_marker("live")]
+    second = len(items) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) - len(live[::2])
+    items[:] = [*live[::2], *others[: max(second, 0)], *live[1::2], *others[max(second, 0) :]]
 
 
 def pytest_collection_finish() -> None:

@@ -79,10 +79,20 @@ def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
         return list(_lengths(wave, window, columns))
     if bits_of(pin_of(name)):
         return list(_segments(wave, name, window, columns))
-    return merged(_level(wave, window, columns, x) for x in range(window.width))
+    return merged(_levels(wave, window, columns))
 
 
 # -- levels -----------------------------------------------------------------------------------------------
+
+
+def _levels(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield pieces of equal columns: most pins do not change in what is drawn. A gap may begin in any column."""
+    x = 0
+    for _, run in groupby(enumerate(columns) if wave.gaps else columns):
+        sign, kind = _level(wave, window, columns, x)
+        width = len([*run])
+        yield sign * width, kind
+        x += width
 
 
 def _level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
@@ -113,6 +123,7 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 
 def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
     pin, x = pin_of(name), 0
+    is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
     for (kind, value), run in groupby(keys):
         width = sum(1 for _ in run)
@@ -125,7 +136,6 @@ def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | 
         label = value_text(pin, value) if value is not None else ""
         edge = "│" if value is not None else NOT_YET
         text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
-        is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
         style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
         yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
 
@@ -173,11 +183,12 @@ def _codes(wave: Waveform, window: Window) -> list[Piece]:
         if column is not None and column.changes and _is_narrow(columns, x):
             edges = wave.edges_in(*window.scans_of(x))[:64]
             if edges:
-                best = min(edges, key=lambda line: RANK[_edge_kind(line)])
-                found.append((RANK[_edge_kind(best)], x, best, len({_status(line) for line in edges}) > 1))
+                ranks = [RANK[_edge_kind(line)] for line in edges]
+                found.append((min(ranks), x, edges[ranks.index(min(ranks))], edges))
     taken: dict[int, tuple[str, str]] = {}
     free = [True] * (window.width + 1)
-    for _, x, line, more in sorted(found, key=lambda place: place[:2]):
+    for _, x, line, edges in sorted(found, key=lambda place: place[:2]):
+        more = len(edges) > 1 and len({_status(each) for each in edges}) > 1
         text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
         end = x + len(text)
         if end <= window.width and all(free[x : end + 1]):

@@ -1,4 +1,4 @@
-"""Eight pictures a second for the eye, twenty for who works; what lasts is measured by a clock, not in pictures."""
+"""Eight pictures a second, twenty after a key; what lasts is measured by a clock, not in pictures."""
 
 from __future__ import annotations
 

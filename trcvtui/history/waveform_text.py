@@ -79,20 +79,13 @@ def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
         return list(_lengths(wave, window, columns))
     if bits_of(pin_of(name)):
         return list(_segments(wave, name, window, columns))
-    return merged(_levels(wave, window, columns))
+    if not wave.gaps and columns.count(columns[0]) == window.width:  # most pins do not change in view
+        sign, kind = _level(wave, window, columns, 0)
+        return [(sign * window.width, kind)]
+    return merged(_level(wave, window, columns, x) for x in range(window.width))
 
 
 # -- levels -----------------------------------------------------------------------------------------------
-
-
-def _levels(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield pieces of equal columns: most pins do not change in what is drawn. A gap may begin in any column."""
-    x = 0
-    for _, run in groupby(enumerate(columns) if wave.gaps else columns):
-        sign, kind = _level(wave, window, columns, x)
-        width = len([*run])
-        yield sign * width, kind
-        x += width
 
 
 def _level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
@@ -188,8 +181,7 @@ def _codes(wave: Waveform, window: Window) -> list[Piece]:
     taken: dict[int, tuple[str, str]] = {}
     free = [True] * (window.width + 1)
     for _, x, line, edges in sorted(found, key=lambda place: place[:2]):
-        more = len(edges) > 1 and len({_status(each) for each in edges}) > 1
-        text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
+        text = f"╵{value_text('STATUS', _status(line))}" + "+" * (len({*map(_status, edges)}) > 1)
         end = x + len(text)
         if end <= window.width and all(free[x : end + 1]):
             free[x:end] = [False] * len(text)

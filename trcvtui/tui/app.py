@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
-CALM_S: Final = 1 / 8  # from picture to picture while no key, paste or mouse event comes
-AT_WORK_S: Final = 1.0  # after one of these each frame asks for a picture
+REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
+AT_WORK_S: Final = 1.0  # after one of these
 ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
@@ -64,7 +64,7 @@ def may_open(screen: object) -> bool:
 
 
 class BenchApp(TerminalApp):
-    """Takes pictures, shows them, asks for the next: 20 a second at work, else 8 of a bench."""
+    """Twenty times a second, of a bench at rest eight: take the newest picture, show it, ask for the next."""
 
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
@@ -100,7 +100,7 @@ class BenchApp(TerminalApp):
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
         self._warned = 0, 0  # the key of the warning, and what was unsaved
         self._worked_at = monotonic()  # the last key, paste or mouse event
-        self._due_at = 0.0  # when the next picture is asked for, however calm it is
+        self._due_at = 0.0  # when a picture is asked for at rest
         self._before: BenchUpdate | None = None  # the newest picture when one was asked for
 
     def on_mount(self) -> None:
@@ -135,13 +135,12 @@ class BenchApp(TerminalApp):
         self._frame(is_due)
         if is_due and self.view_model.live is not self._before:
             self._before = self.view_model.live
-            self._due_at = max(now - FRAME_S, min(now, self._due_at)) + CALM_S  # ticks come late: on average
+            self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # on average
 
     def _is_at_work(self, now: float) -> bool:
-        """Return whether each frame asks for a picture; what is not the panes of a bench keeps this pace."""
-        if now < self._worked_at + AT_WORK_S or self.screen is not self.main or self.main.prompt.waits:
-            return True
-        return not self._is_on_a_bench
+        """Return whether each frame asks for a picture; only the panes of a bench come to rest."""
+        may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
+        return now < self._worked_at + AT_WORK_S or not may_rest or self.main.prompt.waits
 
     @property
     def _is_on_a_bench(self) -> bool:
@@ -152,10 +151,9 @@ class BenchApp(TerminalApp):
         """Ask for a picture at once when work begins."""
         await super().on_event(event)
         if isinstance(event, events.Key | events.Paste | events.MouseEvent):
-            now = monotonic()
-            if not self._is_at_work(now):
+            if not self._is_at_work(monotonic()):
                 self.call_later(self._frame)
-            self._worked_at = now
+            self._worked_at = monotonic()
 
     def _frame(self, asks: bool = True) -> None:
         if self.last_words:

@@ -240,7 +240,6 @@ class Prompt(Vertical):
 
     @property
     def waits(self) -> bool:
-        """Return whether the last line has no answer yet."""
         return self._echo.waits
 
     def tell(self, text: str) -> None:

@@ -140,7 +140,9 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         if self.virtual_size.height == count:
             return
         turns = height and is_wanted != self.show_vertical_scrollbar
-        if turns and not is_wanted and self._bar_stays():
+        # Each time a bar comes or goes the whole screen is laid out anew: half of what a picture costs.
+        stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_STAYS_S
+        if turns and not is_wanted and stays:
             count = height + 1
         elif turns or self.styles.is_auto_height:
             self.virtual_size = Size(0, count)
@@ -149,13 +151,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         if self.show_vertical_scrollbar:
             self.vertical_scrollbar.window_virtual_size = count
         self.scroll_y = self.validate_scroll_y(self.scroll_y)
-
-    def _bar_stays(self) -> bool:
-        """Return whether the scroll bar stays though it is not wanted: it would come and go with the pictures.
-
-        Each time it comes or goes the whole screen is laid out anew: half of what a picture costs.
-        """
-        return len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_STAYS_S
 
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
@@ -278,8 +273,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def on_focus(self) -> None:
         self.show()
 
-    def on_blur(self) -> None:
-        self.show()
+    on_blur = on_focus
 
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
         title = f"{digit} {name} {detail}"

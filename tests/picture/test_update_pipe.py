@@ -111,7 +111,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
             [wave], snapshot, instance = seen.waves, seen.snapshot, seen.snapshot.instances[1]
             [(_, running)], received = seen.partial, snapshot.connections[1].bytes_received
             assert seen.history.end + len(running) == received
-            assert bench.bench.runtime.scans > snapshot.scan + 4, "it was pickled in several gaps"
+            assert bench.bench.runtime.scans > snapshot.scan + len(seen.lines) // 3
             assert len(seen.lines) == snapshot.ledger_seq - request.since_seq
             assert wave.until_scan == snapshot.scan
             edges += [each.event for each in wave.changes if isinstance(each.event, StatusEdge)]

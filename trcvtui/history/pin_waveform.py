@@ -304,7 +304,8 @@ class Waveform:
         return lane.columns(window, self.until_scan)
 
     def is_gap(self, first: int, last: int) -> bool:
-        return any(begin <= last and first <= end for begin, end in reversed(self.gaps))
+        place = bisect_right(self.gaps, (last, 1 << 62))
+        return place > 0 and first <= self.gaps[place - 1][1]
 
     @property
     def first_scan(self) -> int:

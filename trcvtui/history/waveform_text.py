@@ -79,6 +79,9 @@ def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
         return list(_lengths(wave, window, columns))
     if bits_of(pin_of(name)):
         return list(_segments(wave, name, window, columns))
+    if not wave.gaps and columns.count(columns[0]) == window.width:  # most pins do not change in view
+        sign, kind = _level(wave, window, columns, 0)
+        return [(sign * window.width, kind)]
     return merged(_level(wave, window, columns, x) for x in range(window.width))
 
 
@@ -113,6 +116,7 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 
 def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
     pin, x = pin_of(name), 0
+    is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
     for (kind, value), run in groupby(keys):
         width = sum(1 for _ in run)
@@ -125,7 +129,6 @@ def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | 
         label = value_text(pin, value) if value is not None else ""
         edge = "│" if value is not None else NOT_YET
         text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
-        is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
         style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
         yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
 
@@ -173,12 +176,12 @@ def _codes(wave: Waveform, window: Window) -> list[Piece]:
         if column is not None and column.changes and _is_narrow(columns, x):
             edges = wave.edges_in(*window.scans_of(x))[:64]
             if edges:
-                best = min(edges, key=lambda line: RANK[_edge_kind(line)])
-                found.append((RANK[_edge_kind(best)], x, best, len({_status(line) for line in edges}) > 1))
+                ranks = [RANK[_edge_kind(line)] for line in edges]
+                found.append((min(ranks), x, edges[ranks.index(min(ranks))], edges))
     taken: dict[int, tuple[str, str]] = {}
     free = [True] * (window.width + 1)
-    for _, x, line, more in sorted(found, key=lambda place: place[:2]):
-        text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
+    for _, x, line, edges in sorted(found, key=lambda place: place[:2]):
+        text = f"╵{value_text('STATUS', _status(line))}" + "+" * (len({*map(_status, edges)}) > 1)
         end = x + len(text)
         if end <= window.width and all(free[x : end + 1]):
             free[x:end] = [False] * len(text)

@@ -161,8 +161,7 @@ class UpdateReader:
 
     def _picture(self, sent: UpdateMessage, load: Callable[[], Any]) -> BenchUpdate:
         for known, (size, slices) in zip(self._parts, sent.parts, strict=True):
-            if len(known) != size:
-                known[:] = [None] * size
+            known[size:] = [None] * (size - len(known))
             for place, part in chain.from_iterable(load() for _ in range(slices)):
                 known[place] = part
         lines = starmap(_line, chain.from_iterable(load() for _ in range(sent.lines)))

@@ -6,15 +6,17 @@ import sys
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from textual import events
 from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.screen import Screen
 from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
-from trcvtui.picture.bench_update import NEVER_SAVED, lines_again
+from trcvtui.picture.bench_update import NEVER_SAVED, BenchUpdate, lines_again
 from trcvtui.picture.protocol import Driver, EngineStopped
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
+REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
+AT_WORK_S: Final = 1.0  # after one of these
 ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
@@ -60,7 +64,7 @@ def may_open(screen: object) -> bool:
 
 
 class BenchApp(TerminalApp):
-    """Twenty times a second: take the newest picture, show it, ask for the next."""
+    """Twenty times a second, of a bench at rest eight: take the newest picture, show it, ask for the next."""
 
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
@@ -95,6 +99,9 @@ class BenchApp(TerminalApp):
         self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
         self._warned = 0, 0  # the key of the warning, and what was unsaved
+        self._worked_at = monotonic()  # the last key, paste or mouse event
+        self._due_at = 0.0  # when a picture is asked for at rest
+        self._before: BenchUpdate | None = None  # the newest picture when one was asked for
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
@@ -102,7 +109,7 @@ class BenchApp(TerminalApp):
         self.begin()
         self.push_screen(self.main)
         self._frame()
-        self.set_interval(FRAME_S, self._frame)
+        self.set_interval(FRAME_S, self._tick)
         self.call_after_refresh(self.stand)
 
     async def prepare(self) -> None:
@@ -121,7 +128,34 @@ class BenchApp(TerminalApp):
 
     # -- pictures and lines -------------------------------------------------------------------------
 
-    def _frame(self) -> None:
+    def _tick(self) -> None:
+        """Show a picture that has come; ask for the next one at the pace of the eye."""
+        now = monotonic()
+        is_due = now >= self._due_at or self._is_at_work(now)
+        self._frame(is_due)
+        if is_due and self.view_model.live is not self._before:
+            self._before = self.view_model.live
+            self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # on average
+
+    def _is_at_work(self, now: float) -> bool:
+        """Return whether each frame asks for a picture; only the panes of a bench come to rest."""
+        may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
+        return now < self._worked_at + AT_WORK_S or not may_rest or self.main.prompt.waits
+
+    @property
+    def _is_on_a_bench(self) -> bool:
+        picture = self.view_model.live
+        return picture is not None and picture.kernel in ("sim", "live") and picture.player is None
+
+    async def on_event(self, event: events.Event) -> None:
+        """Ask for a picture at once when work begins."""
+        await super().on_event(event)
+        if isinstance(event, events.Key | events.Paste | events.MouseEvent):
+            if not self._is_at_work(monotonic()):
+                self.call_later(self._frame)
+            self._worked_at = monotonic()
+
+    def _frame(self, asks: bool = True) -> None:
         if self.last_words:
             return
         try:
@@ -132,7 +166,8 @@ class BenchApp(TerminalApp):
                 self._edits += [answer.edit for answer in picture.answers if answer.edit]
             if unsaved and not self.view_model.unsaved:
                 self._edits = [line for line in self._edits if line.startswith(NEVER_SAVED)]
-            self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
+            if asks:
+                self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
             if picture is not None:
                 if self._starts:
                     self.main.prompt.tell(f"engine {self._engines} runs")
@@ -251,7 +286,7 @@ class BenchApp(TerminalApp):
         self._engine.restart()
         if picture is not None:
             self._again = ()
-        if picture is not None and picture.kernel in ("sim", "live") and picture.player is None:
+        if picture is not None and self._is_on_a_bench:
             self._again = *self._edits, *lines_again(picture.snapshot, self.view_model.project)
         for line in self._again:
             self._engine.submit(line)

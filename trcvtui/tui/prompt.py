@@ -32,7 +32,7 @@ class EchoLine(LineView, can_focus=False):
 
     def __init__(self) -> None:
         super().__init__(id="echo")
-        self._line, self._error, self._waits, self._told = "", "", False, ""
+        self._line, self._error, self.waits, self._told = "", "", False, ""
         self._rows = 1
         self.note = ""  # of a line that is still typed
         self._end: Timer | None = None
@@ -45,7 +45,7 @@ class EchoLine(LineView, can_focus=False):
             self._end.stop()
         goes = bool(line or error or told) and not (waits or stays)
         self._end = self.set_timer(MESSAGE_S, lambda: self.say("")) if goes else None
-        self._line, self._error, self._waits = line, error, waits
+        self._line, self._error, self.waits = line, error, waits
         self._told = " · ".join(map(str.strip, told.splitlines()))
         self._fit()
 
@@ -80,7 +80,7 @@ class EchoLine(LineView, can_focus=False):
             return row((": " if y == 0 else "  ", "dim"), (self._texts()[y], style))
         if not self._line:
             return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
-        mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "done")
+        mark = ("  … with the next scan", "dim") if self.waits else ("  ✓", "done")
         return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
 
 
@@ -237,6 +237,10 @@ class Prompt(Vertical):
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)
+
+    @property
+    def waits(self) -> bool:
+        return self._echo.waits
 
     def tell(self, text: str) -> None:
         self._echo.say("", told=text)

@@ -100,7 +100,7 @@ class History:
         return self._edges.get(instance) or deque()
 
 
-MOST_LINES: Final = 400
+MOST_LINES: Final = 1000  # in a picture: 8000 a second where there are eight
 NO_BENCH: Final = -1  # a number that no bench and no project has
 MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, after a frozen view: what was missed

@@ -8,6 +8,7 @@ partner sends stay text.
 from __future__ import annotations
 
 from collections import deque
+from time import monotonic
 from typing import ClassVar, Final, NamedTuple, Self
 
 from rich.segment import Segment
@@ -35,7 +36,7 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
-BAR_SHOWS: Final = 100  # pictures: a scroll bar that came twice in so many stays, at 20 a second for 5 s
+BAR_STAYS_S: Final = 5.0  # a scroll bar that is wanted anew twice in so long stays
 # Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
 ARROW_MOVES: Final[list[BindingType]] = [
     Binding("down", "move(1)", show=False),
@@ -91,8 +92,8 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
         self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
-        self._shows = 0
-        self._bar_came: deque[int] = deque(maxlen=2)  # in which of them the scroll bar came
+        self._bar_came: deque[float] = deque(maxlen=2)  # when the scroll bar was wanted anew
+        self._bar_wanted = False
         self._is_over = self._paints = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
@@ -119,7 +120,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         """Repaint the rows in view that differ from what was painted."""
         if not self.size.height:
             return
-        self._shows += 1
         self.resize_rows()
         top, count = self.scroll_offset.y, self.row_count()
         for y in range(top, top + self.size.height):
@@ -132,27 +132,25 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
     def resize_rows(self) -> None:
         """Take over the number of rows; a new layout of the screen only where something would move."""
-        if self.virtual_size.height == (count := self.row_count()):
+        count, height = self.row_count(), self.container_size.height
+        is_wanted = 0 < height < count
+        if is_wanted and not self._bar_wanted:
+            self._bar_came.append(monotonic())
+        self._bar_wanted = is_wanted
+        if self.virtual_size.height == count:
             return
-        height = self.container_size.height
-        if height and (count > height) != self.show_vertical_scrollbar and self._bar_stays(count > height):
+        turns = height and is_wanted != self.show_vertical_scrollbar
+        # Each time a bar comes or goes the whole screen is laid out anew: half of what a picture costs.
+        stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_STAYS_S
+        if turns and not is_wanted and stays:
             count = height + 1
-        elif self.styles.is_auto_height or (height and (count > height) != self.show_vertical_scrollbar):
+        elif turns or self.styles.is_auto_height:
             self.virtual_size = Size(0, count)
             return
         self.set_reactive(LineView.virtual_size, Size(0, count))
         if self.show_vertical_scrollbar:
             self.vertical_scrollbar.window_virtual_size = count
         self.scroll_y = self.validate_scroll_y(self.scroll_y)
-
-    def _bar_stays(self, is_wanted: bool) -> bool:
-        """Return whether the scroll bar stays though it is not wanted: it comes and goes with each picture.
-
-        Each time it comes or goes the whole screen is laid out anew: half of what a picture costs.
-        """
-        if is_wanted:
-            self._bar_came.append(self._shows)
-        return not is_wanted and len(self._bar_came) == 2 and self._shows < self._bar_came[0] + BAR_SHOWS
 
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
@@ -275,8 +273,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def on_focus(self) -> None:
         self.show()
 
-    def on_blur(self) -> None:
-        self.show()
+    on_blur = on_focus
 
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
         title = f"{digit} {name} {detail}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import count
+from pathlib import Path
 
 from tests.scenario.scenarios import SCENARIOS
 from trcvtui.bench.bench import Bench
@@ -81,13 +82,29 @@ class Compared(VirtualPace):
         return [job for job in window.jobs if not (job.done or job.is_open or job.first) and job.scan == scan]
 
 
+def compared(path: Path) -> Compared:
+    """Return what was found in the run of a scenario file."""
+    scenario = load_scenario(path)
+    bench = Bench(scenario.project, "sim")
+    found = Compared(bench)
+    Runner(bench, scenario.name, found, lambda *_: None).play([*scenario.start, *scenario.steps])
+    bench.close()
+    return found
+
+
 def test_every_scenario_has_the_same_jobs_and_drops_in_data_and_stream() -> None:
     found = Counter[str]()
     for path in SCENARIOS:
-        scenario = load_scenario(path)
-        bench = Bench(scenario.project, "sim")
-        compared = Compared(bench)
-        Runner(bench, scenario.name, compared, lambda *_: None).play([*scenario.start, *scenario.steps])
-        bench.close()
-        found += compared.found
+        found += compared(path).found
     assert found["jobs"] > 900 and found["drops"] > 80
+
+
+def test_the_end_of_a_datagram_that_had_no_room_has_a_place_without_values() -> None:
+    spans = {}
+    for stem in ("udp-80aa-datagram-too-large", "udp-large-datagram-cut"):
+        (path,) = [path for path in SCENARIOS if path.stem == stem]
+        window = compared(path).reader.window(HistoryRequest("U1", size=8192))
+        spans[stem] = [(job.number, job.size, job.whole, job.done, job.is_kept) for job in window.jobs]
+    too_large, cut = spans.values()
+    assert too_large[:2] == [(1, 8, 9, False, True), (1, 1, 9, False, False)]
+    assert cut[:2] == [(1, 4, 4, True, True), (1, 2, 2, False, False)]

@@ -50,6 +50,7 @@ class ReceivedStream:
         self.looked_at = SLACK  # with so many spans, the oldest may go
         self.jobs: list[JobSpan] = []
         self.recvs: list[RecvSpan] = []
+        self.cut: BytesReceived | None = None  # the last recv call, where a datagram had no room
         self.blanks: list[JobSpan] = []  # of the jobs: places without values
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
 
@@ -186,7 +187,9 @@ class ReceivedStreams:
     # -- a CONNECT ---------------------------------------------------------------------------------------
 
     def _received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
-        self._stream(event.connection).recvs.append(self.index.last_read(event.instance))
+        stream = self._stream(event.connection)
+        stream.recvs.append(self.index.last_read(event.instance))
+        stream.cut = event if event.cut else None
 
     def _delivered(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         instance, number, connect, _, _, size, _, _ = event
@@ -204,15 +207,17 @@ class ReceivedStreams:
         if event.offset < 0:
             stream.add(span._replace(position=event.position, size=min(size, MOST_SKIPPED), is_kept=False))
             return
-        reader = self.index.reader_of((event.connection, event.incarnation), event.offset)
+        cut = stream.cut
+        is_cut = cut is not None and event.offset + size == cut.offset + cut.size
+        link = event.connection, event.incarnation
+        reader = cut.instance if cut is not None and is_cut else self.index.reader_of(link, event.offset)
         if reader is not None and (job := self.index.started(reader)) is not None:
             span = span._replace(instance=reader, number=job.number)
         stream.add_pieces(span, stream.read(event.incarnation, event.offset, size))
-        last = stream.recvs[-1] if stream.recvs else None
-        cut = event.offset + size - last.offset - last.size if last is not None else 0
-        if last is not None and last.incarnation == event.incarnation and cut > 0:  # it had no room
-            shown = min(cut, MOST_SKIPPED)
-            stream.add(span._replace(position=last.stop, size=shown, first=size - cut, is_kept=False))
+        if cut is not None and is_cut:
+            first, shown = size - cut.cut, min(cut.cut, MOST_SKIPPED)
+            place = cut.position + cut.size - cut.cut
+            stream.add(span._replace(position=place, size=shown, first=first, is_kept=False))
 
     # -- a ComBuffer -------------------------------------------------------------------------------------
 

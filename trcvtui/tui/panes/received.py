@@ -398,7 +398,7 @@ class Received(Vertical):
         origin = origin_words(self.stream.cursor, self.stream.values(), self.stream.labels(), project)
         window = self.stream.window
         if window.lack and self.stream.cursor == window.begin:
-            origin += f" · what came before is {window.lack}"
+            origin += f" · the oldest byte here, others are {window.lack}"
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def _with_hit(self, place: int | None, text: str) -> str:

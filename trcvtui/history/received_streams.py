@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import defaultdict, deque
-from collections.abc import Iterable, Iterator
-from operator import attrgetter
+from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.bench.bench import Bench
@@ -24,7 +23,7 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.blocks.framing import Ending
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.records import JobSpan, RecvSpan, Span
+from trcvtui.history.records import POSITION, JobSpan, Pieces, RecvSpan, joined
 from trcvtui.history.stream_index import Listener
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
@@ -37,9 +36,6 @@ MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as ma
 WAITS: Final = "of a frame without its end, or not read yet"
 NOISE: Final = "noise before the prefix"
 UNUSUAL: Final = {str(Ending.GAP): "ended by a gap", str(Ending.OVERRUN): "size reached, no suffix"}
-POSITION: Final = attrgetter("position")
-STOP: Final = attrgetter("stop")
-Pieces = list[tuple[int, int]]  # position and size of the bytes of one job, which another may part
 
 
 class ReceivedStream:
@@ -276,23 +272,6 @@ class ReceivedStreams:
                         whole=whole, first=first, is_open=True,
                     )  # fmt: skip
                 first += size
-
-
-def spans_between(spans: list[Span], start: int, stop: int) -> list[Span]:
-    """Return the spans with a byte between two positions, by bisection at both ends."""
-    first = bisect_right(spans, start, key=STOP)
-    return spans[first : bisect_left(spans, stop, lo=first, key=POSITION)]
-
-
-def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
-    """Return stretches of bytes as few ones, joined where one goes on in the next."""
-    found: Pieces = []
-    for position, size in parts:
-        if found and sum(found[-1]) == position:
-            found[-1] = found[-1][0], found[-1][1] + size
-        else:
-            found.append((position, size))
-    return found
 
 
 def first_of(reads: list[RecvSpan], size: int) -> Pieces:

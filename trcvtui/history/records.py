@@ -6,8 +6,8 @@ guess it.
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
 from operator import attrgetter
 from typing import Final, NamedTuple, Protocol, TypeVar
 
@@ -21,7 +21,8 @@ from trcvtui.plc.ledger import A_HOLE
 # A stream is one CONNECT's: the bytes of its receive jobs, one after the other, and what was dropped between
 # them. A position counts the bytes of that stream from the start of the bench, whatever is still kept of it.
 
-_STOP: Final = attrgetter("stop")
+POSITION: Final = attrgetter("position")
+STOP: Final = attrgetter("stop")
 MOST_WINDOW: Final = 8192  # bytes in a picture
 MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
 END: Final = -1  # a window that ends with the newest byte
@@ -107,11 +108,22 @@ Span = TypeVar("Span", bound=Spanned)
 
 
 def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
-    first = bisect_right(spans, start, key=_STOP)
-    last = first
-    while last < len(spans) and spans[last].position < stop:
-        last += 1
-    return spans[first:last]
+    first = bisect_right(spans, start, key=STOP)
+    return spans[first : bisect_left(spans, stop, lo=first, key=POSITION)]
+
+
+Pieces = list[tuple[int, int]]  # position and size of the bytes of one job, which another may part
+
+
+def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
+    """Return stretches of bytes as few ones, joined where one goes on in the next."""
+    found: Pieces = []
+    for position, size in parts:
+        if found and sum(found[-1]) == position:
+            found[-1] = found[-1][0], found[-1][1] + size
+        else:
+            found.append((position, size))
+    return found
 
 
 def span_at(spans: Sequence[Span], position: int) -> Span | None:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
-from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, SentMessage, Sizes
+from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, SentMessage, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import A_HOLE, PeerSent, Stamped
 
@@ -115,12 +115,7 @@ class JobRecord(NamedTuple):
 
     def pieces(self, is_running: bool) -> list[tuple[int, int]]:
         """Return (offset, size) of all that it has of the stream: another job may have read in between."""
-        found: list[tuple[int, int]] = []
-        for recv in self.recvs:
-            if found and sum(found[-1]) == recv.offset:
-                found[-1] = found[-1][0], found[-1][1] + recv.size
-            else:
-                found.append((recv.offset, recv.size))
+        found = joined((recv.offset, recv.size) for recv in self.recvs)
         missing = self.size - sum(size for _, size in found)
         if found and missing and is_running:
             return [*found[:-1], (found[-1][0], found[-1][1] + missing)]

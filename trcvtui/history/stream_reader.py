@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.received_streams import POSITION, STOP, ReceivedStream, ReceivedStreams, spans_between
+from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams
 from trcvtui.history.records import (
     END,
     MOST_SPANS,
     MOST_WINDOW,
+    POSITION,
+    STOP,
     HistoryRequest,
     HistoryWindow,
     JobSpan,
@@ -21,14 +23,15 @@ from trcvtui.history.records import (
     RecvSpan,
     Seek,
     SeekResult,
+    spans_within,
 )
 from trcvtui.net.received_ring import ReceivedRing
 from trcvtui.udt.byte_text import MOST_COUNTED, first_in, hit_of, last_in
 
 STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write
+Runs = list[tuple[int, bytes]]  # bytes and where they begin
 LOST: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
-_EMPTY: Final = ReceivedStream()
 
 
 class _Source:
@@ -42,11 +45,11 @@ class _Source:
     def lack(self) -> str:
         return self.ring.lack if self.begin == self.ring.begin else "older than the jobs that are kept"
 
-    def runs(self, start: int, stop: int) -> list[tuple[int, bytes]]:
+    def runs(self, start: int, stop: int) -> Runs:
         """Return the bytes from `start` to `stop`, put together as far as no byte is missing between them."""
         start, stop = max(start, self.begin), min(stop, self.end)
-        found: list[tuple[int, bytes]] = []
-        for blank in spans_between(self.stream.blanks, start, stop):
+        found: Runs = []
+        for blank in spans_within(self.stream.blanks, start, stop):
             if blank.position > start:
                 found.append((start, self.ring.read(start, blank.position)))
             start = blank.stop
@@ -76,14 +79,14 @@ class StreamReader:
         ring = self._bench.runtime.received(request.connect)
         if ring is None:
             return HistoryWindow(request.connect, 0, 0)
-        of = _Source(request.connect, ring, self.streams.streams.get(request.connect, _EMPTY))
+        of = _Source(request.connect, ring, self.streams.streams[request.connect])
         size = max(0, min(request.size, MOST_WINDOW))
         start = of.end - size if request.start == END else request.start
         start = max(of.begin, min(start, of.end))
         jobs, recvs, messages, stop = self._spans(of, start, min(start + size, of.end))
         return HistoryWindow(
             request.connect, of.begin, of.end, start, ring.read(start, stop),
-            tuple(jobs), tuple(recvs), tuple(messages),
+            jobs, recvs, tuple(messages),
             tuple(_before(of, jobs, start, stop)) if request.before else (),
             self._sought(of, request.seek), self._job_at(of, request.job_at),
             _before_data(of, request.data), of.lack,
@@ -91,9 +94,9 @@ class StreamReader:
 
     def _spans(
         self, of: _Source, start: int, stop: int
-    ) -> tuple[list[JobSpan], list[RecvSpan], list[MessageSpan], int]:
-        ended = spans_between(of.stream.jobs, start, stop)[: MOST_SPANS + 1]
-        recvs = spans_between(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
+    ) -> tuple[tuple[JobSpan, ...], tuple[RecvSpan, ...], list[MessageSpan], int]:
+        ended = spans_within(of.stream.jobs, start, stop)[: MOST_SPANS + 1]
+        recvs = spans_within(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
         running = self.streams.running(of.name, start, stop)
         jobs = [*_without_gaps(sorted([*ended, *running], key=POSITION), start, stop)]
         stop = min(
@@ -105,7 +108,7 @@ class StreamReader:
                 stop = min(stop, recv.position)
                 break
             self._add_messages(messages, of.name, recv, (start, stop))
-        return spans_between(jobs, start, stop), spans_between(recvs, start, stop), messages, stop
+        return tuple(spans_within(jobs, start, stop)), tuple(spans_within(recvs, start, stop)), messages, stop
 
     def _add_messages(
         self, messages: list[MessageSpan], name: str, recv: RecvSpan, window: tuple[int, int]
@@ -197,23 +200,17 @@ def _goes_on(last: MessageSpan, found: MessageSpan) -> bool:
     )  # fmt: skip
 
 
-def _first(runs: list[tuple[int, bytes]], patterns: tuple[bytes, ...]) -> int | None:
-    for place, part in runs:
-        found = first_in(part, patterns)
-        if found is not None:
-            return place + found
-    return None
+def _first(runs: Runs, patterns: tuple[bytes, ...]) -> int | None:
+    found = ((place, first_in(part, patterns)) for place, part in runs)
+    return next((place + at for place, at in found if at is not None), None)
 
 
-def _last(runs: list[tuple[int, bytes]], patterns: tuple[bytes, ...], before: int) -> int | None:
-    for place, part in reversed(runs):
-        found = last_in(part, patterns, before - place)
-        if found is not None:
-            return place + found
-    return None
+def _last(runs: Runs, patterns: tuple[bytes, ...], before: int) -> int | None:
+    found = ((place, last_in(part, patterns, before - place)) for place, part in reversed(runs))
+    return next((place + at for place, at in found if at is not None), None)
 
 
-def _before(of: _Source, jobs: list[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
+def _before(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
     """Yield, for each job of the window, the bytes of the job before it at the same places."""
     for job in jobs:
         earlier = of.stream.job_before(job.position, job.instance) if job.done and not job.first else []

@@ -83,12 +83,9 @@ class ReceivedRing:
             return ""
         if self.end - self.begin == self.most:
             return f"older than the {exact_size(self.most)} that are kept"
-        is_restored = self.begin == self._restored
-        return (
-            "before the keyframe from which the run goes on"
-            if is_restored
-            else "older than the 64MiB that all keep together"
-        )
+        if self.begin == self._restored:
+            return "before the keyframe from which the run goes on"
+        return "older than the 64MiB that all keep together"
 
     def append(self, content: bytes | memoryview) -> int:
         """Append bytes, the oldest go for them; return the position of the first."""

@@ -67,24 +67,6 @@ def test_jobs_and_recv_calls_are_bounded_too(monkeypatch: pytest.MonkeyPatch) ->
     assert (window.begin, len(window.jobs), window.lack) == (11 * 24, 9, "older than the jobs that are kept")
 
 
-def test_bytes_of_a_running_job_and_dropped_ones_stand_where_they_came() -> None:
-    told, reader = talking()
-    told.send(b"part", [])
-    told.scan(2)
-    (job,) = reader.window(HistoryRequest("C1", 0, 99)).jobs
-    assert (job.instance, job.number, job.whole, job.done, job.is_open) == ("X", 1, 4, False, True)
-    told.do("set X EN_R=0")
-    told.scan(2)
-    told.do("set X EN_R=1")
-    sent = frames(told, 1)
-    window = reader.window(HistoryRequest("C1", 0, 99))
-    assert window.content == b"part" + sent
-    assert [(job.size, job.done, job.is_open, job.is_kept) for job in window.jobs] == [
-        (4, False, False, True),
-        (24, True, False, True),
-    ]
-
-
 def test_a_window_is_bounded_whatever_is_asked_for() -> None:
     told, reader = talking()
     told.do("set X LEN=1")

@@ -18,8 +18,8 @@ from trcvtui.plc.ledger import A_HOLE
 
 # -- windows ----------------------------------------------------------------------------------------------
 
-# A stream is one CONNECT's: the bytes of its receive jobs, one after the other, and what was dropped between
-# them. A position counts the bytes of that stream from the start of the bench, whatever is still kept of it.
+# A stream is the ring of one CONNECT, UDP_CONFIG or ComBuffer (net/received_ring.py): its bytes as they came.
+# A position counts them from the start of the PLC, whatever is still kept.
 
 POSITION: Final = attrgetter("position")
 STOP: Final = attrgetter("stop")
@@ -31,7 +31,7 @@ END: Final = -1  # a window that ends with the newest byte
 class JobSpan(NamedTuple):
     """Bytes of one receive job, all of them, at `position` of the stream; or bytes that were dropped.
 
-    `reason` says why bytes never reached DATA (`done` is False), or why their values are not kept.
+    `reason` says why bytes never reached DATA (`done` is False); without `is_kept` the PLC never had them.
     `whole` counts the bytes of the job; of those that came after another job had read, each piece is a span
     of its own that begins with byte `first`. `prefix` and `suffix`: how many bytes of a frame are its marks.
     `is_open`: whose bytes they are has no end yet, or is not known.

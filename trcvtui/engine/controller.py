@@ -483,24 +483,29 @@ class Controller:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
+        data_of, partial_of = (request.data, request.partial_of) if known else ((), ())
         self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:
             self.complain(internal)
         answers = tuple(self._answers)
         self._answers.clear()
-        self._count_project()
+        if self._project is not self.bench.project:
+            self._project = self.bench.project
+            self._project_number += 1
         kept = self._trigger_watch.take_kept() if known else None
-        lines = kept.lines_after(since) if kept else ledger.since(since, min(most_lines, request.most_lines))
-        last = kept.snapshot.ledger_seq if kept else ledger.last_seq
+        lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
+        if kept:
+            lines = tuple([line for line in kept.lines if line.seq > since])
+            last = kept.snapshot.ledger_seq
         if known:
             self._trigger_watch.told = lines[-1].seq if lines else since
         return BenchUpdate(
             snapshot=kept.snapshot if kept else runtime.snapshot(self.bench.faults()),
             lines=lines,
             lines_skipped=max(0, last - since - len(lines)),
-            data=kept.data if kept else self._data(request.data if known else ()),
-            partial=kept.partial if kept else self._partial(request.partial_of if known else ()),
+            data=kept.data if kept else tuple((name, runtime.data(name, MOST_DATA)) for name in data_of),
+            partial=kept.partial if kept else tuple((name, runtime.partial(name)) for name in partial_of),
             peers=kept.peers if kept else self.bench.peer_snapshots(),
             answers=answers,
             timing=timing,
@@ -517,7 +522,7 @@ class Controller:
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
-            facts=kept.facts if kept else self._trigger_watch.facts(request.partial_of if known else ()),
+            facts=kept.facts if kept else self._trigger_watch.facts(partial_of),
             recorded=self.recorded,
             is_recording=self.black_box is not None and self.black_box.is_recording,
             armed=self._trigger_watch.armed if known else "",
@@ -531,19 +536,8 @@ class Controller:
         """Say what is wrong, asked by no line."""
         self._answers.append(Answer(0, "", text))
 
-    def _data(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
-        return tuple((name, self.bench.runtime.data(name, MOST_DATA)) for name in names)
-
-    def _partial(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
-        return tuple((name, self.bench.runtime.partial(name)) for name in names)
-
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger
         now = ledger.scan, ledger.t_ns
         news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
         return tuple(fresh for fresh in news if fresh is not None)
-
-    def _count_project(self) -> None:
-        if self._project is not self.bench.project:
-            self._project = self.bench.project
-            self._project_number += 1

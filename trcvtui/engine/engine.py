@@ -219,7 +219,7 @@ class Engine:
 
     def _make(self, request: UpdateRequest) -> None:
         began = clock.now_ns()
-        if not self._timing.find_percentiles() or self._interval >= FAST_NS:
+        if not self._timing.find_percentile() or self._interval >= FAST_NS:
             self._pipe.begin(self._controller.picture(request, self._timing.summary(), request.most_lines))
             self._make_ns, self._made_at = clock.now_ns() - began, began
             self._request, self._is_answered = None, True

@@ -77,17 +77,16 @@ KEPT: Final = 1000
 
 
 class ScanTiming:
-    """The last thousand scans' lateness and length, in ns, and the overruns since the start."""
+    """The last thousand scans' lateness in ns, and the overruns since the start."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode
         self._late: deque[int] = deque(maxlen=KEPT)
-        self._length: deque[int] = deque(maxlen=KEPT)
         self._scans = 0
         self._overruns = 0
         self.late_by_picture = 0  # scans that were due before the work on a picture paused
         self._sorted_at = 0
-        self._percentiles = (0, 0, 0)
+        self._late_p99 = 0
         self._every: list[tuple[int, int, int, int]] | None = None
         self._used = 0  # processor time when the last scan ended
 
@@ -109,7 +108,6 @@ class ScanTiming:
         """Count one scan; it overran when it ended after the next one was due."""
         self._scans += 1
         self._late.append(began - due)
-        self._length.append(ended - began)
         if ended > due + interval:
             self._overruns += 1
         if self._every is not None:
@@ -117,17 +115,13 @@ class ScanTiming:
             self._every.append((began, began - due, ended - began, self._used - before))
 
     def summary(self) -> EngineTiming:
-        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode, self.late_by_picture)
+        return EngineTiming(self._scans, self._overruns, self._late_p99, self._mode, self.late_by_picture)
 
-    def find_percentiles(self) -> bool:
-        """Find the percentiles anew when enough of what is kept is new; return whether that was so."""
+    def find_percentile(self) -> bool:
+        """Find the percentile anew when enough of what is kept is new; return whether that was so."""
         is_due = self._scans - self._sorted_at >= max(1, len(self._late) // 8)
         if is_due:
             self._sorted_at = self._scans
-            late, length = sorted(self._late), sorted(self._length)
-            self._percentiles = _at(late, 0.50), _at(late, 0.99), _at(length, 0.99)
+            late = sorted(self._late)
+            self._late_p99 = late[int(len(late) * 0.99)] if late else 0
         return is_due
-
-
-def _at(ordered: list[int], share: float) -> int:
-    return ordered[min(len(ordered) - 1, int(len(ordered) * share))] if ordered else 0

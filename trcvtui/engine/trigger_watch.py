@@ -182,9 +182,6 @@ class KeptScan(Struct, frozen=True):
     peers: tuple[PeerSnapshot, ...]
     facts: tuple[tuple[str, Facts], ...]
 
-    def lines_after(self, seq: int) -> tuple[Line, ...]:
-        return tuple([line for line in self.lines if line.seq > seq])
-
 
 class TriggerWatch:
     """At most one trigger on a bench, and what is known of the bench when it fires."""

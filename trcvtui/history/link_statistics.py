@@ -99,13 +99,7 @@ class LinkStatistics:
         self._has_datagrams = False
         self._asked: dict[str, ScanStamp] = {}  # since when each instance has not been idle
         index.ends[False].append(self._job_ended)
-        index.listen(
-            {
-                ConnectionChanged: self._connection,
-                StatusEdge: self._status,
-                BenchNote: self._note,
-            }
-        )
+        index.listen({ConnectionChanged: self._connection, StatusEdge: self._status, BenchNote: self._note})
 
     # -- what is written --------------------------------------------------------------------------------
 
@@ -221,13 +215,26 @@ class LinkStatistics:
         if link is None:
             return Facts()
         bursts, datagrams = self._index.bursts(connect), link.datagrams
-        known = Facts(
+        place, job, drop = (connect, link.incarnation), self._index.started(instance), link.drop
+        job = job if job is not None and job.link[1] == link.incarnation else None
+        sender, messages = self._index.sent_on(place)
+        after = self._index.message_at(place, drop.end) if drop is not None else None
+        is_in_message = drop is not None and after is not None and after.offset < drop.end
+        return Facts(
+            sender=sender,
+            messages=messages,
+            begins_in=self._index.message_at(place, job.offset) if job is not None else None,
+            job_offset=job.offset if job is not None else None,
+            job_began=job.began if job is not None else None,
+            job_adhoc=job is not None and job.adhoc,
             datagrams=Sizes(datagrams.count, tuple(datagrams.last)) if datagrams is not None else Sizes(),
             open_since=datagrams.open_since if datagrams is not None else None,
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
             received=self._index.next_byte(connect, link.incarnation),
-            drop=link.drop,
+            drop=drop,
+            drop_cuts=is_in_message if drop is not None and messages.count else None,
+            after_drop=after,
             drops=link.drops,
             up_since=link.up_since,
             down_since=_later(link.down_since, self._asked.get(instance)),
@@ -239,7 +246,6 @@ class LinkStatistics:
             loss=link.loss,
             losses=link.losses,
         )
-        return self._with_messages(self._with_job(known, link, instance), link, connect)
 
     def _attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
         attempt, shown = link.attempt, self._refusals.get(instance)
@@ -252,25 +258,6 @@ class LinkStatistics:
             return attempt
         cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
         return replace(attempt, cause=cause, status=shown.outputs.status, condition=shown.condition)
-
-    def _with_job(self, known: Facts, link: _LinkFacts, instance: str) -> Facts:
-        job = self._index.started(instance)
-        if job is None or job.link[1] != link.incarnation:
-            return known
-        return replace(known, job_offset=job.offset, job_began=job.began, job_adhoc=job.adhoc)
-
-    def _with_messages(self, known: Facts, link: _LinkFacts, connect: str) -> Facts:
-        place = connect, link.incarnation
-        sender, sizes = self._index.sent_on(place)
-        if not sizes.count:
-            return known
-        begins_in = None if known.job_offset is None else self._index.message_at(place, known.job_offset)
-        known = replace(known, sender=sender, messages=sizes, begins_in=begins_in)
-        if link.drop is None:
-            return known
-        after = self._index.message_at(place, link.drop.end)
-        cuts = after is not None and after.offset < link.drop.end
-        return replace(known, drop_cuts=cuts, after_drop=after)
 
 
 def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, ScanStamp]:

@@ -41,16 +41,12 @@ class Window(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A stretch of scans: least and greatest value (None: not known), the last one, how many changes.
-
-    `is_entry` says that its only change is at its very beginning: nothing happens inside.
-    """
+    """A stretch of scans: least and greatest value (None: not known), the last one, how many changes."""
 
     low: Value
     high: Value
     end: Value
     changes: int
-    is_entry: bool = False
 
     @property
     def is_level(self) -> bool:
@@ -89,11 +85,10 @@ class PinWaveform:
         before = self.values[begin - 1] if begin else None
         if begin == end:
             return Column(before, before, before, 0)
-        is_entry = self.scans[begin] == first
-        inside = self.values[begin:end] if is_entry else [before, *self.values[begin:end]]
+        inside = self.values[begin:end] if self.scans[begin] == first else [before, *self.values[begin:end]]
         known = [value for value in inside if value is not None]
         low, high = (min(known), max(known)) if known else (None, None)
-        return Column(low, high, inside[-1], end - begin, is_entry and end - begin == 1)
+        return Column(low, high, inside[-1], end - begin)
 
     def columns(self, window: Window, until: int) -> list[Column | None]:
         """Return the columns of a window, None for those after scan `until`; what is over is found once."""

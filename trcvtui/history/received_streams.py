@@ -24,7 +24,6 @@ from trcvtui.blocks.environment import (
 from trcvtui.blocks.framing import Ending
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.records import POSITION, JobSpan, Pieces, RecvSpan, joined
-from trcvtui.history.stream_index import Listener
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
 
@@ -154,16 +153,15 @@ class ReceivedStreams:
         self._bench = bench
         self._frames: dict[str, int] = {}  # by instance
         self._arrivals: dict[str, int] = {}
-        listeners: dict[type, Listener] = {
+        self.index.listen({
             BytesReceived: self._received,
             BytesDropped: self._dropped,
             BytesArrived: self._arrived,
             FrameEnded: self._frame,
-            NoiseDropped: self._noise,
-            PartialFrameDropped: self._part,
+            NoiseDropped: self._cleared,
+            PartialFrameDropped: self._cleared,
             BytesLost: self._lost,
-        }
-        self.index.listen(listeners)
+        })  # fmt: skip
         self.index.ends[True].append(self._delivered)
         reader.lost.append(self._lose)
 
@@ -228,33 +226,28 @@ class ReceivedStreams:
     def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
         instance, buffer, offset, size, ending, prefix, suffix = event
         number = self._frames[instance] = self._frames.get(instance, 0) + 1
-        span = JobSpan(
+        self._take(buffer, offset, JobSpan(
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,
-        )  # fmt: skip
-        stream = self._stream(buffer)
-        stream.add_pieces(span, stream.taken(offset + size, size))
+        ))  # fmt: skip
 
-    def _noise(self, seq: int, scan: int, t_ns: int, event: NoiseDropped) -> None:
-        self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, NOISE))
-
-    def _part(self, seq: int, scan: int, t_ns: int, event: PartialFrameDropped) -> None:
-        reason = f"incomplete, {event.reason}"
-        self._drop(event.buffer, event.offset, event.size, (event.instance, scan, t_ns, reason))
+    def _cleared(self, seq: int, scan: int, t_ns: int, event: NoiseDropped | PartialFrameDropped) -> None:
+        reason = NOISE if isinstance(event, NoiseDropped) else f"incomplete, {event.reason}"
+        span = JobSpan(0, 0, event.instance, 0, scan, t_ns, False, reason, whole=event.size)
+        self._take(event.buffer, event.offset, span)
 
     def _lost(self, seq: int, scan: int, t_ns: int, event: BytesLost) -> None:
         buffer, offset, size, reason, position = event
+        span = JobSpan(max(0, position), size, "", 0, scan, t_ns, False, reason, whole=size)
         if position < 0:
-            self._drop(buffer, offset - size, size, ("", scan, t_ns, reason))
+            self._take(buffer, offset - size, span)
         else:
-            span = JobSpan(position, size, "", 0, scan, t_ns, False, reason, whole=size)
             self._stream(buffer).add(span)
 
-    def _drop(self, buffer: str, offset: int, size: int, what: tuple[str, int, int, str]) -> None:
-        instance, scan, t_ns, reason = what
-        span = JobSpan(0, 0, instance, 0, scan, t_ns, False, reason, whole=size)
+    def _take(self, buffer: str, offset: int, span: JobSpan) -> None:
+        """Add the bytes of a frame, or dropped ones, from `offset` of a ComBuffer on."""
         stream = self._stream(buffer)
-        stream.add_pieces(span, stream.taken(offset + size, size))
+        stream.add_pieces(span, stream.taken(offset + span.whole, span.whole))
 
     # -- what has no end yet -----------------------------------------------------------------------------
 

@@ -101,20 +101,14 @@ class WaveformRecorder:
         }
         self._renewed: dict[str, PinChange] = {}  # who was downloaded in a scan, and not called in it so far
         self._renewed_in = 0
-        reader.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
+        reader.index.listen({StatusEdge: self._change, InputEdge: self._change, BenchNote: self._note})
         reader.lost.append(self._lose)
 
-    def _edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+    def _change(self, seq: int, scan: int, t_ns: int, event: StatusEdge | InputEdge) -> None:
         if self._renewed:
             self._settle(scan)
-            self._renewed.pop(event.instance, None)
-        record = self.records.get(event.instance)
-        if record is not None:
-            record.add(PinChange(seq, scan, t_ns, event))
-
-    def _input(self, seq: int, scan: int, t_ns: int, event: InputEdge) -> None:
-        if self._renewed:
-            self._settle(scan)
+            if isinstance(event, StatusEdge):
+                self._renewed.pop(event.instance, None)
         record = self.records.get(event.instance)
         if record is not None:
             record.add(PinChange(seq, scan, t_ns, event))
@@ -165,10 +159,7 @@ class WaveformRecorder:
         if number == 0 or first > number + 1:
             (scan, t_ns), before = record.before_at, tuple(record.before().items())
         is_all = first + len(changes) > record.total
-        last = changes[-1] if changes else None
-        until = now
-        if not is_all and last is not None:
-            until = last[1:3]
+        until = now if is_all or not changes else changes[-1][1:3]
         return WaveformDelta(instance, first, scan, t_ns, before, changes, *until)
 
 

@@ -26,9 +26,7 @@ class EngineTiming(Struct, frozen=True):
 
     scans: int = 0
     overruns: int = 0
-    late_p50_ns: int = 0
     late_p99_ns: int = 0
-    scan_p99_ns: int = 0
     mode: str = ""
     late_by_picture: int = 0
 

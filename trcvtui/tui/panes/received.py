@@ -296,11 +296,7 @@ class Received(Vertical):
         return index.message_starts(selected, of_job), index.holes(selected, of_job)
 
     def _show_origin(self) -> None:
-        if (
-            self._view_model.is_frozen
-            and self._view_model.instance is not None
-            and not self._view_model.has_bytes
-        ):
+        if self._view_model.instance is not None and self._lacks_bytes():
             self._say_below(NOT_KEPT)
             self._origin_line.say("", may_break=False)
             return
@@ -450,14 +446,16 @@ class Received(Vertical):
     def lack(self) -> str:
         """Return why the bytes of what is shown cannot be had, "" where they can."""
         if not self.is_past or self.stream.cursor is None:
-            has_bytes = not self._view_model.is_frozen or self._view_model.has_bytes
-            return "" if has_bytes else NOT_KEPT
+            return NOT_KEPT if self._lacks_bytes() else ""
         job = self.job_here()
         if job is not None and (job.is_open or not job.is_kept):
             return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
         if job is not None and job.position - job.first < self.stream.window.begin:
             return f"the first bytes of it are {self.stream.window.lack}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
+
+    def _lacks_bytes(self) -> bool:
+        return self._view_model.is_frozen and not self._view_model.has_bytes
 
     def byte_in_job(self) -> int:
         """Return the place of the stream's cursor in its job, -1 where there is none."""
@@ -490,7 +488,7 @@ class Received(Vertical):
         self._title = self._nowhere = ""
         self.job.display, self._job_rows = False, 0
         self.post_message(PastSelected())
-        self.screen.set_focus(self.stream if self.is_past else self.data)
+        self._back_to_bytes()
         self.show()
 
     def action_done(self, is_forward: bool) -> None:
@@ -609,7 +607,9 @@ class Received(Vertical):
 
     def _size_job(self, instance: InstanceSnapshot) -> None:
         # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
-        if not instance.need and instance.pin("EN_R") and self._connected():
+        connection = self._view_model.connection
+        is_up = connection is not None and connection.state == "connected"
+        if not instance.need and instance.pin("EN_R") and is_up:
             return
         if not instance.need and instance.framer is not None and self._job_rows:
             return  # the next frame will want it
@@ -629,21 +629,14 @@ class Received(Vertical):
             self.data.styles.height = "1fr" if wanted is None else wanted
             self.set_class(wanted is not None, "-roomy")
 
-    def _connected(self) -> bool:
-        connection = self._view_model.connection
-        return connection is not None and connection.state == "connected"
-
     def _show_title(self, instance: InstanceSnapshot | None) -> None:
         declared = self._view_model.declaration
-        detail = f"{declared.name}, {declared.size} B" if declared else "no DATA"
-        if instance is None:
-            detail = ""
-        name = "Sent" if instance is not None and instance.sends else "Received"
-        if instance is not None and instance.data_pin == "RESULT":
-            name = "RESULT"
+        name, detail = "Received", ""
+        if instance is not None:
+            detail = f"{declared.name}, {declared.size} B" if declared else "no DATA"
+            name = "RESULT" if instance.data_pin == "RESULT" else "Sent" if instance.sends else name
         if self.is_past and instance is not None:
-            kept = self.stream.window
-            size = f"{kept.end - kept.begin} B kept"
+            size = f"{self.stream.window.end - self.stream.window.begin} B kept"
             name, detail = "Received so far", f"{instance.connect}, {size} · H: DATA now"
         if f"{name} {detail}" != self._title or not self.border_title:
             self._title = f"{name} {detail}"

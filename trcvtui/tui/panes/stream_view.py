@@ -481,17 +481,17 @@ class StreamView(ByteLines):
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
 
     def _drawn_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
-        window, width = self.window, self._width
-        column = self._column
+        window, column = self.window, self._column
         if track in (MESSAGES, PACKETS):
-            marks = sorted(message_splits(window, start, stop))
             drawn = brackets(window.messages, start, stop, column, bracket_of_message)
-            return ruler_parts(drawn, width), beside_messages(marks, window.messages)
-        if track == RECVS:
+            side = beside_messages(sorted(message_splits(window, start, stop)), window.messages)
+        elif track == RECVS:
             drawn = brackets(window.recvs, start, stop, column, bracket_of_recv)
-            return ruler_parts(drawn, width), beside_recvs(window.recvs, start, stop)
-        drawn = brackets(window.jobs, start, stop, column, bracket_of_job)
-        return ruler_parts(drawn, width), beside_jobs(window.jobs, start, stop)
+            side = beside_recvs(window.recvs, start, stop)
+        else:
+            drawn = brackets(window.jobs, start, stop, column, bracket_of_job)
+            side = beside_jobs(window.jobs, start, stop)
+        return ruler_parts(drawn, self._width), side
 
     def _with_cuts(self, parts: list[Part], marks: frozenset[int], start: int, width: int) -> list[Part]:
         """Return a ruler with a stroke before each byte at which a job cuts a message."""
@@ -512,11 +512,7 @@ class StreamView(ByteLines):
         if self.cursor is None:
             return None, None, None
         window, place = self.window, self.cursor
-        return (
-            span_at(window.jobs, place),
-            span_at(window.recvs, place),
-            span_at(window.messages, place),
-        )
+        return span_at(window.jobs, place), span_at(window.recvs, place), span_at(window.messages, place)
 
     def values(self) -> tuple[int | None, int | None]:
         """Return the byte under the cursor, and what it was in the job before."""

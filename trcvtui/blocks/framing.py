@@ -134,13 +134,10 @@ class Framer:
         start = at if self._has_prefix else len(joined) - _longest_start(joined, head)
         end = start + len(head) if self._has_prefix else len(joined)
         self.had_false_start = head[:1] in joined[:start] if head else False
-        self._discard(joined[:start])
+        self.discarded += start
+        self.noise = (self.noise + joined[:start][-KEPT_NOISE:])[-KEPT_NOISE:]
         self._part[:] = joined[start:end]
         return end - before
-
-    def _discard(self, noise: bytes) -> None:
-        self.discarded += len(noise)
-        self.noise = (self.noise + noise[-KEPT_NOISE:])[-KEPT_NOISE:]
 
     def _end(self, before: int, framing: Framing) -> tuple[int, Ending] | None:
         """Return where the frame ends: the suffix first, then the size; `before` bytes were looked at."""

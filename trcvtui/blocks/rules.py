@@ -126,16 +126,12 @@ class Rules(Struct, frozen=True):
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]
-    status_of: Mapping[str, Mapping[Condition, int]] = field(
-        default_factory=dict
-    )  # where a block has its own
+    status_of: Mapping[str, Mapping[Condition, int]] = field(default_factory=dict)  # of a block, its own
     single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
     course: StatusSequence = field(default_factory=StatusSequence)
     area: AreaRules = field(default_factory=AreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
-    labels: Mapping[str, Mapping[str, str]] = field(
-        default_factory=dict
-    )  # block -> pin -> what this vendor calls it
+    labels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # block -> pin -> its name here
     types: Mapping[str, str] = field(default_factory=dict)  # pin -> IEC type, where it is another one
     also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
     receiving_part: Condition = Condition.RECEIVING  # the job has some bytes

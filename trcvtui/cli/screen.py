@@ -74,6 +74,6 @@ def _is_there(path: Path) -> bool:
             return True
     except OSError:
         pass
-    from trcvtui.engine.project_edits import is_wanting, offer_in_the_terminal
+    from trcvtui.engine.project_edits import is_wanting, offer
 
-    return offer_in_the_terminal(path) if is_wanting(path) else True
+    return offer(path, sys.stdin, sys.stderr) if is_wanting(path) else True

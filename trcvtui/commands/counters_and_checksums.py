@@ -8,7 +8,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, cast
+from typing import Final, Literal
 
 from trcvtui.snapshots.bench import CheckTally
 from trcvtui.udt.compare.checksums import CHECKSUMS
@@ -118,8 +118,3 @@ def filled(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
 
 def in_order(fills: Sequence[Fill]) -> list[Fill]:
     return sorted(fills, key=lambda fill: (fill.kind not in NUMBERS, fill.offset))
-
-
-def as_order(text: str) -> Order:
-    """Return a byte order that a project or a command names."""
-    return cast(Order, text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, cast
 
 from msgspec import Struct
 
@@ -19,7 +19,6 @@ from trcvtui.commands.counters_and_checksums import (
     NUMBERS,
     Fill,
     Order,
-    as_order,
     in_order,
 )
 from trcvtui.commands.tokens import (
@@ -203,7 +202,7 @@ def _order(kind: str, width: int, order: str | None, project: Project) -> Order:
     if width == 1 or kind == DIGITS:
         return "little"
     own = "little" if kind == "crc16-modbus" else project.layout.byte_order  # as Modbus sends it
-    return as_order(order or own)
+    return cast(Order, order or own)
 
 
 def _with_room(content: bytes, fills: list[Fill], words: Words) -> bytes:

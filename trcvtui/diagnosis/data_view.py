@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.project.project import DataDecl
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
-from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
+from trcvtui.udt.layout.rules import LayoutChoice, rules_for
 from trcvtui.udt.types import Elementary, Enumeration, ValueKind
 from trcvtui.wording import count
 
@@ -176,8 +176,3 @@ def chosen(layout: str, byte_order: str, text: str) -> LayoutChoice:
         None if rules.byte_order == byte_order else byte_order,
         None if text in ("", rules.text.name) else text,
     )
-
-
-def own_line(decl: DataDecl) -> str:
-    """Return the line that lets DATA lie as the PLC lays it out again, "" where it does."""
-    return view_line(decl, NO_CHOICE)

@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.history.records import Drop, Facts
+from trcvtui.history.records import Facts
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.net.layer import TlsError
@@ -122,16 +122,16 @@ def nobody_reads_here(e: Evidence) -> str:
     if drop is None:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
-    return f"{text}; they were dropped, and the next frame {_begins(e.facts, drop)}"
+    return f"{text}; they were dropped, and the next frame {_begins(e.facts)}"
 
 
-def _begins(facts: Facts, drop: Drop) -> str:
+def _begins(facts: Facts) -> str:
     if facts.drop_cuts is False:
         return "begins with a message"
     cure = f"{DO}pulse COM_RST before EN_R=1"
     if facts.drop_cuts is None or facts.after_drop is None:
         return f"may begin in the middle of a message{cure}"
-    byte, message = drop.end - facts.after_drop.offset, facts.after_drop.number
+    byte, message = facts.after_drop.first, facts.after_drop.number
     return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}{cure}"
 
 

@@ -101,12 +101,6 @@ def _were(e: Evidence, size: int) -> str:
     return f"{_last(e)} {'was' if len(e.facts.messages.last) == 1 else 'were'} {count(size, 'byte')}"
 
 
-def _cut_at(e: Evidence) -> int:
-    """Return how many bytes of a message lie before the frame that begins in it; 0: none, or not known."""
-    message, first = e.facts.begins_in, e.facts.job_offset
-    return first - message.offset if message is not None and first is not None else 0
-
-
 # -- the rules --------------------------------------------------------------------------------------------
 
 
@@ -118,10 +112,10 @@ def shifted_by_a_drop(e: Evidence) -> str:
     if not facts.messages.count:
         doubt = "unless the sender had ended a message there, the stream is shifted"
         return f"{_drop(drop)}; {doubt}{DO}{_in_step(e)}"
-    message, cut = facts.begins_in, _cut_at(e)
-    if message is None or not cut:
+    message = facts.begins_in
+    if message is None or not message.first:
         return ""
-    begins = f"This frame begins with byte {cut} of {facts.sender}'s message {message.number}"
+    begins = f"This frame begins with byte {message.first} of {facts.sender}'s message {message.number}"
     return f"{_drop(drop)}. {begins}: the stream is shifted{DO}{_in_step(e)}"
 
 
@@ -138,12 +132,12 @@ def _drop(drop: Drop) -> str:
 
 def shifted(e: Evidence) -> str:
     """The running job begins inside a message, and no dropped frame tells why."""
-    message, cut = e.facts.begins_in, _cut_at(e)
-    if e.adhoc or message is None or not cut or e.facts.drop is not None or _fits(e):
+    message = e.facts.begins_in
+    if e.adhoc or message is None or not message.first or e.facts.drop is not None or _fits(e):
         return ""
     return (
-        f"this frame begins with byte {cut} of {e.facts.sender}'s message "
-        f"{message.number} ({count(message.size, 'byte')}): frames and messages are shifted"
+        f"this frame begins with byte {message.first} of {e.facts.sender}'s message "
+        f"{message.number} ({count(message.whole, 'byte')}): frames and messages are shifted"
     )
 
 

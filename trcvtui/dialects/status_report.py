@@ -27,9 +27,7 @@ REACH_TEXT: Final = {
 MOST_TELLING: Final = 3
 NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual
 
-ScenariosByCode = Mapping[
-    tuple[int, str], Sequence[str]
-]  # a code and a block: the scenario files that show it
+ScenariosByCode = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the files that show it
 NO_SCENARIOS: Final[ScenariosByCode] = {}
 
 
@@ -256,9 +254,7 @@ def as_page(
 
     `follows`: dialects, and the document that the course of each stands in.
     """
-    rows = sorted(
-        found, key=lambda one: one.row.code
-    )  # a code may have a row for some blocks, one for others
+    rows = sorted(found, key=lambda one: one.row.code)  # a code may have several, each for other blocks
     documents = "\n".join(f"- `{name}` follows {document}." for name, document in follows)
     head = [f"# STATUS atlas: {title}", _INTRODUCTION, *([documents] if documents else [])]
     parts = [*head, _contents(rows), *(_page_card(one, up) for one in rows)]

@@ -454,7 +454,7 @@ class Controller:
         if not self._may_scan():
             return False
         self.bench.step(now)
-        if self._trigger_watch.is_armed:
+        if self._trigger_watch.armed:
             fired = self._trigger_watch.scanned()
             if fired is not None and fired.holds:
                 self.holding, self.wanted = True, 0

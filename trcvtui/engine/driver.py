@@ -136,12 +136,9 @@ class ProcessDriver:
         try:
             self._channel.send(message)
         except OSError:
-            self._raise_last_words()
-
-    def _raise_last_words(self) -> None:
-        while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
-            self.picture()
-        raise self._ended()
+            while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
+                self.picture()
+            raise self._ended() from None
 
     def close(self) -> None:
         self._channel.close()

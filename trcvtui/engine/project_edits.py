@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import codecs
 import os
-import sys
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -83,10 +82,6 @@ def _chosen(word: str, names: list[str]) -> str:
     if word.isascii() and word.isdigit() and 0 < int(word[:6]) <= len(names):
         return names[int(word[:6]) - 1]
     return word if word in names else ""
-
-
-def offer_in_the_terminal(path: Path) -> bool:
-    return offer(path, sys.stdin, sys.stderr)
 
 
 FORCE: Final = "!"

@@ -24,7 +24,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import Event, InputEdge, Line
+from trcvtui.plc.ledger import InputEdge, Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
@@ -56,11 +56,10 @@ class PinCondition(Struct, frozen=True):
             return False
         return COMPARE[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
-    def fires_by(self, event: Event) -> bool:
+    def fires_by(self, event: InputEdge) -> bool:
         """Return whether an event within a scan is what is waited for: a pin that rises and falls in it."""
-        if not isinstance(event, InputEdge) or (event.instance, event.pin) != (self.instance, self.pin):
-            return False
-        return COMPARE[self.operator](event.value, self.value)
+        is_it = (event.instance, event.pin) == (self.instance, self.pin)
+        return is_it and COMPARE[self.operator](event.value, self.value)
 
 
 class MemberCondition(Struct, frozen=True):
@@ -84,10 +83,6 @@ class MemberCondition(Struct, frozen=True):
             return leaf_value(self.layout, self.leaf, content)
         order = BYTE_ORDERS[self.layout.rules.byte_order]
         return struct.unpack(order + self.leaf.coding.code, content)[0]
-
-    def fires_by(self, event: Event) -> bool:
-        """Return False: DATA has one value a scan."""
-        return False
 
 
 Condition = PinCondition | MemberCondition
@@ -212,11 +207,6 @@ class TriggerWatch:
             return "no trigger is armed"
         return f"armed{'; it is so already and fires when it becomes so again' if self._was else ''}"
 
-    @property
-    def is_armed(self) -> bool:
-        """Return whether `scanned` has to look after each scan."""
-        return self._trigger is not None
-
     def scanned(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
@@ -228,7 +218,9 @@ class TriggerWatch:
         condition, before = trigger.condition, self._was
         self._was = condition.now(self._bench)
         inputs = (event for _, _, event in written if isinstance(event, InputEdge))
-        fires = not before if self._was else any(map(condition.fires_by, inputs))
+        fires = self._was and not before
+        if not self._was and isinstance(condition, PinCondition):  # DATA has one value a scan
+            fires = any(map(condition.fires_by, inputs))
         if not fires:
             return None
         self._count += 1

@@ -219,7 +219,6 @@ class LinkStatistics:
         job = job if job is not None and job.link[1] == link.incarnation else None
         sender, messages = self._index.sent_on(place)
         after = self._index.message_at(place, drop.end) if drop is not None else None
-        is_in_message = drop is not None and after is not None and after.offset < drop.end
         return Facts(
             sender=sender,
             messages=messages,
@@ -233,7 +232,7 @@ class LinkStatistics:
             longest_gap_ns=max(bursts.gaps, default=0),
             received=self._index.next_byte(connect, link.incarnation),
             drop=drop,
-            drop_cuts=is_in_message if drop is not None and messages.count else None,
+            drop_cuts=bool(after and after.first) if drop is not None and messages.count else None,
             after_drop=after,
             drops=link.drops,
             up_since=link.up_since,

@@ -352,7 +352,7 @@ class WaveformCache:
 
     def __init__(self) -> None:
         self._waves: dict[str, Waveform] = {}
-        self._too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
+        self.too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
 
     def of(self, instance: str) -> Waveform:
         wave = self._waves.pop(instance, None) or Waveform(instance)
@@ -372,10 +372,10 @@ class WaveformCache:
 
     def _lacks(self, name: str, scan: int) -> bool:
         wave = self._waves.get(name)
-        return name not in self._too_late and (wave is None or wave.until_scan < scan)
+        return name not in self.too_late and (wave is None or wave.until_scan < scan)
 
     def take(self, news: Iterable[WaveformDelta], interval_ns: int) -> None:
-        self._too_late.clear()
+        self.too_late.clear()
         for fresh in news:
             self.of(fresh.instance).take(fresh, interval_ns)
 
@@ -384,10 +384,6 @@ class WaveformCache:
         for fresh in news:
             then = up_to(fresh, scan, t_ns)
             if then is None:
-                self._too_late.add(fresh.instance)
+                self.too_late.add(fresh.instance)
             else:
                 self.of(fresh.instance).take(then, interval_ns)
-
-    def is_too_late(self, instance: str) -> bool:
-        """Return whether an instance's wave was asked for when that time was no longer kept."""
-        return instance in self._too_late

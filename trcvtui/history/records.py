@@ -225,14 +225,6 @@ class ScanStamp(Struct, frozen=True):
     t_ns: int = 0
 
 
-class SentMessage(Struct, frozen=True):
-    """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
-
-    number: int
-    offset: int
-    size: int
-
-
 class Sizes(Struct, frozen=True):
     """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
 
@@ -317,7 +309,7 @@ class Facts(Struct, frozen=True):
 
     sender: str = ""
     messages: Sizes = Sizes()
-    begins_in: SentMessage | None = None  # the message that holds the first byte of the running job
+    begins_in: MessageSpan | None = None  # the message that holds the first byte of the running job
     bursts: Sizes = Sizes()
     longest_gap_ns: int = 0  # between the last bursts
     received: int = 0  # bytes of the stream so far
@@ -327,7 +319,7 @@ class Facts(Struct, frozen=True):
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on after the last drop
-    after_drop: SentMessage | None = None  # the message that holds the first byte after it
+    after_drop: MessageSpan | None = None  # the message that holds the first byte after it
     up_since: ScanStamp | None = None
     down_since: ScanStamp | None = None
     failures: tuple[Failures, ...] = ()

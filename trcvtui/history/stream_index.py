@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
-from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, SentMessage, Sizes, joined
+from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import A_HOLE, PeerSent, Stamped
 
@@ -284,11 +284,9 @@ class StreamIndex:
             place += 1
         return found
 
-    def message_at(self, link: Link, offset: int) -> SentMessage | None:
+    def message_at(self, link: Link, offset: int, position: int = 0) -> MessageSpan | None:
         """Return the message that holds a byte of a connection, None where it is not known."""
-        for span in self.messages_within(link, offset, 1, offset):
-            return SentMessage(span.number, offset - span.first, span.whole)
-        return None
+        return next(iter(self.messages_within(link, offset, 1, position)), None)
 
     def sent_on(self, link: Link) -> tuple[str, Sizes]:
         """Return which peer sends on a connection, and the sizes of its messages."""
@@ -360,8 +358,7 @@ class StreamIndex:
         place = _place(pieces, byte)
         if not self._is_present(job.link):
             return Origin(job, None, None)
-        message = next(iter(self.messages_within(job.link, place, 1, byte)), None)
-        return Origin(job, _covering(job.recvs, place), message)
+        return Origin(job, _covering(job.recvs, place), self.message_at(job.link, place, byte))
 
     def messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
         """Return the peer's messages in DATA, or in the running job; position 0 is the job's first byte.

@@ -39,10 +39,10 @@ def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
-    def run() -> None:
-        _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
-
-    serve_until_gone(channel, run)
+    serve_until_gone(
+        channel,
+        lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns),
+    )
 
 
 class TapSocketDriver(ProcessDriver):

@@ -80,9 +80,7 @@ class BenchUpdate(Struct, frozen=True):
     fired: TriggerEvent | None = None
     recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
     is_recording: bool = False  # by the black box, so that `record stop` ends it
-    recordings: tuple[
-        tuple[str, LineRecording], ...
-    ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
+    recordings: tuple[tuple[str, LineRecording], ...] = ()  # of the ComBuffers that were asked for
     over: str = ""  # why nothing more comes from the line that is shown
     position: Position | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others

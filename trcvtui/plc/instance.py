@@ -46,9 +46,7 @@ class Instance:
         self._bound = bound
         self._env = bound.env
         self._note = note
-        self._stream: StreamFeed | StreamDrain | None = (
-            None  # the ComBuffer that this TRCV_C feeds, or this TSEND_C empties
-        )
+        self._stream: StreamFeed | StreamDrain | None = None  # of a TRCV_C or TSEND_C on a ComBuffer
         self._known: dict[Outcome, StatusEdge] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next

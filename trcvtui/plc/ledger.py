@@ -145,9 +145,8 @@ class Ledger:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
         items = self.stamped_since(seq, most)
         first = self.last_seq - len(items) + 1
-        return tuple(
-            [tuple.__new__(Line, (seq, *item)) for seq, item in enumerate(items, first)]
-        )  # the quickest way
+        new = tuple.__new__  # the quickest way
+        return tuple([new(Line, (seq, *item)) for seq, item in enumerate(items, first)])
 
     def stamped_since(self, seq: int, most: int = KEPT_LINES) -> list[Stamped]:
         """Return what was written after `seq`, oldest first; the newest `most` of it."""

@@ -54,14 +54,13 @@ from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import (
+    AddrSnapshot,
     ConnectionSnapshot,
     InstanceSnapshot,
     SentBytes,
     Snapshot,
-    addr_snapshots,
     connection_snapshot,
     data_snapshot,
-    port_snapshot,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
@@ -593,7 +592,7 @@ class Runtime:
             connections_used=self._resources.budget.used,
             connections_limit=self._resources.budget.limit,
             faults=faults,
-            addrs=addr_snapshots(self._addrs.values()),
+            addrs=tuple([AddrSnapshot(a.name, str(a), a.generation) for a in self._addrs.values()]),
             combuffers=self._lines.snapshots(),
         )
 
@@ -604,8 +603,7 @@ class Runtime:
 
     def link(self, name: str) -> ConnectionSnapshot:
         """Return a CONNECT or UDP_CONFIG as it is now."""
-        port, now = self._ports.get(name), self._env.now
-        return port_snapshot(port, now) if port else connection_snapshot(self._connections[name], now)
+        return connection_snapshot(self._ports.get(name) or self._connections[name], self._env.now)
 
     def _renew(self) -> None:
         awake = self._call_order.take_awake() | set(self._resources.unsettled)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from msgspec import Struct, field
 
@@ -15,7 +15,6 @@ from trcvtui.blocks.serial.receiving import MILLISECOND, Reception, text_of
 from trcvtui.blocks.table import block_row as block_row
 from trcvtui.blocks.table import buffer_pins as buffer_pins
 from trcvtui.blocks.table import is_time as is_time
-from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
@@ -196,56 +195,39 @@ class Snapshot(Struct, frozen=True):
 
 
 def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
-    """Return a CONNECT as it is at `now` (ns)."""
-    retry, state = connection.retry_at, connection.state
-    config = connection.config
+    """Return a CONNECT or a UDP_CONFIG as it is at `now` (ns).
+
+    Of a UDP_CONFIG `created` is ready, `remote` the other end of the last datagram.
+    """
+    retry, config = connection.retry_at, connection.config
+    if isinstance(connection, UdpEndpoint) and connection.is_config:
+        state = "created" if connection.is_open else "closed" if retry is None else "establishing"
+        remote, unacknowledged, keep_alive_s = connection.peer, None, 0
+    else:
+        state, keep_alive_s = str(connection.state), config.keep_alive_s
+        remote = connection.peer if connection.state is State.CONNECTED else connection.set_up.remote
+        unacknowledged = connection.unacknowledged() if connection.bytes_sent else 0
     return ConnectionSnapshot(
         config.name,
         config.active,
-        str(state),
+        state,
         str(connection.local or ""),
-        str((connection.peer if state is State.CONNECTED else connection.set_up.remote) or ""),
+        str(remote or ""),
         connection.incarnation,
         connection.bytes_received,
         connection.attempts,
         max(0, retry - now) if retry is not None else None,
         connection.bytes_sent,
-        connection.unacknowledged() if connection.bytes_sent else 0,
+        unacknowledged,
         connection.receiving.owners(),
         connection.sending.owners(),
         config.is_datagram,
-        config.keep_alive_s,
-    )
-
-
-def port_snapshot(port: UdpEndpoint, now: int) -> ConnectionSnapshot:
-    """Return a UDP_CONFIG: `created` is ready, `remote` the other end of the last datagram."""
-    retry = port.retry_at
-    return ConnectionSnapshot(
-        port.config.name,
-        False,
-        "created" if port.is_open else "closed" if retry is None else "establishing",
-        str(port.local or ""),
-        str(port.peer or ""),
-        port.incarnation,
-        port.bytes_received,
-        port.attempts,
-        max(0, retry - now) if retry is not None else None,
-        port.bytes_sent,
-        None,
-        port.receiving.owners(),
-        port.sending.owners(),
-        True,
+        keep_alive_s,
     )
 
 
 def data_snapshot(data: DataArea) -> DataSnapshot:
     return DataSnapshot(data.name, data.type_name, data.size, data.generation)
-
-
-def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
-    """Return the ADDR records as they stand now."""
-    return tuple([AddrSnapshot(addr.name, str(addr), addr.generation) for addr in addrs])
 
 
 def framer_snapshot(

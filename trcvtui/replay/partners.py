@@ -370,9 +370,7 @@ class ReplayedPartners(Replay):
             return WOULD_BLOCK
         partner = clients.popleft()
         if partner.accepted > (self.scan, LAST):
-            self.note_guess(
-                WhyGuess.BYTES
-            )  # who it is, and what it says before the recorded run listens to it
+            self.note_guess(WhyGuess.BYTES)  # who it is, what it says before the recorded run hears it
         if partner.refused is not None:
             return partner.refused
         if owner in self._sessions and partner.accepted.scan != self.scan:
@@ -446,7 +444,8 @@ class ReplayedPartners(Replay):
         if owner in self.peers or found is None:
             if not self._told.knows(owner, socket.partner):
                 self.note_guess(WhyGuess.BYTES)
-            return self._no_message(socket)
+            fault = socket.partner.fault if socket.partner is not None else None
+            return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
         messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[owner]
         _, was, data = messages.popleft()
         if isinstance(was, Fault):
@@ -459,10 +458,6 @@ class ReplayedPartners(Replay):
         size = min(size, was.size)
         self.bytes_read += size
         return Datagram(size, was.source, was.whole), data[:size].ljust(size, b"\0")
-
-    def _no_message(self, socket: _Socket) -> tuple[WouldBlock | Fault, bytes]:
-        fault = socket.partner.fault if socket.partner is not None else None
-        return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
 
     def _at_loss(self, owner: str, handle: int) -> KernelLoss | None:
         socket = self._sockets[handle]

@@ -102,7 +102,7 @@ class ReplayController(Controller):
 
     def step(self, now: int | None = None) -> bool:
         passed = self.run.scan()
-        if self._trigger_watch.is_armed:
+        if self.armed:
             fired = self._trigger_watch.scanned()
             if fired is not None:
                 self._trigger_watch.take_kept()  # it stands at this very scan
@@ -111,7 +111,7 @@ class ReplayController(Controller):
 
     def disarm(self) -> None:
         self.fired = ""
-        if self._trigger_watch.is_armed:
+        if self.armed:
             self._trigger_watch.arm("off", "")
 
     def follow(self, before: Controller) -> None:

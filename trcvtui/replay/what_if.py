@@ -157,9 +157,7 @@ class WhatIf:
         self._is_over = False
         self._before = self._counted(self.recorded)
         self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
-        self._later: list[
-            tuple[int, Sequence[str], Sequence[StatusEdge]]
-        ] = []  # of recorded scans, with times
+        self._later: list[tuple[int, Sequence[str], Sequence[StatusEdge]]] = []  # recorded scans, by time
         self._edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
         self.parts_at: int | None = None
         self.guess_from: int | None = None

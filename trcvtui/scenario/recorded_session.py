@@ -354,9 +354,8 @@ class Session:
         self._add(f"expect {edge.instance} {pins}", frame_in=scan)
         is_late = scan != self._bench.runtime.scans  # DATA may have the next frame already
         content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data and not is_late else b""
-        size = (
-            content.find(0) + 1 if edge.outputs.rcvd_len is None else edge.outputs.rcvd_len
-        )  # a text: with its byte 00
+        length = edge.outputs.rcvd_len
+        size = content.find(0) + 1 if length is None else length  # a text: with its byte 00
         if content[:size]:
             self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", frame_in=scan)
 

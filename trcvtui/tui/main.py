@@ -31,6 +31,7 @@ from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.lines import KeyLine, TabLine
 from trcvtui.tui.widgets.screens import FullScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
+from trcvtui.udt.layout.rules import NO_CHOICE
 
 TABS, PAIR = "-tabs", "-pair"
 LEAST_BELOW: Final = 32  # rows below the list of instances
@@ -453,10 +454,10 @@ class MainScreen(FullScreen[None]):
 
     def action_theirs(self) -> None:
         """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
-        from trcvtui.diagnosis.data_view import own_line, view_line  # read when first asked for
+        from trcvtui.diagnosis.data_view import view_line  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
-        line = "" if decl is None else view_line(decl, offer.choice) if offer else own_line(decl)
+        line = view_line(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
         if line:
             self._submit(line)
         else:

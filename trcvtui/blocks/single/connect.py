@@ -18,7 +18,7 @@ from trcvtui.blocks.tcp.job_checks import changed, in_use, rival_of
 from trcvtui.blocks.tcp.no_connection import loss_cause
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, State
 from trcvtui.net.connection.description import Description
-from trcvtui.net.connection.set_up import SetUpStage, StepFault
+from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 
@@ -115,9 +115,9 @@ class SingleTcon:
             self._connection.disconnect()
             return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
         failed = self._connection.step(self._env.scan, self._env.now)
-        if failed is not None and self._is_silent(failed):
-            return _BUILDING
         if failed is not None:
+            if self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT:
+                return _BUILDING
             self._end()
             shown = set_up_failed(self._connection, failed, self._env.rules.course)
             self._connection.disconnect()
@@ -131,9 +131,6 @@ class SingleTcon:
     def _end(self) -> None:
         self._is_building = False
         self._connection.keeping.give_back(self._claim)
-
-    def _is_silent(self, failed: StepFault) -> bool:
-        return self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT
 
     def _look_after(self) -> Outcome:
         """Build a lost connection again; a partner who refuses us has let this attempt fail."""

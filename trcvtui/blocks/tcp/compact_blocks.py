@@ -146,7 +146,8 @@ class TsendC(JobBlock):
             self._asked |= inputs.req and not self._course.request_connects
         asks = self._asked or req_rose
         waits = self._course.waiting_req_sends and (inputs.req or self._course.request_connects) and asks
-        outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
+        job_error = self._course.reset_ends_send if self.job.running else None
+        outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=job_error)
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)
         loss = self._connection.lost(self._part.incarnation)
@@ -163,9 +164,6 @@ class TsendC(JobBlock):
         if self._shown[0] is not outcome:
             self._shown = outcome, replace(outcome, lamp=Lamp.BUSY)
         return self._shown[1]
-
-    def _reset_error(self) -> Condition | None:
-        return self._course.reset_ends_send if self.job.running else None
 
     def detach(self, reason: str) -> None:
         self._part.detach()

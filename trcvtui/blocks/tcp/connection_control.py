@@ -388,7 +388,7 @@ class ConnectionControl:
             self.phase = Phase.IDLE
             return self._level.idle
         cause = self._level.ends_by
-        fault = self._connection.queue_job() if self._has_connection() else None
+        fault = None if self._connection.state is State.CLOSED else self._connection.queue_job()
         self._close_wanted = fault is not None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
@@ -404,9 +404,6 @@ class ConnectionControl:
             return False
         loss = self._connection.lost(self.incarnation)
         return loss is None or (self._course.closes_together and loss.kind is LossKind.OURS)
-
-    def _has_connection(self) -> bool:
-        return self._connection.state is not State.CLOSED
 
     def _reset(self) -> Outcome | None:
         self._reset_wanted = False

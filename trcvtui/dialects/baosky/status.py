@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from msgspec.structs import replace
@@ -457,13 +456,11 @@ INNER_BLOCKS: Final[dict[str, tuple[int, ...]]] = {
 }
 
 
-def with_inner_blocks(rows: Iterable[StatusRow]) -> tuple[StatusRow, ...]:
-    """Return the rows of the _C blocks with the inner blocks that show the same code after them."""
-    return tuple(replace(row, blocks=(*row.blocks, *_showing(row.code))) for row in rows)
-
-
 def _showing(code: int) -> tuple[str, ...]:
     return tuple(block for block, codes in INNER_BLOCKS.items() if code in codes)
 
 
-STATUS: Final[tuple[StatusRow, ...]] = with_inner_blocks(STATES + CONNECTION_ERRORS + JOB_ERRORS)
+# Rows of the _C blocks, with the inner blocks that show the same code after them.
+STATUS: Final[tuple[StatusRow, ...]] = tuple(
+    replace(row, blocks=(*row.blocks, *_showing(row.code))) for row in STATES + CONNECTION_ERRORS + JOB_ERRORS
+)

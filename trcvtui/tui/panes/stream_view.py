@@ -87,12 +87,6 @@ def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[in
     return frozenset(found)
 
 
-def signs_before(window: HistoryWindow, start: int, stop: int) -> dict[int, str]:
-    """Return the sign before each byte at which a message is cut, or data or suffix of a frame begin."""
-    cut = dict.fromkeys(message_splits(window, start, stop), SPLIT)
-    return cut | frame_signs(spans_within(window.jobs, start, stop))
-
-
 def before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
     """Return what stands before a byte: a sign, the beginning of a message, or room."""
     if position in signs:
@@ -422,7 +416,8 @@ class StreamView(ByteLines):
         start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
-        signs = signs_before(self.window, start, stop)
+        signs = dict.fromkeys(message_splits(self.window, start, stop), SPLIT)
+        signs |= frame_signs(spans_within(self.window.jobs, start, stop))
         begins = {m.position for m in spans_within(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]

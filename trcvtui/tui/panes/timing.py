@@ -262,7 +262,7 @@ class Timing(LineView):
     def _detail(self) -> str:
         if self._note:
             return self._note
-        if self._view_model.is_frozen and self._view_model.waves.is_too_late(self._view_model.selected):
+        if self._view_model.is_frozen and self._view_model.selected in self._view_model.waves.too_late:
             return NOT_KEPT
         cursor, stretch = self.view.cursor, self.view.stretch
         parts = [f"scan {cursor} at {self._time(cursor)}"] if cursor is not None else []

@@ -177,7 +177,7 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
     return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")
 
 
-NOT_KEPT: Final = "its wave no longer goes back to the frozen scan"
+NOT_KEPT: Final = "its wave begins after the frozen scan"
 EXPORT_TIMING: Final = "export timing vcd"
 STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
 

@@ -195,7 +195,7 @@ NEXT_HIT: Final = (("n N", "next hit, hit before"),)
 MOST: Final = 1 << 62  # after every position
 NO_MESSAGE: Final = "nothing to mark: H, then choose a byte of a message"
 NO_DROP: Final = "no bytes were thrown away before this place"
-NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
+NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
 
 
 class Received(Vertical):

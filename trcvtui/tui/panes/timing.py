@@ -177,7 +177,7 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
     return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")
 
 
-NOT_KEPT: Final = "its wave was not kept when the view froze"
+NOT_KEPT: Final = "its wave begins after the frozen scan"
 EXPORT_TIMING: Final = "export timing vcd"
 STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
 
@@ -199,7 +199,7 @@ class Timing(LineView):
         ("slash", "ask_code", "next edge to a code"),
         ("plus,equals_sign", "zoom_in(1)", "zoom in, fewer scans a column"),
         ("minus", "zoom_in(-1)", "zoom out, more scans a column"),
-        ("f,F", "follow", "follow the newest scan, or stand"),
+        ("f", "follow", "follow the newest scan, or stand"),
         ("m", "mark", "marker here: first, second"),
         ("o", "neighbours", "the other instances of this CONNECT, too"),
         ("e", "write", "write as VCD (GTKWave, PulseView)"),

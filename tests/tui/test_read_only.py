@@ -18,7 +18,7 @@ from trcvtui.tui.app import READ_ONLY_LINES
 @pytest.mark.parametrize("size", [SMALL, WIDE], ids=["80x24", "140x45"])
 async def test_a_read_only_screen_commands_nothing(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
-        looker.app._read_only = True
+        looker.app.only_looks = True
         await looker.press("n", "space", "K", "S", "7", "r")
         assert looker.lines == []
         assert "this screen is read-only" in " ".join(looker.text.split())
@@ -46,7 +46,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
     monkeypatch.setattr(files, "read_bytes", lambda *what: kept.append(what))
     async with looking(WIDE) as looker:
         app = looker.app
-        app._read_only = True
+        app.only_looks = True
 
         async def back(did: str) -> None:
             assert {type(screen).__name__ for screen in app.screen_stack} <= READ_ONLY_SCREENS, did

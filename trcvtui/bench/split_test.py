@@ -125,16 +125,13 @@ class SplitTest:
         while settled < SETTLE_SCANS and patience and self._state == RUNNING:
             yield
             self._look(seen)
-            if self._is_complete(seen):
+            partial = len(self._bench.runtime.partial(command.instance))
+            if seen.received + partial >= len(command.payload):
                 settled += 1
             elif not self._bench.peers[command.peer].unsent:
                 patience -= 1
         if self._state == RUNNING:
             self._note(cut, seen)
-
-    def _is_complete(self, seen: _Seen) -> bool:
-        partial = len(self._bench.runtime.partial(self._command.instance))
-        return seen.received + partial >= len(self._command.payload)
 
     def _look(self, seen: _Seen) -> None:
         for out in self._bench.runtime.called:

@@ -15,7 +15,7 @@ from enum import Enum
 from itertools import islice
 from typing import Final, NamedTuple
 
-from trcvtui.capture.hosts import ArpNote, HeardNote, HostFact, HostNotes, IcmpNote, note_of, put_note
+from trcvtui.capture.hosts import ArpNote, HeardNote, HostFact, HostNotes, note_of, put_note
 from trcvtui.capture.packets import (
     SACK,
     TCP,
@@ -378,12 +378,10 @@ class Conversations:
         if at >= 0 and data[at] >> 4 == 4:
             self.hosts.hear(data[at + 12 : at + 16])
         if note is not None:
-            put_note(self._notes_of(note), packet.ns, self.packets, note)
+            flow = self._flows.get(note.flow)
+            notes = self.hosts.icmps if flow is None else flow.conversation.undelivered
+            put_note(notes, packet.ns, self.packets, note)
         return note is not None
-
-    def _notes_of(self, note: IcmpNote) -> list[HeardNote]:
-        flow = self._flows.get(note.flow)
-        return self.hosts.icmps if flow is None else flow.conversation.undelivered
 
     def host_facts(self) -> list[HostFact]:
         """Return what ARP and ICMP say that belongs to no conversation, the first first."""

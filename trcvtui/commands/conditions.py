@@ -84,13 +84,10 @@ def parse_target(words: Words, project: Project) -> Target:
     found = _TARGET.fullmatch(word)
     if found is None:
         raise words.wrong(shown(word), TARGET_FORM)
-    _, offset, path = found.groups()
-    if offset is not None:
-        return _raw_target(decl, int(offset), words)
-    return _member_target(decl, path or "", words)
-
-
-def _raw_target(decl: DataDecl, offset: int, words: Words) -> Target:
+    _, byte, path = found.groups()
+    if byte is None:
+        return _member_target(decl, path or "", words)
+    offset = int(byte)
     if offset >= decl.size:
         raise words.wrong(f"byte {offset} of '{decl.name}'", f"a byte from 0 to {decl.size - 1}")
     return Target(decl, "", offset, decl.size - offset, True)

@@ -272,60 +272,55 @@ class Words:
         self.where = where
         self._line = line
         self._tokens = tokens_of(line, where)
-        self._at = 0
+        self.place = 0  # how many words have been taken
 
     def __bool__(self) -> bool:
-        return self._at < len(self._tokens)
+        return self.place < len(self._tokens)
 
     def next(self, expected: str) -> str:
         """Take the next word; raise UserError when there is none."""
         if not self:
             raise self.wrong("nothing more", expected, "missing")
-        self._at += 1
-        return self._tokens[self._at - 1].text
+        self.place += 1
+        return self._tokens[self.place - 1].text
 
     def peek(self, ahead: int = 0) -> str:
         """Return a word further on without taking it, "" where there is none."""
-        at = self._at + ahead
+        at = self.place + ahead
         return self._tokens[at].text if at < len(self._tokens) else ""
 
     def ahead(self) -> list[str]:
         """Return all words that are left, without taking them."""
-        return [token.text for token in self._tokens[self._at :]]
+        return [token.text for token in self._tokens[self.place :]]
 
     @property
     def verb(self) -> str:
         return self._tokens[0].text if self._tokens else ""
 
     def rest(self) -> list[str]:
-        left = [token.text for token in self._tokens[self._at :]]
-        self._at = len(self._tokens)
+        left = [token.text for token in self._tokens[self.place :]]
+        self.place = len(self._tokens)
         return left
 
     def rest_text(self, expected: str) -> str:
         """Take what is left, as it is written; raise UserError when there is nothing."""
-        start = self._at
+        start = self.place
         self.next(expected)
         self.rest()
         return self.written(start)
 
     def to_come(self) -> str:
         """Return what is left as it is written, without taking it."""
-        left = self._tokens[self._at :]
+        left = self._tokens[self.place :]
         return self._line[left[0].start : left[-1].end] if left else ""
-
-    @property
-    def place(self) -> int:
-        """Return how many words have been taken."""
-        return self._at
 
     def written(self, start: int) -> str:
         """Return the taken words from number `start` on, as they are written."""
-        return self._line[self._tokens[start].start : self._tokens[self._at - 1].end]
+        return self._line[self._tokens[start].start : self._tokens[self.place - 1].end]
 
     def cut(self, begins: Callable[[str], bool]) -> list[str]:
         """Take the words from the first one to come that `begins` away from the end, and return them."""
-        for number in range(self._at, len(self._tokens)):
+        for number in range(self.place, len(self._tokens)):
             if begins(self._tokens[number].text):
                 tail = [token.text for token in self._tokens[number:]]
                 del self._tokens[number:]
@@ -334,10 +329,10 @@ class Words:
 
     def apart(self, begins: Callable[[str], bool]) -> Words:
         """Take the words from the first one to come that `begins` away from the end, as words apart."""
-        after = range(self._at, len(self._tokens))
+        after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
         tail = copy(self)
-        tail._at = number
+        tail.place = number
         self._tokens = self._tokens[:number]
         return tail
 

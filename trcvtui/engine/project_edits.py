@@ -170,11 +170,6 @@ def _another(edit: Edit, path: Path) -> UserError:
     return mistake(str(path), f"another {edit.kind} {edit.name}", expected)
 
 
-def _beginning(path: Path) -> bytes:
-    """Return the byte order mark that some editors of Windows begin a file with, where it is there."""
-    return codecs.BOM_UTF8 if _content(path).startswith(codecs.BOM_UTF8) else b""
-
-
 WHERE = "prompt"
 
 
@@ -247,7 +242,8 @@ class ProjectEdits:
         self._restore_types(old)
         text = with_files_from(text, old, path.parent, str(own))
         text, new = edited_text(text, own, path, self._edits, self._constants)
-        write_file(path, _beginning(own) + text.encode(), WHERE, is_own=True)
+        bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
+        write_file(path, bom + text.encode(), WHERE, is_own=True)
         self.before = before and with_files_from(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()

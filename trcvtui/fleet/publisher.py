@@ -40,7 +40,7 @@ class Publisher:
     """Gives the broker what it shall have, as far as it is there. `say` tells the user, a line each."""
 
     def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
-        self._connection, self._queue, self._say = connection, queue, say
+        self._connection, self.queue, self._say = connection, queue, say
         self._retained: dict[str, _Retained] = {}
         self._underway: dict[int, _Underway] = {}  # by the number of the connection
         self._sent_up_to = 0
@@ -54,23 +54,19 @@ class Publisher:
         """Return whether the broker has taken us."""
         return self._up_at is not None
 
-    @property
-    def queue(self) -> DiskQueue:
-        return self._queue
-
     def retain(self, topic: str, payload: bytes | Callable[[], bytes], gap: int = LEAST_GAP_NS) -> None:
         """Let a topic have a new message; of several within `gap` ns the newest goes out."""
         made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:
             self._retained[topic] = _Retained(made, gap)
-            self._queue.remember(topic)
+            self.queue.remember(topic)
         else:
             held.payload, held.is_sent = made, False
 
     def clear_all_but(self, is_used: Callable[[str], bool]) -> None:
         """Clear the topics of earlier runs that are used no more: the broker would keep them for ever."""
-        for topic in self._queue.remembered():
+        for topic in self.queue.remembered():
             if topic not in self._retained and not is_used(topic):
                 self.retain(topic, b"")
 
@@ -85,11 +81,11 @@ class Publisher:
             self._keep(FIGURES, topic, payload)
 
     def _keep(self, kind: int, topic: str, payload: bytes) -> None:
-        if self._queue.put(kind, topic, payload):
+        if self.queue.put(kind, topic, payload):
             return
         number = self._connection.publish(topic, payload)  # without a disk it goes at once, or not at all
         if number is None:
-            self._queue.dropped[kind] += 1
+            self.queue.dropped[kind] += 1
         else:
             self._underway[number] = _Underway(topic, 0)
 
@@ -118,10 +114,10 @@ class Publisher:
 
     def _take(self, done: _Underway) -> None:
         if done.number:
-            self._queue.take(done.number)
+            self.queue.take(done.number)
         held = self._retained.get(done.topic)
         if held is not None and held.is_sent and not held.payload():
-            self._queue.forget(done.topic)  # it is cleared
+            self.queue.forget(done.topic)  # it is cleared
             del self._retained[done.topic]
 
     def _refuse(self, refused: _Underway, why: str, now: int) -> None:
@@ -140,7 +136,7 @@ class Publisher:
         for held in self._retained.values():
             held.is_sent, held.due_at = False, 0
         self._tell("the broker is there")
-        dropped = self._queue.dropped
+        dropped = self.queue.dropped
         if sum(dropped.values()) > self.dropped_told:
             self.dropped_told = sum(dropped.values())
             self._say(
@@ -161,10 +157,10 @@ class Publisher:
 
     def _send_queued(self) -> None:
         room = MOST_UNDERWAY - len(self._underway)
-        if not self._queue.size or room <= 0:
+        if not self.queue.size or room <= 0:
             return
         underway = {each.number for each in self._underway.values()}
-        for n, topic, payload in self._queue.after(self._sent_up_to, room):
+        for n, topic, payload in self.queue.after(self._sent_up_to, room):
             if n not in underway:
                 number = self._connection.publish(topic, payload)
                 if number is None:

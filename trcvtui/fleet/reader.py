@@ -104,7 +104,8 @@ class FleetReader:
             case Connected():
                 self.is_up, self.why = True, ""
                 self._miss_at = now + MISS_NS
-                self.fleet.begin_connection()
+                for agent in self.fleet.agents.values():
+                    agent.is_heard = False  # what the broker knows of it comes now
             case Lost(why):
                 self.is_up, self.why, self._miss_at = False, why, None
                 for each in (self._asked, self._to_ask, self._underway, self._settling):

@@ -257,11 +257,6 @@ class SeenFleet:
         elif isinstance(message, EventMessage):
             self._take_events(line, instance, (message,), wall)
 
-    def begin_connection(self) -> None:
-        """Take that the broker is there again: what it knows of the agents comes now."""
-        for agent in self.agents.values():
-            agent.is_heard = False
-
     def miss(self, wall: float) -> None:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():

@@ -304,10 +304,6 @@ class _RunFacts:
         until_ns = self._until.get(receiver.instance, NEVER_NS)
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
-    def _has_en_r(self, instance: str) -> bool:
-        shown = self._bench.runtime.snapshot().instance(instance)
-        return shown is not None and bool(shown.pin("EN_R"))
-
     def _is_refused(self, cause: str, instance: str) -> bool:
         """Return whether bytes wait because the instance refuses its jobs, which is a symptom by itself."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
@@ -334,7 +330,8 @@ class _RunFacts:
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
                     at = self.wall_ns + since * SECOND
                     trouble = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
-                    if cause == "plc-not-reading" and self._has_en_r(blocks[connect]):
+                    shown = self._bench.runtime.instance(blocks[connect])
+                    if cause == "plc-not-reading" and shown is not None and shown.pin("EN_R"):
                         trouble = trouble._replace(mend=(NOT_CALLED,))
                     self._found[cause, connect] = trouble
         return tuple([one for one in self._found.values() if one.instance not in self._stopped])

@@ -158,7 +158,8 @@ class WhatIf:
         self._before = self._counted(self.recorded)
         self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
         self._later: list[tuple[int, Sequence[str], Sequence[StatusEdge]]] = []  # recorded scans, by time
-        self._edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
+        # What the last scan has changed in the recorded run and in the other one.
+        self.edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
         self.parts_at: int | None = None
         self.guess_from: int | None = None
         self.guess_why: WhyGuess | None = None
@@ -252,7 +253,7 @@ class WhatIf:
             self._what_if.follow(self._lines)
             self._lines = None
         was = () if self._lines is not None else self.recorded.runtime.changed
-        self._edges = was, now = was, self.what_if.runtime.changed
+        self.edges = was, now = was, self.what_if.runtime.changed
         if self.parts_at is None and _shown(was) != _shown(now):
             self.parts_at = self.at
         if self.value is None:
@@ -266,16 +267,16 @@ class WhatIf:
             self._is_over = not self._go_first()
             if not self._is_over:
                 self._later.append((recorded.now, self._lines or (), recorded.runtime.changed))
-                self._edges, self._lines = (recorded.runtime.changed, ()), None
+                self.edges, self._lines = (recorded.runtime.changed, ()), None
                 return True
         if self._is_over and recorded.now < partners.due:
             return False
         passed = [each for each in self._later if each[0] <= until]
         self._later = self._later[len(passed) :]
         self._what_if.follow([line for _, lines, _ in passed for line in lines])
-        self._edges = (), self.what_if.runtime.changed
+        self.edges = (), self.what_if.runtime.changed
         was = [edge for *_, edges in passed for edge in edges]
-        for shown, edges in zip(self._shown, (was, self._edges[1]), strict=True):
+        for shown, edges in zip(self._shown, (was, self.edges[1]), strict=True):
             shown.update(_shown(edges))
         if self.parts_at is None and self._shown[0] != self._shown[1]:
             self.parts_at = self.at
@@ -320,10 +321,6 @@ class WhatIf:
     def play(self) -> None:
         while self.scan():
             pass
-
-    def edges(self) -> tuple[Sequence[StatusEdge], Sequence[StatusEdge]]:
-        """Return what the last scan has changed in the recorded run and in the other one."""
-        return self._edges
 
     def _compare_values(self, was: Sequence[StatusEdge], now: Sequence[StatusEdge]) -> None:
         also = {edge.instance for edge in now if edge.outputs.done}
@@ -415,7 +412,7 @@ def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
     reports = [JsonLines(write, bench.runtime.interval_ns, bench) for bench in benches]
     while run.scan():
         guess = {"guess": True} if run.guess_from is not None else {}
-        for report, bench, name, edges in zip(reports, benches, names, run.edges(), strict=True):
+        for report, bench, name, edges in zip(reports, benches, names, run.edges, strict=True):
             more = guess if name == WHAT_IF else {}
             for edge in edges:
                 report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})

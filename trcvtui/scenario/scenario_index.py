@@ -82,14 +82,9 @@ def _codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
     if words[:1] not in (["wait"], ["expect"]) or len(words) < 3 or words[1] not in blocks:
         return
     if words[2] == "trace":
-        yield from _codes_of_pattern(" ".join(words[3:]))
+        atoms = parse_pattern(" ".join(words[3:])).atoms
+        yield from [atom.scan[0] for atom in atoms if atom.scan is not None and atom.least]
     for word in words[2:]:
         pin, _, value = word.partition("=")
         if pin == "STATUS":
             yield parse_code(value)
-
-
-def _codes_of_pattern(text: str) -> Iterator[int]:
-    for atom in parse_pattern(text).atoms:
-        if atom.scan is not None and atom.least:
-            yield atom.scan[0]

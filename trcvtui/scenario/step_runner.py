@@ -122,7 +122,9 @@ class StepRunner:
             case words.RunScans(scans):
                 yield from repeat(None, scans)
             case words.RunFor(ns):
-                yield from self._for(ns)
+                end = self.elapsed_ns + ns
+                while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
+                    yield
             case words.Wait(condition, within_ns):
                 yield from self._until(step, condition, within_ns)
                 self.is_over = self.failure is not None
@@ -154,11 +156,6 @@ class StepRunner:
         error = self.bench.do(command)
         if error:
             self._fail(step, error)
-
-    def _for(self, ns: int) -> Iterator[None]:
-        end = self.elapsed_ns + ns
-        while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
-            yield
 
     def _until(self, step: words.Step, condition: words.Condition, within_ns: int) -> Iterator[None]:
         left = self._scans_in(within_ns)

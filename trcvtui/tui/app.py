@@ -83,7 +83,7 @@ class BenchApp(TerminalApp):
         replay: bool = False,
     ) -> None:
         super().__init__(settings or ScreenSettings())
-        self._read_only = read_only
+        self.only_looks = read_only
         self._engine = driver
         self._home = project.path
         self.view_model = ViewModel(project)
@@ -116,7 +116,7 @@ class BenchApp(TerminalApp):
         await self.main.prepare()
 
     def tell_first(self) -> None:
-        if self._read_only:
+        if self.only_looks:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self.problems:
             first, *more = self.problems
@@ -201,7 +201,7 @@ class BenchApp(TerminalApp):
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; some are for this screen."""
-        if self._read_only and not may_say(line):
+        if self.only_looks and not may_say(line):
             self.main.prompt.did(line, "", REFUSED)
             return
         if self._is_replay and line == SCENARIOS:
@@ -221,20 +221,16 @@ class BenchApp(TerminalApp):
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
         """Open a screen above the panes; a read-only one opens few, a replay none that changes something."""
-        if (self._read_only and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
+        if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
 
-    @property
-    def only_looks(self) -> bool:
-        return self._read_only
-
     def refuses(self) -> bool:
         """Say, where this screen is read-only, that what was asked for is refused; return whether it is."""
-        if self._read_only:
+        if self.only_looks:
             self._refuse()
-        return self._read_only
+        return self.only_looks
 
     def _refuse(self) -> None:
         text = REFUSED
@@ -243,7 +239,7 @@ class BenchApp(TerminalApp):
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:
-        if self._read_only and not may_say(line):
+        if self.only_looks and not may_say(line):
             self._refuse()
             return None
         if not self.last_words:
@@ -266,14 +262,14 @@ class BenchApp(TerminalApp):
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        self.main.end(f"{why}; {'' if self._read_only else 'R starts the engine anew, '}q quits")
+        self.main.end(f"{why}; {'' if self.only_looks else 'R starts the engine anew, '}q quits")
         self._obey_again()
 
     def action_restart(self) -> None:
         """Record the run, or end its recording; after the engine has ended: start it anew."""
         if self.screen is not self.main:
             return
-        if self._read_only:
+        if self.only_looks:
             self.main.prompt.complain(REFUSED)
             return
         if not self.last_words:
@@ -282,7 +278,7 @@ class BenchApp(TerminalApp):
             return
         picture, self.last_words = self.view_model.live, ""
         self._engines, self._starts = self._engines + 1, True
-        self.keep_keys()
+        self._keeps_keys = True  # until `obey_kept`
         self._engine.restart()
         if picture is not None:
             self._again = ()

@@ -80,8 +80,7 @@ class FindingList(CardText):
             return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
         if seen.trouble:
             return seen.trouble
-        picture = self._view_model.live
-        is_file = picture is not None and picture.position is not None
+        is_file = self._view_model.position is not None
         how_far = "in the whole file" if is_file else f"up to scan {seen.scan}"
         looked = f"{count(seen.conversations, 'conversation')} looked at, {how_far}"
         if self.findings:

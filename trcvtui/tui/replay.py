@@ -75,8 +75,8 @@ class PositionLine(LineView, inherit_bindings=False):
         self._view_model = view_model
 
     def row_count(self) -> int:
-        picture = self._view_model.live
-        return ROWS + (len(_said(picture.position)) if picture and picture.position else 0)
+        position = self._view_model.position
+        return ROWS + (len(_said(position)) if position is not None else 0)
 
     def row_at(self, y: int) -> Row:
         picture = self._view_model.live
@@ -91,9 +91,9 @@ class PositionLine(LineView, inherit_bindings=False):
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
     def click(self, x: int, y: int) -> None:
-        picture = self._view_model.live
-        if y == 1 and picture is not None and picture.position is not None:
-            first, last = picture.position.first, picture.position.last_scan
+        position = self._view_model.position
+        if y == 1 and position is not None:
+            first, last = position.first, position.last_scan
             scan = first + x * (last - first) // max(1, self.line_width) + 1
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
 
@@ -186,10 +186,8 @@ class ReplayScreen(MainScreen):
             self._position_rows = rows
             self.position.styles.height = rows
             self._fit(*self.size)
-            picture = self._view_model.live
-            is_beside = (
-                picture is not None and picture.position is not None and bool(picture.position.what_if)
-            )
+            position = self._view_model.position
+            is_beside = position is not None and bool(position.what_if)
             if is_beside != self._is_beside:  # both runs over time, or all panes again
                 self._is_beside = is_beside
                 self._open(TIMING)

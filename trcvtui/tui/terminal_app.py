@@ -44,6 +44,7 @@ class TerminalApp(App[None]):
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
     COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {_ordered_commands}
+    only_looks = False  # it changes nothing and starts no program
 
     def __init__(self, settings: ScreenSettings) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
@@ -146,10 +147,6 @@ class TerminalApp(App[None]):
         bound = self.screen.active_bindings.get(event.key)
         return bound is not None and bound.binding.action in QUITS
 
-    def keep_keys(self) -> None:
-        """Obey no key from now on until `obey_kept`."""
-        self._keeps_keys = True
-
     async def obey_kept(self) -> None:
         """Obey the keys that were kept, in their order; one of them may begin another wait."""
         self._keeps_keys = False
@@ -157,11 +154,6 @@ class TerminalApp(App[None]):
             if not await obey(self, self._kept_keys[0]):
                 await super().on_event(self._kept_keys[0])
             del self._kept_keys[0]  # now: what comes meanwhile is kept, too
-
-    @property
-    def only_looks(self) -> bool:
-        """Return whether this screen changes nothing and starts no program."""
-        return False
 
     def copy_to_clipboard(self, text: str) -> None:
         """Give a copied text to the terminal (OSC 52), and to a clipboard program."""

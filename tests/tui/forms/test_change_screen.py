@@ -185,7 +185,7 @@ async def test_a_read_only_screen_changes_nothing_and_reads_no_line() -> None:
     async with on_a_bench() as looker:
         looker.bench.do("set C1 LocalPort=2500")
         await scanned(looker)
-        looker.app._read_only = True
+        looker.app.only_looks = True
         for key in ("E", "ctrl+z"):
             await looker.press(key)
             assert REFUSED in " ".join(looker.text.split())

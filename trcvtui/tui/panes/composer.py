@@ -121,7 +121,8 @@ class SplitsLine(OneLine, can_focus=True):
         for at in range(self._first, last):
             if at > self._first:
                 parts.append(self._before(at))
-            parts.append((f"{self.payload[at]:02X}", "" if self._in_even_chunk(at) else "strong"))
+            is_even = sum(place <= at for place in self.cuts.places) % 2 == 0
+            parts.append((f"{self.payload[at]:02X}", "" if is_even else "strong"))
         parts.append(("‥" if last < len(self.payload) else " ", "dim"))
         return row(*parts, (f" {self._told()}", "dim"))
 
@@ -129,9 +130,6 @@ class SplitsLine(OneLine, can_focus=True):
         is_cut, is_here = at in self.cuts.places, self.has_focus and at == self.place
         sign = BOTH if is_cut and is_here else CUT if is_cut else HERE if is_here else " "
         return sign, "key cursor" if is_here else "key"
-
-    def _in_even_chunk(self, at: int) -> bool:
-        return sum(place <= at for place in self.cuts.places) % 2 == 0
 
     def _told(self) -> str:
         size = count(len(self.payload), "byte")

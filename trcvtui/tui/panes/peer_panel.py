@@ -66,9 +66,10 @@ class PeerList(LineView):
     def _row(self, peer: PeerSnapshot) -> Row:
         selected = peer.name == self._view_model.peer
         style = self.cursor_style(selected)
+        width = min(12, max(cells(each.name) for each in self._view_model.peers))
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (pad(clip(peer.name, 12), self._name_width()) + " ", "strong"),
+            (pad(clip(peer.name, 12), width) + " ", "strong"),
             (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
             (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
@@ -87,9 +88,6 @@ class PeerList(LineView):
         roomy = self._roomy()
         width = max((cells(_ends(each, roomy)) for each in self._view_model.peers), default=0)
         return pad(_ends(peer, roomy), width) + "  "
-
-    def _name_width(self) -> int:
-        return min(12, max((cells(peer.name) for peer in self._view_model.peers), default=4))
 
     def _roomy(self) -> bool:
         return self.line_width >= ROOMY

@@ -24,7 +24,7 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.snapshots.bench import Answer, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
-from trcvtui.snapshots.replay import BESIDE
+from trcvtui.snapshots.replay import BESIDE, Position
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND
@@ -319,6 +319,10 @@ class ViewModel:
         return self.live.unsaved if self.live else 0
 
     @property
+    def position(self) -> Position | None:
+        return self.live.position if self.live is not None else None
+
+    @property
     def past(self) -> HistoryWindow | None:
         newest = self.live or self.picture
         return newest.history if newest else None
@@ -365,8 +369,7 @@ class ViewModel:
     @property
     def drawn_waves(self) -> tuple[str, ...]:
         """Return the same, and the selected one in a run with another parameter, where there is one."""
-        position = self.live.position if self.live is not None else None
-        beside = (BESIDE + self.selected,) if position is not None and position.what_if else ()
+        beside = (BESIDE + self.selected,) if self.position is not None and self.position.what_if else ()
         return (*self.drawn_instances[:1], *beside, *self.drawn_instances[1:])
 
     @property

@@ -207,9 +207,7 @@ def help_rows(view_model: ViewModel, focused: Widget | None, app: App[None], wid
         first, *rest = wrapped(f"✗ {problem}", width - 2)
         rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
     rows += [EMPTY] * bool(rows)
-    picture = view_model.live
-    is_replay = picture is not None and picture.position is not None
-    time_line = [("Time line of the recording", TIME_LINE)] if is_replay else []
+    time_line = [("Time line of the recording", TIME_LINE)] if view_model.position is not None else []
     for title, table in [*time_line, *sections_for(focused)]:
         rows += key_rows(title, table, width, names)
     return [*rows, *_status_rows(view_model, width)]

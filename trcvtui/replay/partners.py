@@ -7,7 +7,7 @@ Rule 2: a scan meets what the recorded run met in that scan: bytes that had come
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
@@ -62,14 +62,6 @@ class _Socket:
         self.read = self.sent = 0
 
 
-class _Sockets(dict[int, _Socket]):
-    """Sockets by handle; of one that was there before the file begins the owner may be unknown."""
-
-    def __missing__(self, handle: int) -> _Socket:
-        made = self[handle] = _Socket("")
-        return made
-
-
 class ReplayedPartners(Replay):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
@@ -92,7 +84,8 @@ class ReplayedPartners(Replay):
         self._steps = 0
         self._calls = 0
         self._is_between = False
-        self._sockets = _Sockets()
+        # By handle; of one that was there before the file begins the owner may be unknown.
+        self._sockets = defaultdict[int, _Socket](lambda: _Socket(""))
         self._made = FIRST_MADE
         self._seen: dict[Handle, str] = {}
         self._sessions: set[str] = set()  # owners of connections with a session

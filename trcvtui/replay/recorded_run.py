@@ -248,18 +248,15 @@ class RecordedRun:
         if owner in self._peers and call != "local_end":
             return
         handle = cast(int, args[0]) if args else 0
-        if call.startswith(GAP):
-            note = _ARRIVALS.get(call)
-            if note is not None:
-                note(self, owner, handle, args, answer)
-            return
-        self._calls += call not in TRANSPARENT
+        is_arrival = call.startswith(GAP)
+        self._calls += not is_arrival and call not in TRANSPARENT
         if call == EXCEPTION:
             self.failures.setdefault(self.scan, owner)
         note = _NOTES.get(call)
         if note is not None:
             note(self, owner, handle, args, answer)
-        self._keep((owner, call), answer)
+        if not is_arrival:
+            self._keep((owner, call), answer)
 
     def _keep(self, key: tuple[str, str], answer: object) -> None:
         self._nth[key] += 1
@@ -513,14 +510,12 @@ class RecordedRun:
 
 
 Note = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
-_ARRIVALS: Final[dict[str, Note]] = {
+_NOTES: Final[dict[str, Note]] = {
     GAP + ARRIVED: RecordedRun._arrived,
     GAP + MESSAGE: RecordedRun._message_came,
     GAP + ENDED: RecordedRun._has_ended,
     GAP + WAITING: RecordedRun._client_waits,
     GAP + DROPPED: RecordedRun._datagrams_gone,
-}
-_NOTES: Final[dict[str, Note]] = {
     "ready_handles": RecordedRun._ready,
     "readable": RecordedRun._readable,
     "listen": RecordedRun._listens,

@@ -83,9 +83,7 @@ class Card:
         if decl is None or e.done_scan is None or e.facts.drop is not None or _wanders(e):
             return ""
         if self._suspected is None or self._suspected[:2] != (decl.layout, content):
-            from trcvtui.diagnosis.data_view import (
-                byte_order_suspicion,  # read when the first frame is here
-            )
+            from trcvtui.diagnosis.data_view import byte_order_suspicion  # read when a frame is here
 
             self._suspected = decl.layout, content, str(byte_order_suspicion(decl.layout, content) or "")
         return self._suspected[2]

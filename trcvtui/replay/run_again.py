@@ -143,9 +143,7 @@ class ReplayRun:
         verb, _, rest = line.partition(" ")
         with reading_only(self.replay.files):
             if verb == "udt":
-                from trcvtui.engine.controller import (
-                    read_again,  # the only line of a screen that does this
-                )
+                from trcvtui.engine.controller import read_again  # one line of a screen does this
 
                 self.bench.project = read_again(rest, project, where)[0]
                 self.bench.told(line)

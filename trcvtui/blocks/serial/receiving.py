@@ -122,9 +122,7 @@ class Reception:
             if self._idle.cause != have:
                 self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
         elif self._idle.condition is Condition.FRAME_PART or self.framer.had_false_start:
-            self._idle = (
-                AWAITED  # the start of a prefix has cleared what the last frame left, also within a call
-            )
+            self._idle = AWAITED  # the start of a prefix has cleared what the last frame left
         return self._idle
 
     def _note_dropped(self, part: bytes, reason: str) -> None:

@@ -169,7 +169,7 @@ class Connection:
         self.retry_at: int | None = None
         self.link_is_dead = False  # from its loss until the partner's machine answers
         self.handle: Handle | None = None
-        ids, note, work = resources.connection_ids, self._note_set_up, resources.work
+        ids, note, work = resources.connection_ids, self._note, resources.work
         self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
         self.set_up = self._new_set_up()
         self._kernel = kernel
@@ -256,7 +256,7 @@ class Connection:
         """Note what failed in a first step whose turn to tell never comes."""
         for _, failed in self._early:
             if failed is not None:
-                self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.fault, failed.detail)
+                self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.detail, failed.fault)
         self._early = []
 
     def step(self, scan: int, now: int) -> StepFault | None:
@@ -268,7 +268,7 @@ class Connection:
                 what = (
                     EventKind.ACCEPT_FAILED if failed.stage is SetUpStage.ACCEPT else EventKind.ATTEMPT_FAILED
                 )
-                self._note(what, self.set_up.remote, failed.fault, failed.detail)
+                self._note(what, self.set_up.remote, failed.detail, failed.fault)
         return self._step_fault
 
     def _take_step(self, now: int) -> StepFault | None:
@@ -621,11 +621,8 @@ class Connection:
 
     # -- notes ------------------------------------------------------------------------------------
 
-    def _note_set_up(self, what: EventKind, peer: Endpoint | None, detail: str) -> None:
-        self._note(what, peer, detail=detail)
-
     def _note(
-        self, what: EventKind, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
+        self, what: EventKind, peer: Endpoint | None = None, detail: str = "", fault: Fault | None = None
     ) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
         self._write(ConnectionChanged(self.config.name, self.incarnation, what, local, other, fault, detail))

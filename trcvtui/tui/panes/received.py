@@ -296,7 +296,7 @@ class Received(Vertical):
         return index.message_starts(selected, of_job), index.holes(selected, of_job)
 
     def _show_origin(self) -> None:
-        if self._view_model.instance is not None and self._lacks_bytes():
+        if self._view_model.instance is not None and self._view_model.lacks_bytes:
             self._say_below(NOT_KEPT)
             self._origin_line.say("", may_break=False)
             return
@@ -446,16 +446,13 @@ class Received(Vertical):
     def lack(self) -> str:
         """Return why the bytes of what is shown cannot be had, "" where they can."""
         if not self.is_past or self.stream.cursor is None:
-            return NOT_KEPT if self._lacks_bytes() else ""
+            return NOT_KEPT if self._view_model.lacks_bytes else ""
         job = self.job_here()
         if job is not None and (job.is_open or not job.is_kept):
             return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
         if job is not None and job.position - job.first < self.stream.window.begin:
             return f"the first bytes of it are {self.stream.window.lack}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
-
-    def _lacks_bytes(self) -> bool:
-        return self._view_model.is_frozen and not self._view_model.has_bytes
 
     def byte_in_job(self) -> int:
         """Return the place of the stream's cursor in its job, -1 where there is none."""

@@ -40,9 +40,7 @@ class UdtTable(LineView):
         # A job of the past: its number and its bytes; number 0: they were thrown away.
         self.past: tuple[int, bytes] | None = None
         self._page: tuple[int, int] = (0, 0)
-        self._declared: DataDecl | None = (
-            None  # what the leaves are of: another may be selected before `show`
-        )
+        self._declared: DataDecl | None = None  # whose the leaves are: before `show` another is selected
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
         self._holes: tuple[range, ...] = ()

@@ -413,9 +413,10 @@ class ViewModel:
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
 
     @property
-    def has_bytes(self) -> bool:
-        """Return whether the picture that is shown has the selected instance's bytes."""
-        return self.picture is not None and any(name == self.selected for name, _ in self.picture.partial)
+    def lacks_bytes(self) -> bool:
+        """Return whether the view is frozen, and its picture has not the selected instance's bytes."""
+        partial = self.picture.partial if self.picture is not None else ()
+        return self.is_frozen and all(name != self.selected for name, _ in partial)
 
     @staticmethod
     def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:

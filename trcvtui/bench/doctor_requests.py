@@ -41,11 +41,9 @@ class Judge(Protocol):
 
     def judge(self) -> None:
         """Let it look; raise UserError where there is nothing to look at."""
-        ...
 
     def go_on(self) -> None:
         """Find out whether it has ended."""
-        ...
 
 
 class BenchDoctor:

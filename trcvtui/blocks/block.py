@@ -142,11 +142,9 @@ class Block(Protocol):
 
     def stop(self, reason: str) -> None:
         """Drop what runs; the connection is closed by others (PLC STOP)."""
-        ...
 
     def detach(self, reason: str) -> None:
         """Detach the instance: deleted, or made anew by a download. The lock of a running job may stay."""
-        ...
 
 
 def new_block(row: BlockRow, bound: Bound) -> Block:

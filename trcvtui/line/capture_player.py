@@ -60,11 +60,9 @@ class ShadowLines(Protocol):
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
-        ...
 
     def note(self, ns: int, number: int, text: str) -> None:
         """Take what is said of a conversation; `ns` counts from the first packet."""
-        ...
 
 
 class CaptureOutcome(NamedTuple):

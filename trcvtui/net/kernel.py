@@ -87,105 +87,83 @@ class Kernel(Protocol):
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         """Return the addresses of this machine, loopback among them; () while nobody can say."""
-        ...
 
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner, also of those made later, or mend it.
 
         Nothing crosses a cut wire and nobody is told, as when a cable is pulled. Return what is wrong, or "".
         """
-        ...
 
     def poll(self) -> None:
         """Take the readiness of every handle once; `readable` answers from that picture."""
-        ...
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
-        ...
 
     def renew(self, handle: Handle) -> bool:
         """Bring the picture of one handle up to date; return whether its connection has ended by now.
 
         FIN, RST or an error: nothing is consumed.
         """
-        ...
 
     def socket(self, owner: str) -> Handle | Fault: ...
 
     def set_reuse(self, handle: Handle) -> Fault | None:
         """Allow the address and port to be bound while old connections of it linger."""
-        ...
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         """Set the options; return the names of those that this system refused."""
-        ...
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
         """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
-        ...
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Bind to a local end; port 0 takes a free one."""
-        ...
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
-        ...
 
     def local_end(self, handle: Handle) -> Endpoint | None:
         """Return the local end, or None while there is none."""
-        ...
 
     def poll_add(self, handle: Handle) -> Fault | None:
         """Put the handle into the poll set (8084 names its failure)."""
-        ...
 
     def poll_del(self, handle: Handle) -> Fault | None:
         """Take the handle out of the poll set (8087 names its failure)."""
-        ...
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
         """Take one finished handshake from a listener; the new handle has the listener's owner."""
-        ...
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
 
         EAI_NONAME: nobody knows the name, or nobody who could know answers.
         """
-        ...
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, ask `connect_result`."""
-        ...
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return None when connected, WOULD_BLOCK while pending, the Fault exactly once."""
-        ...
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
-        ...
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return that count."""
-        ...
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         """Make a UDP socket: bind, the poll set and close serve it as any other; call no set_reuse."""
-        ...
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         """Send one datagram whole, from a free port where none is bound; the Fault's call is `send`.
 
         That nobody is there to receive it is told to no call.
         """
-        ...
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         """Take one datagram, an empty one too; the Fault's call is `recv`."""
-        ...
 
     def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data; None while it stands.
@@ -193,19 +171,15 @@ class Kernel(Protocol):
         A FIN is seen even with unread data in front of it. An errno is reported to exactly one call,
         this one or `recv` or `send`.
         """
-        ...
 
     def discard(self, handle: Handle, most: int) -> int:
         """Read away at most so many queued bytes and return how many; no planned fault counts this."""
-        ...
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
-        ...
 
     def left(self, handles: Collection[Handle]) -> list[Handle]:
         """Return those of the poll's handles at which something is unread, or an end was seen."""
-        ...
 
     def peek(self, handle: Handle, skip: int) -> Unread:
         """Return what lies unread at a handle that `left` or the poll named; nothing is consumed.
@@ -213,27 +187,21 @@ class Kernel(Protocol):
         Bytes are looked at only where more than `skip` lie there: a look at an empty queue would take a
         pending error away from the next `recv`.
         """
-        ...
 
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state, or None where the system does not say."""
-        ...
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN; both=False keeps reading (half-close). ENOTCONN when the partner has reset."""
-        ...
 
     def probe(self, handle: Handle) -> Fault | None:
         """Answer as `shutdown` would (ENOTCONN when the partner has reset), but put nothing on the wire."""
-        ...
 
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle, also when it answers a Fault; leaves no TIME_WAIT."""
-        ...
 
     def close(self, handle: Handle) -> Fault | None:
         """Free the handle: FIN, or RST when unread data is queued. Frees it even when it answers a Fault."""
-        ...
 
 
 _Passed: Any = object  # for mypy: a front has every call of a Kernel

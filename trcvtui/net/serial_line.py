@@ -40,27 +40,21 @@ class SerialPort(Protocol):
 
     def open(self) -> Fault | Opening | None:
         """Open it; return what is in the way, OPENING as long as that is not known: ask again."""
-        ...
 
     def read(self, most: int) -> bytes | Fault:
         """Return the bytes that have come, none where none have."""
-        ...
 
     def write(self, payload: bytes) -> int | Fault:
         """Hand bytes over and return how many of them were taken, also none."""
-        ...
 
     def close(self) -> None:
         """Give the port back, or the attempt to open it up."""
-        ...
 
     def arrive(self, payload: bytes) -> bool:
         """Let bytes come over a simulated line; return whether it is one."""
-        ...
 
     def line_errors(self) -> LineErrors | None:
         """Return what the driver has counted; None: it does not say."""
-        ...
 
 
 SerialPorts = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer

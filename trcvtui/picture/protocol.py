@@ -28,19 +28,15 @@ class Driver(Protocol):
 
     def submit(self, line: str) -> int:
         """Send one bench command line; return the number under which its answer comes."""
-        ...
 
     def request(self, request: UpdateRequest) -> None:
         """Ask for a picture; at most one request is outstanding."""
-        ...
 
     def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived since the last call."""
-        ...
 
     def cuts(self) -> str:
         """Return what is cut when the screen quits, in words; "" for nothing."""
-        ...
 
     def restart(self) -> None: ...
 

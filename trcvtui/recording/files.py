@@ -62,7 +62,6 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Write what is left, and end the file."""
-        ...
 
 
 class FileSink(Sink, Protocol):
@@ -74,7 +73,6 @@ class FileSink(Sink, Protocol):
 
     def keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
-        ...
 
 
 class NumberedFile(FileSink, Protocol):
@@ -84,7 +82,6 @@ class NumberedFile(FileSink, Protocol):
 
     def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take entries whose packets are no more; then go on with the packets of the files before."""
-        ...
 
 
 class OldBlock(NamedTuple):

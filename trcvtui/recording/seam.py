@@ -29,7 +29,6 @@ class Seam(Protocol):
     @property
     def answers(self) -> bool:
         """Return whether the answers come from a record, so that nothing is really asked."""
-        ...
 
     tell: Callable[[Note], None]  # writes a note into the ledger
     is_busy: bool  # False in the gaps between what the bench is told to do
@@ -41,17 +40,14 @@ class Seam(Protocol):
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
         """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
-        ...
 
     def told(self, note: Note) -> None:
         """Take what has just been written into the ledger."""
-        ...
 
     def wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Take a call of the PLC's at the wire."""
-        ...
 
 
 _NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
@@ -371,7 +367,6 @@ class _NotedKernel(_SeamKernel):
 class SeamKernel(ReadyKernel, Protocol):
     def note_arrivals(self) -> None:
         """Note what lies unread after a scan, where the run is recorded."""
-        ...
 
 
 def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:

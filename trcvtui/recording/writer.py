@@ -224,7 +224,6 @@ class BlockSink(Protocol):
 
     def go_on(self, until: int) -> bool:
         """Work until this moment of the clock; return whether there is more to do."""
-        ...
 
     def close(self) -> None: ...
 

@@ -189,7 +189,6 @@ class PatternSearch(Protocol):
 
     def take(self, arrived: bytes, now: int) -> int:
         """Return how often it is found, now that these bytes have arrived."""
-        ...
 
 
 class _Contained:

@@ -49,7 +49,6 @@ class ReadyKernel(Kernel, Protocol):
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
         """Return the handles with their owners; None: look at everything."""
-        ...
 
 
 def nothing_known() -> Mapping[Handle, str] | None:

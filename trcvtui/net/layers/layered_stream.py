@@ -271,17 +271,14 @@ class ChoiceSession(Protocol):
 
     def names(self, settings: LayerSettings) -> bool:
         """Return whether it asks for the name of this CONNECT, which several may have."""
-        ...
 
     def is_for(self, settings: LayerSettings) -> str:
         """Return "" when this CONNECT is the one that is asked for, else why not."""
-        ...
 
     def give_to(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
         """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
-        ...
 
 
 def choosing(session: object) -> ChoiceSession | None:

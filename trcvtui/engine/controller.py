@@ -205,7 +205,9 @@ class Controller:
                 self._told = self._trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
-                return self._mark()
+                self.session.mark()
+                self._told = f"marked after scan {self.session.marked_at}"
+                return ""
             if verb == WATCH and self.watch is not None:
                 return self.watch(rest.strip())
             if verb == SAVE:
@@ -316,11 +318,6 @@ class Controller:
         return ""
 
     # -- the session ------------------------------------------------------------------------------------
-
-    def _mark(self) -> str:
-        self.session.mark()
-        self._told = f"marked after scan {self.session.marked_at}"
-        return ""
 
     def _record(self, rest: str) -> str:
         box = self._box()

@@ -44,24 +44,24 @@ class CallOrder:
         for place, (_, _, connect) in enumerate(self._entries):
             self._places[connect].append(place)
         self._without = {connect for connect, places in self._places.items() if not places}
-        self._awake = set(self._places)
+        self.awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
         """Call every instance when it is due next."""
-        self._awake.update(self._places)
+        self.awake.update(self._places)
         self._awake_since.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
         """Call the instances on these CONNECTs when they are due next."""
-        self._awake.update(connects)
+        self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:
         """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
-        if not self._awake:
+        if not self.awake:
             return changed
         due = None if self.is_one_task else self._due_intervals(turn)
         asleep: set[str] = set()
@@ -80,32 +80,25 @@ class CallOrder:
             if has_changed:
                 changed.append(instance.edge)
             (asleep if instance.asleep else awake).add(connect)
-        self._awake = self._awake - (asleep - awake) - self._without
+        self.awake = self.awake - (asleep - awake) - self._without
         return changed
-
-    @property
-    def awake(self) -> Set[str]:
-        """Return the CONNECTs whose instances the next scan calls."""
-        return self._awake
 
     def places(self, connect: str) -> Sequence[int]:
         return self._places[connect]
 
     def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""
-        awake, self._awake_since = self._awake_since, set(self._awake)
+        awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 
     def on(self, connects: Iterable[str]) -> Iterator[Instance]:
         return (self._entries[place][0] for name in connects for place in self._places.get(name, ()))
 
     def _in_order(self) -> list[int]:
-        self._awake_since |= self._awake
-        if self._awake != self._ordered:
-            self._ordered = self._awake
-            self._order = sorted(
-                [place for connect in self._awake for place in self._places.get(connect, ())]
-            )
+        self._awake_since |= self.awake
+        if self.awake != self._ordered:
+            self._ordered = self.awake
+            self._order = sorted([place for connect in self.awake for place in self._places.get(connect, ())])
         return self._order
 
     def due(self, turn: int) -> Iterator[Instance]:

@@ -180,7 +180,9 @@ class MainScreen(FullScreen[None]):
         self._sizes: dict[str, bool] = {}
         self._block_rows, self._pane_rows = ROWS, 0
         self._instances = 0  # of the project, when the panes were arranged
-        self.prompt = Prompt(view_model, self.peer.lines.heard(submit), self._only_looks)
+        self.prompt = Prompt(
+            view_model, self.peer.lines.heard(submit), lambda: bool(getattr(self.app, "only_looks", False))
+        )
 
     def compose(self) -> Iterator[Widget]:
         self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
@@ -512,9 +514,6 @@ class MainScreen(FullScreen[None]):
         if taken is not None and not self._is_refused():
             self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
 
-    def _only_looks(self) -> bool:
-        return bool(getattr(self.app, "only_looks", False))
-
     def _is_refused(self) -> bool:
         refuses = getattr(self.app, "refuses", None)
         return bool(refuses and refuses())
@@ -601,7 +600,7 @@ class MainScreen(FullScreen[None]):
     def action_calm(self) -> None:
         if self.has_class(ZOOM) or self.has_class(LIST):
             self.action_zoom()
-        elif self.focused is self.instances and self.instances.is_filtered:
+        elif self.focused is self.instances and self.instances.words:
             self.filter.clear()
         self.history.action_now()
 

@@ -54,36 +54,32 @@ class InstanceList(LineView):
         self._selected = selected
         self._digit = digit
         self._view_model = view_model
-        self._words: list[str] = []  # of the filter: those listed have all of them
+        self.words: list[str] = []  # of the filter: those listed have all of them
         self._listed: Sequence[InstanceSnapshot] = ()
         self._columns = self._measure()
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        many = self._words or len(self._view_model.instances) > MANY
+        many = self.words or len(self._view_model.instances) > MANY
         return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
 
-    @property
-    def is_filtered(self) -> bool:
-        return bool(self._words)
-
     def narrow(self, words: str) -> None:
-        self._words = words.casefold().split()
+        self.words = words.casefold().split()
         self.show()
         names = [instance.name for instance in self._listed]
         if self._view_model.selected in names:
             self.keep_in_view(names.index(self._view_model.selected))
 
     def row_count(self) -> int:
-        if self._words:
+        if self.words:
             return max(1, len(self._listed))
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_BENCH)
 
     def show(self) -> None:
         """Repaint what changed; the title says how many a filter lets through, and how many show an ERROR."""
         instances = self._view_model.instances
-        self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
-        told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self._words)}, esc: all"]
-        told = told if self._words else []
+        self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
+        told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
+        told = told if self.words else []
         if self._view_model.shadows:
             told.append(f"{SHADOW} looks on")
         if len(instances) > MANY and (errors := sum(map(self._shows_error, instances))):
@@ -95,7 +91,7 @@ class InstanceList(LineView):
     def row_at(self, y: int) -> Row:
         if y < len(self._listed):
             return self._row(self._listed[y], self._columns)
-        if self._words:
+        if self.words:
             return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
         declared = self._view_model.project.instances
         if not declared:
@@ -112,7 +108,7 @@ class InstanceList(LineView):
             "error" if self._shows_error(instance) else "",
         )
         text = " ".join(spoken).casefold()
-        return all(word in text for word in self._words)
+        return all(word in text for word in self.words)
 
     def _pulses(self, instance: InstanceSnapshot) -> list[PinPulse]:
         glow, now = self._view_model.afterglow.glow, self._view_model.t_ns

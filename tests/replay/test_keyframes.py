@@ -53,15 +53,6 @@ def test_from_each_keyframe_on_the_run_is_the_same(name: str, monkeypatch: pytes
     assert keyframes.before(39) == 0
 
 
-def test_one_keyframe_can_be_used_twice_and_leaves_the_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    run, keyframes = seen(InMemory(journal()), 100, monkeypatch)
-    first, second = keyframes.run_at(200), keyframes.run_at(200)
-    assert check(first) == "" and second.bench.runtime.scans == 200
-    assert check(second) == "" and lines(first) == lines(second) == lines(run)
-    assert first.bench.project is run.bench.project
-    assert first.bench.runtime is not second.bench.runtime
-
-
 @pytest.mark.parametrize("is_whole", [True, False], ids=["with its index", "cut before its index"])
 def test_a_file_is_read_on_from_the_block_of_the_keyframe(
     is_whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

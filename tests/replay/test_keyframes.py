@@ -97,12 +97,6 @@ def test_of_too_many_keyframes_every_second_one_goes(monkeypatch: pytest.MonkeyP
     } != {10}
 
 
-def test_a_state_that_cannot_be_kept_is_an_error_of_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.recording.state.MAY_HOLD", ())
-    with pytest.raises(TypeError, match="no name of trcvtui"):
-        seen(InMemory(journal()), 100, monkeypatch)
-
-
 def test_a_screen_goes_back_from_a_keyframe_and_shows_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "SPACING", 50)
     monkeypatch.setattr("trcvtui.replay.time_line.LEAST_SEEN", 20)

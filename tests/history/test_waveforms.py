@@ -19,9 +19,9 @@ from trcvtui.tui.panes.timing import ZOOMS
 SCANS = 10_000 if "TRCVTUI_SOAK" in os.environ else 2_500
 
 
-def text(run: Run, name: str, first: int, count: int, zoom: int = 1, instance: str = RECEIVER) -> str:
+def text(run: Run, name: str, first: int, count: int, zoom: int = 1) -> str:
     window = Window((first - 1) // zoom, count, zoom)
-    return "".join(part for part, _ in drawn(run.wave(instance), name, window))
+    return "".join(part for part, _ in drawn(run.wave(), name, window))
 
 
 # -- every pulse, at every zoom ----------------------------------------------------------------------------

@@ -113,12 +113,6 @@ def test_a_trigger_fires_in_the_very_scan(
     assert picture.armed == ""
 
 
-def test_it_fires_once(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008")
-    assert desk.do("peer P1 send hex 01", "run 9").fired is not None
-    assert desk.do("peer P1 send hex 01", "run 9").fired is None
-
-
 def test_what_is_so_already_has_to_become_so_again(tmp_path: Path) -> None:
     desk = Desk(tmp_path, "trigger X STATUS=7006")
     assert desk.told == "armed; it is so already and fires when it becomes so again"
@@ -146,22 +140,6 @@ def test_the_picture_of_the_scan_has_its_bytes_and_all_before_it(tmp_path: Path)
     assert later.fired is None
     assert later.snapshot.scan == desk.scan
     assert picture.lines[-1].seq + 1 == later.lines[0].seq, "no line is lost between the two"
-
-
-def test_hold_lets_no_further_scan_pass(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008 hold")
-    picture = desk.do("peer P1 send hex 01", "run 9")
-    assert picture.fired is not None
-    assert picture.fired.holds
-    assert picture.holding
-    assert desk.scan == picture.fired.scan
-    assert desk.do("run 1").snapshot.scan == desk.scan
-
-
-def test_off_disarms(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008")
-    assert desk.do("run 1").armed == "X STATUS=7008"
-    assert desk.do("trigger off", "peer P1 send hex 01", "run 9").fired is None
 
 
 def test_a_resized_variable_is_looked_at_in_its_new_form(tmp_path: Path) -> None:

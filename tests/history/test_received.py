@@ -91,15 +91,6 @@ def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest
     assert sought(reader, Seek(4, 500, False, (pattern,)))[0] is None
 
 
-def test_the_next_and_the_previous_done_are_found() -> None:
-    told, reader = talking()
-    frames(told, 5)
-    assert sought(reader, Seek(1, 24, True))[0] == 48
-    assert sought(reader, Seek(2, 24, False))[0] == 0
-    assert sought(reader, Seek(3, 30, False))[0] == 24
-    assert sought(reader, Seek(4, 96, True))[0] is None
-
-
 def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
     index = StreamIndex()
     plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"

@@ -50,25 +50,25 @@ class ReceivedStream:
         self.blanks: list[JobSpan] = []  # of the jobs: places without values
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
 
-    def add(self, span: JobSpan) -> None:
-        """Put a span in its place: of two jobs that read in turns the later one may end first."""
+    def add(self, *spans: JobSpan) -> None:
+        """Put the pieces of one job in their places: of two that read in turns the later one may end first."""
         place = len(self.jobs)
-        while place and self.jobs[place - 1].position > span.position:
-            place -= 1
-        self.jobs.insert(place, span)
-        if not span.is_kept:
-            self.blanks.append(span)
+        if spans and place and self.jobs[-1].position > spans[0].position:
+            place = bisect_right(self.jobs, spans[0].position, key=POSITION)
+        self.jobs[place:] = sorted([*self.jobs[place:], *spans], key=POSITION)
+        self.blanks += [span for span in spans if not span.is_kept]
 
     def add_pieces(self, span: JobSpan, pieces: Pieces) -> None:
         """Add a job, or dropped bytes, of `whole` bytes in so many pieces."""
-        first = 0
+        first, spans = 0, list[JobSpan]()
         for position, size in pieces:
             rest = span.whole - first - size
-            self.add(span._replace(
+            spans.append(span._replace(
                 position=position, size=size, first=first,
                 prefix=min(size, max(0, span.prefix - first)), suffix=min(size, max(0, span.suffix - rest)),
             ))  # fmt: skip
             first += size
+        self.add(*spans)
 
     def forget(self, most: int, begin: int) -> None:
         """Forget the oldest spans of too many, and those whose bytes are gone."""
@@ -81,13 +81,13 @@ class ReceivedStream:
     def read(self, incarnation: int, offset: int, size: int) -> Pieces:
         """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
         found: Pieces = []
-        for recv in reversed(self.recvs):
-            if recv.incarnation != incarnation or recv.offset + recv.size <= offset:
-                break
-            first, stop = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
-            if first < stop:
-                found.append((recv.position + first - recv.offset, stop - first))
-        return joined(reversed(found))
+        place = bisect_right(self.recvs, (incarnation, offset), key=_end_on_connection)
+        stop = bisect_left(self.recvs, (incarnation, offset + size), lo=place, key=_start_on_connection)
+        for recv in self.recvs[place:stop]:
+            first, last = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
+            if first < last:
+                found.append((recv.position + first - recv.offset, last - first))
+        return joined(found)
 
     def taken(self, stop: int, size: int) -> Pieces:
         """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
@@ -282,6 +282,14 @@ def first_of(reads: list[RecvSpan], size: int) -> Pieces:
             parts.append((recv.position, min(size, recv.size)))
             size -= parts[-1][1]
     return joined(parts)
+
+
+def _start_on_connection(recv: RecvSpan) -> tuple[int, int]:
+    return recv.incarnation, recv.offset
+
+
+def _end_on_connection(recv: RecvSpan) -> tuple[int, int]:
+    return recv.incarnation, recv.offset + recv.size
 
 
 def _part(recv: RecvSpan, first: int, stop: int) -> RecvSpan:

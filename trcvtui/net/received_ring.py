@@ -59,6 +59,7 @@ class ReceivedRing:
 
     def __init__(self, name: str, of_all: ReceivedRings) -> None:
         self.end = 0
+        self.incarnations = 0  # connections so far: what each one brought is told apart
         self.most = HISTORY
         self._name, self._all = name, of_all
         self._first = self._restored = 0  # where the oldest block begins, and where the ring began anew
@@ -66,7 +67,8 @@ class ReceivedRing:
         self._room = 0  # in the last block
 
     def __getstate__(self) -> dict[str, object]:
-        return {"end": self.end, "most": self.most, "_name": self._name, "_all": self._all}
+        kept = "end", "incarnations", "most", "_name", "_all"
+        return {name: self.__dict__[name] for name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

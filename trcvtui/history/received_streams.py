@@ -23,7 +23,7 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.blocks.framing import Ending
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.records import POSITION, JobSpan, Pieces, RecvSpan, joined
+from trcvtui.history.records import NOW, POSITION, JobSpan, Pieces, RecvSpan, joined
 from trcvtui.history.stream_index import Listener
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
@@ -117,12 +117,12 @@ class ReceivedStream:
         near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
-    def job_before(self, position: int, instance: str) -> list[JobSpan]:
-        """Return the pieces of the job of an instance that began before a position, and ended with DONE."""
+    def job_before(self, position: int, instance: str, scan: int = NOW) -> list[JobSpan]:
+        """Return the pieces of the job that began before a position, and ended with DONE up to a scan."""
         last = bisect_left(self.jobs, position, key=POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]
-            if job.done and job.instance == instance and not job.first:
+            if job.done and job.instance == instance and not job.first and job.scan <= scan:
                 return self.pieces(place)
         return []
 
@@ -262,7 +262,7 @@ class ReceivedStreams:
         """Yield what running jobs, and frames without their end, have between two positions."""
         waiting = self.streams[name].arrivals
         running = self.index.running(name)
-        jobs = [(f"job {job.number} runs", instance, job.number, reads) for instance, job, reads in running]
+        jobs = [(_runs(job.number), instance, job.number, reads) for instance, job, reads in running]
         for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
             at, whole, first = reads[-1] if reads else None, sum([recv.size for recv in reads]), 0
             for position, size in joined((recv.position, recv.size) for recv in reads):
@@ -272,6 +272,17 @@ class ReceivedStreams:
                         whole=whole, first=first, is_open=True,
                     )  # fmt: skip
                 first += size
+
+
+def running_then(span: JobSpan) -> JobSpan:
+    """Return a span as it was before its job, or frame, had ended or was dropped."""
+    if span.is_frame or not span.number:
+        span = span._replace(instance="", number=0, prefix=0, suffix=0, is_frame=False)
+    return span._replace(done=False, reason=_runs(span.number) if span.number else WAITS, is_open=True)
+
+
+def _runs(number: int) -> str:
+    return f"job {number} runs"
 
 
 def first_of(reads: list[RecvSpan], size: int) -> Pieces:

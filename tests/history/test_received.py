@@ -15,11 +15,15 @@ from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.plc.ledger import PeerSent
 
-
 ADDED_AGAIN = (
-    "remove instance X", "remove peer P1", "remove connect C1", "add connect C1 LocalAddress=127.0.0.1 LocalPort=0",
-    "add instance X block=TRCV_C connect=C1 data=rx", "add peer P1 active=true remote=@C1", "set X CONT=1 EN_R=1",
-)  # fmt: skip
+    "remove instance X",
+    "remove peer P1",
+    "remove connect C1",
+    "add connect C1 LocalAddress=127.0.0.1 LocalPort=0",
+    "add instance X block=TRCV_C connect=C1 data=rx",
+    "add peer P1 active=true remote=@C1",
+    "set X CONT=1 EN_R=1",
+)
 
 
 def talking() -> tuple[Generator, StreamReader]:

@@ -51,7 +51,7 @@ class ReceivedStream:
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
 
     def add(self, *spans: JobSpan) -> None:
-        """Put the pieces of one job in their places: of two that read in turns the later one may end first."""
+        """Put the pieces of a job in their places: of two that read in turns the later one may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
             place = bisect_right(self.jobs, spans[0].position, key=POSITION)

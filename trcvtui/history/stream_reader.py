@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from trcvtui.bench.bench import Bench
@@ -13,6 +13,7 @@ from trcvtui.history.records import (
     END,
     MOST_SPANS,
     MOST_WINDOW,
+    NOW,
     POSITION,
     SCAN,
     STOP,
@@ -41,8 +42,7 @@ class _Source:
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
         self.begin = max(ring.begin, min(stream.begin, ring.end))
-        later = stream.recvs[bisect_right(stream.recvs, scan, key=SCAN) :][:1]
-        self.end = max(self.begin, later[0].position if later else ring.end)
+        self.end = max(self.begin, min(ring.end, _after(scan, stream.recvs), _after(scan, stream.blanks)))
 
     @property
     def lack(self) -> str:
@@ -183,6 +183,12 @@ class StreamReader:
         if is_over:
             return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
+
+
+def _after(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
+    """Return where the first bytes lie that came after a scan."""
+    place = bisect_right(spans, scan, key=SCAN)
+    return spans[place].position if place < len(spans) else NOW
 
 
 def _without_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:

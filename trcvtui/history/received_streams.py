@@ -264,9 +264,11 @@ class ReceivedStreams:
         running = self.index.running(name)
         jobs = [(_runs(job.number), instance, job.number, reads) for instance, job, reads in running]
         for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
-            at, whole, first = reads[-1] if reads else None, sum([recv.size for recv in reads]), 0
-            for position, size in joined((recv.position, recv.size) for recv in reads):
-                if at is not None and position < stop and position + size > start:
+            if not reads:
+                continue
+            at, whole, first = reads[-1], sum([recv.size for recv in reads]), 0
+            for position, size in first_of(reads, whole):
+                if position < stop and position + size > start:
                     yield JobSpan(
                         position, size, instance, number, at.scan, at.t_ns, False, reason,
                         whole=whole, first=first, is_open=True,
@@ -287,6 +289,8 @@ def _runs(number: int) -> str:
 
 def first_of(reads: list[RecvSpan], size: int) -> Pieces:
     """Return where the first `size` bytes of some recv calls lie."""
+    if reads[-1].stop - reads[0].position == sum([recv.size for recv in reads]):
+        return [(reads[0].position, size)]  # no other bytes lie between them
     parts: Pieces = []
     for recv in reads:
         if size or not parts:

@@ -44,6 +44,10 @@ class ReceivedRings:
     def get(self, name: str) -> ReceivedRing | None:
         return self._rings.get(name)
 
+    @property
+    def is_full(self) -> bool:
+        return len(self._blocks) >= MOST_BYTES // BLOCK
+
     def block_begins(self, name: str, position: int) -> None:
         """Note a new block; of too many of all rings the oldest goes."""
         self._blocks[name, position] = self._rings[name]
@@ -87,7 +91,9 @@ class ReceivedRing:
             return f"older than the {exact_size(self.most)} that are kept"
         if self.begin == self._restored:
             return "before the keyframe from which the run goes on"
-        return "older than the 64MiB that all keep together"
+        if self._all.is_full:
+            return "older than the 64MiB that all keep together"
+        return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:
         """Append bytes, the oldest go for them; return the position of the first."""

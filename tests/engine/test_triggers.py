@@ -12,6 +12,7 @@ from tests.bench.bench_project import TELEGRAM, bench_project
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.trigger_watch import read_trigger
+from trcvtui.history.records import HistoryRequest
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -62,7 +63,8 @@ class Desk:
     def do(self, *lines: str) -> BenchUpdate:
         """Carry out lines, `run` lets scans pass; return the picture after them."""
         self.driver.play(*lines)
-        picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
+        past = HistoryRequest("C1", size=64, data=("X", 0, 8))
+        picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",), history=past))
         assert [answer.error for answer in picture.answers if answer.error] == []
         self.told = next((answer.told for answer in picture.answers if answer.told), "")
         self.seq = picture.lines[-1].seq if picture.lines else self.seq
@@ -140,6 +142,10 @@ def test_the_picture_of_the_scan_has_its_bytes_and_all_before_it(tmp_path: Path)
     assert later.fired is None
     assert later.snapshot.scan == desk.scan
     assert picture.lines[-1].seq + 1 == later.lines[0].seq, "no line is lost between the two"
+    then, now = picture.history, later.history
+    assert then is not None and now is not None and then.data is not None and now.data is not None
+    assert (then.content, now.content) == (b"\x01\x01\x02\x03", b"\x01\x01\x02\x03\x09")
+    assert (then.data.job, now.data.job) == (1, 2), "what stood in DATA before"
 
 
 def test_a_resized_variable_is_looked_at_in_its_new_form(tmp_path: Path) -> None:

@@ -491,6 +491,9 @@ class Controller:
         self._answers.clear()
         self._count_project()
         kept = self._trigger_watch.take_kept() if known else None
+        wanted = request.history
+        if kept and wanted:
+            wanted = replace(wanted, scan=kept.snapshot.scan)
         lines = kept.lines_after(since) if kept else ledger.since(since, min(most_lines, request.most_lines))
         last = kept.snapshot.ledger_seq if kept else ledger.last_seq
         if known:
@@ -513,7 +516,7 @@ class Controller:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
-            history=self._history.window(request.history) if request.history and known else None,
+            history=self._history.window(wanted) if wanted and known else None,
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),

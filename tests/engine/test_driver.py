@@ -179,14 +179,6 @@ def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
         driver.close()
 
 
-def test_a_held_engine_lets_single_scans_pass(engine: EngineDriver) -> None:
-    engine.submit("hold")
-    held = wait_for(engine, lambda p: p.holding)
-    engine.submit("run 3")
-    picture = wait_for(engine, lambda p: p.snapshot.scan == held.snapshot.scan + 3)
-    assert picture.holding
-
-
 def test_the_project_crosses_from_the_engine_before_the_first_picture(engine: EngineDriver) -> None:
     ours, theirs = load_bench(PASSIVE), engine.project()
     assert (theirs.path, theirs.connects, theirs.instances) == (ours.path, ours.connects, ours.instances)

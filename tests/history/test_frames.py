@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.history.records import HistoryRequest, HistoryWindow
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.snapshots.bench import EngineTiming
@@ -25,9 +25,8 @@ def fed(console: Controller, text: str, scans: int = 1) -> None:
         console.scan()
 
 
-def seen(console: Controller, seek: Seek | None = None) -> HistoryWindow:
-    asked = HistoryRequest("RX", 0, 8192, seek=seek)
-    picture = console.picture(UpdateRequest(history=asked), EngineTiming(), 100)
+def seen(console: Controller) -> HistoryWindow:
+    picture = console.picture(UpdateRequest(history=HistoryRequest("RX", 0, 8192)), EngineTiming(), 100)
     console.bench.close()
     assert picture.history is not None
     assert not [answer.error for answer in picture.answers if answer.error]
@@ -71,10 +70,3 @@ def test_what_waits_and_what_never_had_room_stand_where_they_came() -> None:
     waiting, lost = seen(console).jobs
     assert (waiting.size, waiting.is_open) == (300, True)
     assert (lost.position, lost.whole, lost.is_kept, lost.reason) == (300, 10, True, "the ComBuffer is full")
-
-
-def test_thrown_away_bytes_are_found_from_the_newest_back() -> None:
-    console = line(*MARKS)
-    fed(console, "feed RX hex FF 02 41 0D 0A EE 02 42 0D 0A", 3)
-    window = seen(console, Seek(1, 1 << 62, False, dropped=True))
-    assert window.sought is not None and window.sought.position == 5

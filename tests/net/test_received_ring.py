@@ -32,6 +32,13 @@ def test_of_all_rings_the_oldest_bytes_go_first(monkeypatch: pytest.MonkeyPatch)
     assert (quiet.begin, quiet.end, busy.begin) == (10, 10, 0)
     quiet.append(b"again")
     assert (quiet.read(0, 99), busy.begin) == (b"again", BLOCK)
+    assert busy.lack == "older than the 64MiB that all keep together"
+
+
+def test_a_ring_that_may_keep_more_says_why_older_bytes_are_gone() -> None:
+    rings = ReceivedRings()
+    rings.ring("C1", BLOCK).append(bytes(4 * BLOCK))
+    assert rings.ring("C1", 8 * BLOCK).lack == "older than what was kept while its history was smaller"
 
 
 def test_bytes_without_values_have_a_few_places() -> None:

@@ -178,8 +178,8 @@ def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
         assert "all else needs the run's beginning" in capsys.readouterr().err
 
 
-def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch, spacing: int = SECOND // 2) -> Path:
-    monkeypatch.setattr(follower, "SPACING_NS", spacing)
+def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
     entries = []
     for at, some in enumerate(scans(journal())):
         entries += some
@@ -200,16 +200,6 @@ def test_a_file_of_a_trigger_has_the_beginning_and_keyframes(
         again = keyframes.run_at(place.scans)
         assert check(again) == "" and lines(again) == lines(run)
     assert keyframes.before(LAST) > 300
-
-
-@pytest.mark.parametrize("spacing", [SECOND // 2, 30 * SECOND], ids=["by time", "by bytes"])
-def test_a_file_of_a_trigger_after_a_long_time_begins_in_the_middle(
-    spacing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("trcvtui.recording.files.MOST_OLD_BYTES", 4000)
-    monkeypatch.setattr("trcvtui.recording.journal.MOST_BLOCK", 600)
-    run, first = begun(trigger_file(tmp_path, monkeypatch, spacing))
-    assert 0 < first < 300 and check(run) == "" and 320 < run.bench.runtime.scans < LAST
 
 
 @pytest.mark.parametrize("has_index", [True, False])

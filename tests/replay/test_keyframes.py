@@ -53,15 +53,6 @@ def test_from_each_keyframe_on_the_run_is_the_same(name: str, monkeypatch: pytes
     assert keyframes.before(39) == 0
 
 
-def test_one_keyframe_can_be_used_twice_and_leaves_the_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    run, keyframes = seen(InMemory(journal()), 100, monkeypatch)
-    first, second = keyframes.run_at(200), keyframes.run_at(200)
-    assert check(first) == "" and second.bench.runtime.scans == 200
-    assert check(second) == "" and lines(first) == lines(second) == lines(run)
-    assert first.bench.project is run.bench.project
-    assert first.bench.runtime is not second.bench.runtime
-
-
 @pytest.mark.parametrize("is_whole", [True, False], ids=["with its index", "cut before its index"])
 def test_a_file_is_read_on_from_the_block_of_the_keyframe(
     is_whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -104,12 +95,6 @@ def test_of_too_many_keyframes_every_second_one_goes(monkeypatch: pytest.MonkeyP
     assert {
         later - earlier for earlier, later in zip(keyframes._scans, keyframes._scans[1:], strict=False)
     } != {10}
-
-
-def test_a_state_that_cannot_be_kept_is_an_error_of_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.recording.state.MAY_HOLD", ())
-    with pytest.raises(TypeError, match="no name of trcvtui"):
-        seen(InMemory(journal()), 100, monkeypatch)
 
 
 def test_a_screen_goes_back_from_a_keyframe_and_shows_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:

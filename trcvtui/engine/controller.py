@@ -492,9 +492,11 @@ class Controller:
             self._project_number += 1
         kept = self._trigger_watch.take_kept() if known else None
         lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
+        wanted = request.history
         if kept:
             lines = tuple([line for line in kept.lines if line.seq > since])
             last = kept.snapshot.ledger_seq
+            wanted = replace(wanted, scan=kept.snapshot.scan) if wanted else None
         if known:
             self._trigger_watch.told = lines[-1].seq if lines else since
         return BenchUpdate(
@@ -515,7 +517,7 @@ class Controller:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
-            history=self._history.window(request.history) if request.history and known else None,
+            history=self._history.window(wanted) if wanted and known else None,
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),

@@ -329,9 +329,9 @@ class Waveform:
     def edges_in(self, first: int, last: int) -> list[Line]:
         return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
 
-    def next_edge(self, scan: int, direction: int, pins: Iterable[str] = ()) -> int | None:
-        """Return the nearest scan after (or before) this one in which one of the pins changes; () is all."""
-        lanes = [self.lanes[pin] for pin in (tuple(pins) or self.lanes) if pin in self.lanes]
+    def next_edge(self, scan: int, direction: int) -> int | None:
+        """Return the nearest scan after (or before) this one in which a pin changes."""
+        lanes = self.lanes.values()
         found = [edge for lane in lanes if (edge := lane.next_edge(scan, direction)) is not None]
         return (min if direction > 0 else max)(found, default=None)
 

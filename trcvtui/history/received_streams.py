@@ -23,7 +23,7 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.blocks.framing import Ending
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.records import POSITION, JobSpan, Pieces, RecvSpan, joined
+from trcvtui.history.records import NOW, POSITION, JobSpan, Pieces, RecvSpan, joined
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
 
@@ -49,25 +49,25 @@ class ReceivedStream:
         self.blanks: list[JobSpan] = []  # of the jobs: places without values
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
 
-    def add(self, span: JobSpan) -> None:
-        """Put a span in its place: of two jobs that read in turns the later one may end first."""
+    def add(self, *spans: JobSpan) -> None:
+        """Put the pieces of a job in their places: of two that read in turns the later one may end first."""
         place = len(self.jobs)
-        while place and self.jobs[place - 1].position > span.position:
-            place -= 1
-        self.jobs.insert(place, span)
-        if not span.is_kept:
-            self.blanks.append(span)
+        if spans and place and self.jobs[-1].position > spans[0].position:
+            place = bisect_right(self.jobs, spans[0].position, key=POSITION)
+        self.jobs[place:] = sorted([*self.jobs[place:], *spans], key=POSITION)
+        self.blanks += [span for span in spans if not span.is_kept]
 
     def add_pieces(self, span: JobSpan, pieces: Pieces) -> None:
         """Add a job, or dropped bytes, of `whole` bytes in so many pieces."""
-        first = 0
+        first, spans = 0, list[JobSpan]()
         for position, size in pieces:
             rest = span.whole - first - size
-            self.add(span._replace(
+            spans.append(span._replace(
                 position=position, size=size, first=first,
                 prefix=min(size, max(0, span.prefix - first)), suffix=min(size, max(0, span.suffix - rest)),
             ))  # fmt: skip
             first += size
+        self.add(*spans)
 
     def forget(self, most: int, begin: int) -> None:
         """Forget the oldest spans of too many, and those whose bytes are gone."""
@@ -80,13 +80,13 @@ class ReceivedStream:
     def read(self, incarnation: int, offset: int, size: int) -> Pieces:
         """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
         found: Pieces = []
-        for recv in reversed(self.recvs):
-            if recv.incarnation != incarnation or recv.offset + recv.size <= offset:
-                break
-            first, stop = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
-            if first < stop:
-                found.append((recv.position + first - recv.offset, stop - first))
-        return joined(reversed(found))
+        place = bisect_right(self.recvs, (incarnation, offset), key=_end_on_connection)
+        stop = bisect_left(self.recvs, (incarnation, offset + size), lo=place, key=_start_on_connection)
+        for recv in self.recvs[place:stop]:
+            first, last = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
+            if first < last:
+                found.append((recv.position + first - recv.offset, last - first))
+        return joined(found)
 
     def taken(self, stop: int, size: int) -> Pieces:
         """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
@@ -116,12 +116,12 @@ class ReceivedStream:
         near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
-    def job_before(self, position: int, instance: str) -> list[JobSpan]:
-        """Return the pieces of the job of an instance that began before a position, and ended with DONE."""
+    def job_before(self, position: int, instance: str, scan: int = NOW) -> list[JobSpan]:
+        """Return the pieces of the job that began before a position, and ended with DONE up to a scan."""
         last = bisect_left(self.jobs, position, key=POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]
-            if job.done and job.instance == instance and not job.first:
+            if job.done and job.instance == instance and not job.first and job.scan <= scan:
                 return self.pieces(place)
         return []
 
@@ -255,11 +255,13 @@ class ReceivedStreams:
         """Yield what running jobs, and frames without their end, have between two positions."""
         waiting = self.streams[name].arrivals
         running = self.index.running(name)
-        jobs = [(f"job {job.number} runs", instance, job.number, reads) for instance, job, reads in running]
+        jobs = [(_runs(job.number), instance, job.number, reads) for instance, job, reads in running]
         for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
-            at, whole, first = reads[-1] if reads else None, sum([recv.size for recv in reads]), 0
-            for position, size in joined((recv.position, recv.size) for recv in reads):
-                if at is not None and position < stop and position + size > start:
+            if not reads:
+                continue
+            at, whole, first = reads[-1], sum([recv.size for recv in reads]), 0
+            for position, size in first_of(reads, whole):
+                if position < stop and position + size > start:
                     yield JobSpan(
                         position, size, instance, number, at.scan, at.t_ns, False, reason,
                         whole=whole, first=first, is_open=True,
@@ -267,14 +269,35 @@ class ReceivedStreams:
                 first += size
 
 
+def running_then(span: JobSpan) -> JobSpan:
+    """Return a span as it was before its job, or frame, had ended or was dropped."""
+    if span.is_frame or not span.number:
+        span = span._replace(instance="", number=0, prefix=0, suffix=0, is_frame=False)
+    return span._replace(done=False, reason=_runs(span.number) if span.number else WAITS, is_open=True)
+
+
+def _runs(number: int) -> str:
+    return f"job {number} runs"
+
+
 def first_of(reads: list[RecvSpan], size: int) -> Pieces:
     """Return where the first `size` bytes of some recv calls lie."""
+    if reads[-1].stop - reads[0].position == sum([recv.size for recv in reads]):
+        return [(reads[0].position, size)]  # no other bytes lie between them
     parts: Pieces = []
     for recv in reads:
         if size or not parts:
             parts.append((recv.position, min(size, recv.size)))
             size -= parts[-1][1]
     return joined(parts)
+
+
+def _start_on_connection(recv: RecvSpan) -> tuple[int, int]:
+    return recv.incarnation, recv.offset
+
+
+def _end_on_connection(recv: RecvSpan) -> tuple[int, int]:
+    return recv.incarnation, recv.offset + recv.size
 
 
 def _part(recv: RecvSpan, first: int, stop: int) -> RecvSpan:

@@ -23,9 +23,11 @@ from trcvtui.plc.ledger import A_HOLE
 
 POSITION: Final = attrgetter("position")
 STOP: Final = attrgetter("stop")
+SCAN: Final = attrgetter("scan")
 MOST_WINDOW: Final = 8192  # bytes in a picture
 MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
 END: Final = -1  # a window that ends with the newest byte
+NOW: Final = 1 << 62  # after every scan
 
 
 class JobSpan(NamedTuple):
@@ -157,7 +159,7 @@ class HistoryRequest(Struct, frozen=True):
     """What the screen wants of a CONNECT's stream. `before`: the bytes of the job before each one, too.
 
     `job_at` asks for all bytes of the job at a position; `data` for those of the job before the present DATA
-    of an instance: (instance, first byte, size).
+    of an instance: (instance, first byte, size). All of it as it stood after `scan`.
     """
 
     connect: str
@@ -167,6 +169,7 @@ class HistoryRequest(Struct, frozen=True):
     seek: Seek | None = None
     job_at: int | None = None
     data: tuple[str, int, int] | None = None
+    scan: int = NOW
 
 
 class PreviousJobBytes(Struct, frozen=True):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
@@ -33,6 +34,7 @@ _Told = tuple[int, int, int, str]  # offset, size, number, peer
 _Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
 _Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]]  # JobEnded, beginning, reads
 _LAST: Final = (1 << 62, 0, "")
+OFFSET: Final = attrgetter("offset")
 
 
 class _Sent:
@@ -405,8 +407,9 @@ def _begun(began: _Began) -> JobRecord:
     return JobRecord(number, (connection, incarnation), offset, length, adhoc, at, at)
 
 
-def _covering(recvs: Iterable[RecvSpan], offset: int) -> RecvSpan | None:
-    return next((recv for recv in recvs if recv.offset <= offset < recv.offset + recv.size), None)
+def _covering(recvs: Sequence[RecvSpan], offset: int) -> RecvSpan | None:
+    place = bisect_right(recvs, offset, key=OFFSET) - 1
+    return recvs[place] if place >= 0 and offset < recvs[place].offset + recvs[place].size else None
 
 
 def _place(pieces: Iterable[tuple[int, int]], byte: int) -> int:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams
+from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams, running_then
 from trcvtui.history.records import (
     END,
     MOST_SPANS,
     MOST_WINDOW,
+    NOW,
     POSITION,
+    SCAN,
     STOP,
     HistoryRequest,
     HistoryWindow,
@@ -35,11 +37,12 @@ LOST: Final = "whose bytes is not known: lines of the ledger were overwritten be
 
 
 class _Source:
-    """One stream with its ring, as long as a picture is made."""
+    """One stream with its ring, as it stood after a scan, as long as a picture is made."""
 
-    def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream) -> None:
-        self.name, self.ring, self.stream = name, ring, stream
-        self.begin, self.end = max(ring.begin, min(stream.begin, ring.end)), ring.end
+    def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
+        self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
+        self.begin = max(ring.begin, min(stream.begin, ring.end))
+        self.end = max(self.begin, min(ring.end, _after(scan, stream.recvs), _after(scan, stream.blanks)))
 
     @property
     def lack(self) -> str:
@@ -54,6 +57,11 @@ class _Source:
                 found.append((start, self.ring.read(start, blank.position)))
             start = blank.stop
         return [*found, (start, self.ring.read(start, stop))] if start < stop else found
+
+    def jobs(self, start: int, stop: int) -> list[JobSpan]:
+        """Return the spans of jobs between two positions, of a job that ended later as it ran."""
+        spans = spans_within(self.stream.jobs, start, stop)[: MOST_SPANS + 1]
+        return [span if span.scan <= self.scan or not span.is_kept else running_then(span) for span in spans]
 
     def content(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB) -> bytes:
         """Return `size` bytes of a job from byte `first` on; b"" where one of its bytes is not kept."""
@@ -79,7 +87,7 @@ class StreamReader:
         ring = self._bench.runtime.received(request.connect)
         if ring is None:
             return HistoryWindow(request.connect, 0, 0)
-        of = _Source(request.connect, ring, self.streams.streams[request.connect])
+        of = _Source(request.connect, ring, self.streams.streams[request.connect], request.scan)
         size = max(0, min(request.size, MOST_WINDOW))
         start = of.end - size if request.start == END else request.start
         start = max(of.begin, min(start, of.end))
@@ -95,7 +103,7 @@ class StreamReader:
     def _spans(
         self, of: _Source, start: int, stop: int
     ) -> tuple[tuple[JobSpan, ...], tuple[RecvSpan, ...], list[MessageSpan], int]:
-        ended = spans_within(of.stream.jobs, start, stop)[: MOST_SPANS + 1]
+        ended = of.jobs(start, stop)
         recvs = spans_within(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
         running = self.streams.running(of.name, start, stop)
         jobs = [*_without_gaps(sorted([*ended, *running], key=POSITION), start, stop)]
@@ -147,7 +155,7 @@ class StreamReader:
             elif not seek.patterns:
                 found = of.stream.done(seek.start, seek.is_forward, not seek.dropped)
             if not seek.patterns or seek.job is not None:
-                is_kept = found is not None and found >= of.begin
+                is_kept = found is not None and of.begin <= found <= of.end
                 self._answer = SeekResult(seek.number, found if is_kept else None)
         if self._answer is None or self._answer.share < 1:
             self._answer = self._search(of, seek)
@@ -175,6 +183,12 @@ class StreamReader:
         if is_over:
             return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
+
+
+def _after(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
+    """Return where the first bytes lie that came after a scan."""
+    place = bisect_right(spans, scan, key=SCAN)
+    return spans[place].position if place < len(spans) else NOW
 
 
 def _without_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
@@ -226,7 +240,7 @@ def _before_data(of: _Source, asked: tuple[str, int, int] | None) -> PreviousJob
     if asked is None:
         return None
     instance, first, size = asked
-    newest = of.stream.job_before(of.end + 1, instance)
+    newest = of.stream.job_before(of.end + 1, instance, of.scan)
     earlier = of.stream.job_before(newest[0].position, instance) if newest else []
     content = of.content(earlier, first, min(size, MOST_WINDOW))
     return PreviousJobBytes(first, content, earlier[0].number) if content else None

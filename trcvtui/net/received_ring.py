@@ -44,6 +44,10 @@ class ReceivedRings:
     def get(self, name: str) -> ReceivedRing | None:
         return self._rings.get(name)
 
+    @property
+    def is_full(self) -> bool:
+        return len(self._blocks) >= MOST_BYTES // BLOCK
+
     def block_begins(self, name: str, position: int) -> None:
         """Note a new block; of too many of all rings the oldest goes."""
         self._blocks[name, position] = self._rings[name]
@@ -59,6 +63,7 @@ class ReceivedRing:
 
     def __init__(self, name: str, of_all: ReceivedRings) -> None:
         self.end = 0
+        self.incarnations = 0  # connections so far: what each one brought is told apart
         self.most = HISTORY
         self._name, self._all = name, of_all
         self._first = self._restored = 0  # where the oldest block begins, and where the ring began anew
@@ -66,7 +71,8 @@ class ReceivedRing:
         self._room = 0  # in the last block
 
     def __getstate__(self) -> dict[str, object]:
-        return {"end": self.end, "most": self.most, "_name": self._name, "_all": self._all}
+        kept = "end", "incarnations", "most", "_name", "_all"
+        return {name: self.__dict__[name] for name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -85,7 +91,9 @@ class ReceivedRing:
             return f"older than the {exact_size(self.most)} that are kept"
         if self.begin == self._restored:
             return "before the keyframe from which the run goes on"
-        return "older than the 64MiB that all keep together"
+        if self._all.is_full:
+            return "older than the 64MiB that all keep together"
+        return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:
         """Append bytes, the oldest go for them; return the position of the first."""

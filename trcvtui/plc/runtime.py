@@ -475,15 +475,11 @@ class Runtime:
                     self._apply(ResizeData(decl))
                 self._data[name].symbolic = decl.optimized
             case ConnectConfig():
-                old = self._connections[name]
-                old.stop()
+                self._connections[name].stop()
                 self._connections[name] = self._connection(decl)
-                self._connections[name].incarnation = old.incarnation  # what it received is still told apart
             case UdpConfig():
-                port = self._ports[name]
-                port.stop()
+                self._ports[name].stop()
                 self._ports[name] = self._port(decl)
-                self._ports[name].incarnation = port.incarnation
             case AddrParam():
                 self._addrs[name] = RemoteAddress(decl)
             case ComBufferDecl():

@@ -18,24 +18,6 @@ async def test_a_row_drawn_right_after_another_instance_is_chosen_is_of_its_own_
         assert "[0]" in str(table.row_at(0))
 
 
-@BOTH
-async def test_a_byte_finds_its_member(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("5", *["right"] * 10)
-        assert looker.app.main.received.data.cursor == 9
-        assert looker.app.main.received.data.link == range(8, 12)
-        await looker.press("6")
-        assert "▸   8 speed" in looker.text
-
-
-@BOTH
-async def test_a_member_finds_its_bytes(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("6", *["down"] * 5)
-        assert looker.app.main.received.data.link == range(12, 22)
-        assert looker.app.main.received.data.cursor == 12
-
-
 async def test_the_mouse_links_both_ways() -> None:
     async with looking(WIDE) as looker:
         await looker.pilot.click("#data", offset=(6 + 3 * 5, 0))

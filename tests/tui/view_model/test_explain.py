@@ -202,14 +202,6 @@ async def test_a_trigger_with_hold_stops_the_scans_and_a_single_scan_goes_on_fro
         assert "scan 10" in desk.header
 
 
-async def test_t_opens_the_prompt_with_the_beginning_of_a_trigger() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("T")
-        await looker.type("off")
-        await looker.press("enter")
-        assert looker.lines == ["trigger off"]
-
-
 async def test_a_fresh_bench_is_not_frozen() -> None:
     async with looking(WIDE, picture(fired_at := receiving(), connecting())) as looker:
         fired = TriggerEvent(1, "TRCV_C_1 STATUS=7006", 920, 0)

@@ -9,7 +9,6 @@ from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
 from trcvtui.history import waveform_recorder as waves
 
 LARGE = (200, 60)  # pane 8 is in sight
-OTHER = ("set TRCV_C_2 CONT=1 EN_R=1", "run 3")
 
 
 def border(desk: Desk) -> str:
@@ -41,17 +40,6 @@ async def test_the_wave_of_an_instance_seen_before_goes_up_to_the_frozen_scan_an
         await desk.do("run 1")
         assert level(desk, "LEN", desk.scan) == 5
         assert border(desk).endswith("follows")
-
-
-async def test_the_wave_of_an_instance_never_looked_at_comes_too() -> None:
-    async with at_the_desk(WIDE, *UP, *OTHER) as desk:
-        frozen = desk.scan
-        await desk.press("F")
-        await desk.do("run 40")
-        await desk.press("1", "down")
-        await desk.see()
-        assert desk.app.main.timing.wave.until_scan == frozen
-        assert level(desk, "CONT", frozen) == 1
 
 
 async def test_a_wave_that_is_no_longer_kept_is_said_to_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -157,7 +157,7 @@ class Connection:
         self.config = config
         self.received = resources.received.ring(config.name, config.history)
         self.state = State.CLOSED
-        self.incarnation = self.attempts = 0
+        self.incarnation, self.attempts = self.received.incarnations, 0
         self.peer: Endpoint | None = None
         self.receiving = DirectionClaims()
         self.sending = DirectionClaims()
@@ -330,7 +330,7 @@ class Connection:
         self.handle, self.peer = handle, peer
         self.state = State.CONNECTED
         self.link_is_dead = False
-        self.incarnation += 1
+        self.received.incarnations = self.incarnation = self.incarnation + 1
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self._local = self._kernel.local_end(handle)
 

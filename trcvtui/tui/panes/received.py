@@ -258,12 +258,12 @@ class Received(Vertical):
 
     def show(self) -> None:
         instance = self._view_model.instance
+        if instance is not None:
+            self._take_past(instance)
         self._show_title(instance)
         if instance is None:
             self._show_nothing()
-            return
-        self._take_past(instance)
-        if self.is_past:
+        elif self.is_past:
             self._show_past()
         else:
             self._show_now(instance)

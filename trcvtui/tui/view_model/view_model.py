@@ -12,6 +12,8 @@ from functools import partial
 from itertools import takewhile
 from typing import Final, NamedTuple
 
+from msgspec.structs import replace
+
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
 from trcvtui.history.pin_waveform import WaveformCache
@@ -291,6 +293,8 @@ class ViewModel:
         waves = self.waves.asked(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
         past, recordings = self.past_wanted, self.recordings_wanted
+        if past is not None and self.frozen_at is not None:
+            past = replace(past, scan=self.frozen_at)
         return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted
         )

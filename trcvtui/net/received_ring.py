@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from trcvtui.wording import exact_size
 
-BLOCK: Final = 4096
+BLOCK: Final = 1 << 15  # with 1 << 12 a message of 64 KiB takes 25 us longer
 HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
 LEAST_HISTORY: Final = 1 << 16
 MOST_HISTORY: Final = 1 << 26

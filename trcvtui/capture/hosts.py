@@ -87,7 +87,7 @@ class IcmpNote(NamedTuple):
         return f"{said_by} says by ICMP to {source}: {self.words}{size}, for {there}"
 
 
-class HeardNote(NamedTuple):
+class TimedNote(NamedTuple):
     """A note of ICMP: when, and the number of its packet."""
 
     ns: int
@@ -153,12 +153,12 @@ def _icmp_of(data: bytes, at: int) -> IcmpNote | None:
     return IcmpNote(kind, words, said_by, data[inner + protocol], source, target, ports, number, size)
 
 
-def put_note(notes: list[HeardNote], ns: int, packet: int, note: IcmpNote) -> None:
+def put_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) -> None:
     """Keep a note of ICMP that is no copy of a mirror port, up to the bound."""
     soon = COPY_NS if any(note.number) else UNNUMBERED_NS
     is_copy = any(one.note == note and 0 <= ns - one.ns <= soon for one in notes[-4:])
     if not is_copy and len(notes) < MOST_NOTES:
-        notes.append(HeardNote(ns, packet, note))
+        notes.append(TimedNote(ns, packet, note))
 
 
 class HostFact(NamedTuple):
@@ -215,7 +215,7 @@ class HostNotes:
     """What ARP says of addresses, and ICMP of packets that belong to no conversation."""
 
     def __init__(self) -> None:
-        self.icmps: list[HeardNote] = []
+        self.icmps: list[TimedNote] = []
         self._asked: OrderedDict[bytes, dict[bytes, _Asked]] = OrderedDict()
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
 
@@ -283,7 +283,7 @@ class HostNotes:
         addresses = Counter(mac for one in self._owners.values() for mac in one.macs)
         for address, owner in self._owners.items():
             yield from _doubled(address, owner, addresses)
-        same: dict[str, list[HeardNote]] = {}
+        same: dict[str, list[TimedNote]] = {}
         for heard in self.icmps:
             same.setdefault(heard.note.text, []).append(heard)
         for text, notes in same.items():

@@ -15,7 +15,7 @@ from enum import Enum
 from itertools import islice
 from typing import Final, NamedTuple
 
-from trcvtui.capture.hosts import ArpNote, HeardNote, HostFact, HostNotes, note_of, put_note
+from trcvtui.capture.hosts import ArpNote, HostFact, HostNotes, TimedNote, note_of, put_note
 from trcvtui.capture.packets import (
     SACK,
     TCP,
@@ -191,7 +191,7 @@ class Conversation:
         self.is_cut = False  # a packet of it is
         self.is_ours = False  # a tap of ours has reset it
         self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
-        self.undelivered: list[HeardNote] = []  # of its packets
+        self.undelivered: list[TimedNote] = []  # of its packets
         self.listener: WireDirection | None = None
         self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
         self.there = WireDirection(self, ends[0], macs[0])

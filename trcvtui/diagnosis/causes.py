@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
 from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
-from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, mtu, told_by_icmp
+from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, find_icmp_reports, mtu
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -180,7 +180,7 @@ def _is_tcp(case: LineCase) -> bool:
 def _refused(case: LineCase) -> Sign | None:
     line = case.line
     reset = line.listener.reset
-    by_icmp = told_by_icmp(line, case.receivers, "port")
+    by_icmp = find_icmp_reports(line, case.receivers, "port")
     if by_icmp is not None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
@@ -219,7 +219,7 @@ def _turned_away(case: LineCase) -> Sign | None:
 
 def _filtered(case: LineCase) -> Sign | None:
     line, syns = case.line, case.line.caller.syns
-    by_icmp = told_by_icmp(line, case.receivers, "host", "admin")
+    by_icmp = find_icmp_reports(line, case.receivers, "host", "admin")
     if by_icmp is not None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:

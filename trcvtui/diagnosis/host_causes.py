@@ -7,7 +7,7 @@ from ipaddress import ip_address
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.capture.hosts import NOT_THERE, HeardNote, HostFact
+from trcvtui.capture.hosts import NOT_THERE, HostFact, TimedNote
 from trcvtui.diagnosis.line_facts import LARGE, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
@@ -36,7 +36,7 @@ def is_service(line: LineFacts) -> bool:
     return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
 
 
-def _sign(line: LineFacts, some: Sequence[HeardNote], sure: float, *texts: str, mend: str = "") -> Sign:
+def _sign(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Sign:
     """Return what notes of ICMP prove of the way of their packets, in the words of the first one."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
@@ -46,7 +46,7 @@ def _sign(line: LineFacts, some: Sequence[HeardNote], sure: float, *texts: str, 
     return Sign(sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets, filter=icmp)
 
 
-def told_by_icmp(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Sign | None:
+def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Sign | None:
     """Return that a host refuses packets to its own port, or a router or filter those to another host."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
@@ -64,7 +64,7 @@ def told_by_icmp(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) ->
 
 
 def _of_datagrams(
-    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[HeardNote], said: Sign
+    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], said: Sign
 ) -> Sign | None:
     note = some[0].note
     is_to_plc = (note.target, note.port) == line.plc_end

@@ -88,7 +88,7 @@ class ReceivedStream:
                 found.append((recv.position + first - recv.offset, last - first))
         return joined(found)
 
-    def taken(self, stop: int, size: int) -> Pieces:
+    def take_last(self, stop: int, size: int) -> Pieces:
         """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
@@ -247,7 +247,7 @@ class ReceivedStreams:
     def _take(self, buffer: str, offset: int, span: JobSpan) -> None:
         """Add the bytes of a frame, or dropped ones, from `offset` of a ComBuffer on."""
         stream = self._stream(buffer)
-        stream.add_pieces(span, stream.taken(offset + span.whole, span.whole))
+        stream.add_pieces(span, stream.take_last(offset + span.whole, span.whole))
 
     # -- what has no end yet -----------------------------------------------------------------------------
 

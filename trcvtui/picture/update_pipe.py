@@ -130,7 +130,7 @@ class UpdateReader:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._read(self._channel.recv_bytes()) if self._channel.poll() else None
-        self._look()
+        self._read_channel()
         if len(self._bytes) >= LENGTH.size:
             end = LENGTH.size + LENGTH.unpack_from(self._bytes)[0]
             if len(self._bytes) >= end:
@@ -141,7 +141,7 @@ class UpdateReader:
             raise EOFError
         return None
 
-    def _look(self) -> None:
+    def _read_channel(self) -> None:
         descriptor = self._channel.fileno()
         os.set_blocking(descriptor, False)
         try:

@@ -1,1 +1,1 @@
-"""What stands around the PLC, frozen for the screen; the PLC itself is in `plc/snapshot.py`."""
+"""What surrounds the PLC, frozen for the screen; the PLC itself is in `plc/snapshot.py`."""

@@ -151,7 +151,6 @@ class ReceivedStreams:
         self.index = reader.index
         self.streams: defaultdict[str, ReceivedStream] = defaultdict(ReceivedStream)
         self._bench = bench
-        self._frames: dict[str, int] = {}  # by instance
         self._arrivals: dict[str, int] = {}
         self.index.listen({
             BytesReceived: self._received,
@@ -224,8 +223,7 @@ class ReceivedStreams:
             stream.arrivals.append(stream.recvs[-1])
 
     def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
-        instance, buffer, offset, size, ending, prefix, suffix = event
-        number = self._frames[instance] = self._frames.get(instance, 0) + 1
+        instance, buffer, offset, size, ending, prefix, suffix, number = event
         self._take(buffer, offset, JobSpan(
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,

@@ -125,6 +125,14 @@ class ReceivedStream:
                 return self.pieces(place)
         return []
 
+    def pieces_of(self, instance: str, number: int) -> list[JobSpan]:
+        """Return the pieces of one of the newest jobs, or frames, of that number."""
+        for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
+            job = self.jobs[place]
+            if job.done and job.number == number and job.instance == instance:
+                return self.pieces(place)
+        return []
+
     def job(self, instance: str, number: int) -> int | None:
         """Return where the newest job, or frame, of that number begins."""
         found = (

@@ -43,9 +43,10 @@ class Compared(VirtualPace):
             match event:
                 case JobEnded(instance, number, connect, _, _, size, True):
                     in_data[self._data(instance)] = connect, instance, number, size
-                case FrameEnded(instance, buffer, _, size):
+                case FrameEnded(instance, buffer, _, size, number=number):
                     self._frames[instance] += 1
-                    in_data[self._data(instance)] = buffer, instance, self._frames[instance], size
+                    assert number == self._frames[instance]
+                    in_data[self._data(instance)] = buffer, instance, number, size
                 case BytesDropped():
                     drops[event.connection, event.size, event.reason] += 1
                 case NoiseDropped():

@@ -179,6 +179,8 @@ class MessageRows:
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
+        for of in self._of.values():
+            of.last_ns = None
 
     def _add(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,

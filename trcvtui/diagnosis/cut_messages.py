@@ -43,7 +43,7 @@ class MessageCutter:
                 self._take(ns, data, record, "", True)  # nearly all of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
-            self.end()
+            self.end(ns)
         if self._rest:
             part, data = data[: self._rest], data[self._rest :]
             self._rest -= len(part)
@@ -53,10 +53,10 @@ class MessageCutter:
             if not data:
                 return
         if self._held and not self._is_full and 0 < record < len(self._held) + len(data):
-            self.end()  # what was held has another size
+            self.end(ns)  # what was held has another size
         self._hold(ns, data, largest)
         if len(self._held) >= (record or MOST_HELD) and not (record and self._is_full):
-            self.end()
+            self.end(ns)
         elif len(self._held) >= max(MOST_HELD, 2 * record):
             self._give_records()
 
@@ -66,7 +66,7 @@ class MessageCutter:
         if len(data) < size or not data:
             self._give(len(data), HOLE if data or size else "", size - len(data))
         else:
-            self.end()
+            self.end(ns)
 
     def hole(self, ns: int, size: int) -> None:
         """Take that so many bytes are missing."""
@@ -79,16 +79,16 @@ class MessageCutter:
         self._rest = (to_next - size) % self._record if is_known else UNTIL_PAUSE
         self._last = ns, 0
 
-    def turn(self) -> None:
+    def turn(self, ns: int) -> None:
         """Take that the other end speaks: it has got the message."""
         if self._held and not self._is_full:
-            self.end()
+            self.end(ns)
 
-    def end(self, reason: str = "") -> None:
-        """Give what is held; `reason`: why no more of a record comes."""
+    def end(self, ns: int, reason: str = "") -> None:
+        """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
         size, record = len(self._held), self._record
-        if self._rest:
-            reason = HOLE
+        if self._rest or ns - self._last[0] >= PAUSE_NS:
+            reason = HOLE if self._rest else ""
         elif record and size % record == 0 and (self._is_write or size == record):
             self._give_records()
         if self._held:

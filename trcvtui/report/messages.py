@@ -340,20 +340,21 @@ class _CaptureMessages:
             else:
                 other = self._cutters.get(direction.other)
                 if other is not None:
-                    other.turn()
+                    other.turn(ns)
                 cutter.segment(ns, data, direction.largest)
         elif kind is SegmentKind.MISSING:
             cutter.hole(ns, size)
         else:
-            cutter.end(kind.value)
+            cutter.end(ns, kind.value)
             other = self._cutters.get(direction.other)
             if kind is SegmentKind.RST and other is not None:
-                other.end(kind.value)
+                other.end(ns, kind.value)
 
     def end(self) -> None:
+        last_ns = max([each.last_ns for each in self.found.all], default=0)
         for cutter in self._cutters.values():
             if cutter is not None:
-                cutter.end("end of file")
+                cutter.end(last_ns, "end of file")
         if self._given is not None and self.found.all and not any(self._cutters.values()):
             given = f"'{self._rows.asked.plc}', which no conversation has"
             raise fits_nothing("--plc", given, self.found.all)

@@ -345,7 +345,8 @@ class _CaptureMessages:
                     other.turn(ns)
                 cutter.segment(ns, data, direction.largest)
         elif kind is SegmentKind.MISSING:
-            cutter.hole(ns, size)
+            if conversation.protocol != "udp":
+                cutter.hole(ns, size)
         else:
             cutter.end(ns, kind.value)
             other = self._cutters.get(direction.other)

@@ -166,6 +166,7 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
+        self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
@@ -293,6 +294,8 @@ class StreamIndex:
 
     def packet_ns(self, link: Link, offset: int, datagram: int | None = None) -> int | None:
         """Return when the packet with a byte stands in its capture, or that of a datagram's number."""
+        if self.packet_times is not None and link in self._links:
+            return self.packet_times(*self._links[link], offset)
         sent = self._messages(link)
         place = bisect_right(sent.told, (offset, *_LAST)) - 1 if sent is not None else -1
         while sent is not None and place >= 0:

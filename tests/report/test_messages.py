@@ -223,6 +223,38 @@ def test_the_files_of_a_split_run_have_each_message_once_with_the_jobs_number(ru
     assert int(first["n"]) > 1
 
 
+CHANGES = """
+[[peer]]
+name = "P"
+active = true
+remote = "@C1"
+[scenario]
+name = "a type changes"
+steps = '''
+peer P connect
+wait R1 STATUS=7006
+peer P send hex 01 00 00 00 00 00 C0 3F 01 00 00 00
+run 9
+set R1 EN_R=0
+resize rx ARRAY[0..3] OF INT
+set R1 EN_R=1
+run 9
+peer P send hex 01 00 02 00 03 00 04 00
+run 9
+'''
+"""
+
+
+def test_after_a_change_of_the_type_its_old_columns_are_empty(run: Run, folder: Path) -> None:
+    (folder / "s.toml").write_text((folder / "p.toml").read_text() + CHANGES)
+    assert main(["scenario", "s.toml", "--record", "s.pcapng"]) == 0
+    found = told(rows(run, "s.pcapng"), "length", "hex", "state", "count")
+    assert [(row[0], *row[2:]) for row in found] == [("12", "1", "1"), ("8", "", "")]
+    assert found[1][1] == "01 00 02 00 03 00 04 00"
+    assert told(rows(run, "s.pcapng", "--where", "state = 1"), "length") == [("12",)]
+    assert told(rows(run, "s.pcapng", "--where", "length < 9"), "length") == [("8",)]
+
+
 class Cut:
     """A cutter, and what it has given: size, bytes, reason, whether the message begins there."""
 

@@ -231,11 +231,16 @@ remote = "@C1"
 [scenario]
 name = "a type changes"
 steps = '''
+set R1 EN_R=0
+run 9
 peer P connect
-wait R1 STATUS=7006
+wait R1 STATUS=7004
+set R1 EN_R=1
+run 9
 peer P send hex 01 00 00 00 00 00 C0 3F 01 00 00 00
 run 9
 set R1 EN_R=0
+run 3
 resize rx ARRAY[0..3] OF INT
 set R1 EN_R=1
 run 9

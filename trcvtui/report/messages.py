@@ -23,6 +23,7 @@ from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import replacing
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
+from trcvtui.history.received_streams import LEAST_SPANS_KEPT
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.project.project import DataDecl, Project
@@ -193,7 +194,8 @@ class _BenchMessages:
 
     def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0) -> None:
         self.reader = LedgerReader(bench)
-        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams)
+        self._streams = StreamReader(bench, self.reader).streams
+        self._messages = MessageRows(bench, self.reader, self._streams)
         self._rows, self._add_ns, self._bench = rows, add_ns, bench
         self._begun = self._project = bench.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
@@ -207,6 +209,8 @@ class _BenchMessages:
         for name, row in self._messages.take():
             row = row._replace(t_ns=row.t_ns + self._add_ns)
             self._rows.take(name, (name,), row, name not in self._changed)
+        for stream in self._streams.streams.values():
+            stream.forget(LEAST_SPANS_KEPT, 0)  # what has become rows
 
 
 def _run(rows: _Rows, kernel: str, time_ns: int) -> None:

@@ -1,7 +1,7 @@
-"""Numbers over time in cells: a line of blocks, and a curve of braille; no value between two columns is lost.
+"""Numbers over time in cells: a line of blocks, and a curve of braille; no peak is lost.
 
-A message that brings no number has None: what was there before stays. NaN and the infinities end a curve until
-the next number.
+A message that brings no number has None: what was there before stays. NaN and the infinities end a curve
+until the next number.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Cells from the top down, each as the bits of its dots; the ends of the axis, and those of the values."""
+    """Cells from the top down, each as the bits of its dots; the ends of the axis and of the values."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]

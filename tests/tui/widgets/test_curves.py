@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.tui.widgets.curves import DOTS, Curve, Number, Numbers, curve, place, sparkline
+from trcvtui.tui.view_model.member_numbers import Number
+from trcvtui.tui.widgets.curves import DOTS, Curve, Numbers, curve, place, sparkline
 
 HUGE = 1.7976931348623157e308
 NUMBERS = st.one_of(st.integers(-(2**63), 2**64), st.floats(), st.sampled_from([HUGE, -HUGE]), st.booleans())

@@ -12,7 +12,8 @@ from collections.abc import Iterable, Sequence
 from operator import itemgetter
 from typing import Final, NamedTuple
 
-Number = int | float
+from trcvtui.tui.view_model.member_numbers import Number
+
 Numbers = Sequence[Number | None]
 Spans = Sequence[tuple[int, int]]  # from, to: ns
 

@@ -197,7 +197,8 @@ class UdtTable(LineView):
             "",
         )
         if drawn_stop != stop:
-            drawn = sparkline(numbers.follow(known, stop))
+            some = numbers.follow(known, stop)
+            drawn = sparkline(some) if len(some) > 1 else ""
             self._sparks[number] = numbers, stop, drawn
         return drawn
 

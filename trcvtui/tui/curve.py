@@ -169,9 +169,14 @@ class CurveView(LineView, inherit_bindings=False):
         in_view = bisect_right(times, end) - bisect_left(times, begin)
         return [
             *_curves(traces, width, height),
-            row((" " * (AXIS - 1) + "└" + "─" * width, "faint")),
+            row((" " * (AXIS - 1), ""), ("└" + "─" * width, "faint")),
             row((" " * AXIS, ""), *self._marks(width)),
-            row((" " * AXIS + begins + ends.rjust(width - len(begins)), "dim")),
+            row(
+                (" " * AXIS, ""),
+                (begins, "dim"),
+                (" " * (width - len(begins) - len(ends)), ""),
+                (ends, "dim"),
+            ),
             *(_figures(trace, in_view) for trace in traces),
         ]
 
@@ -237,11 +242,18 @@ def _curves(traces: Sequence[Trace], width: int, height: int) -> Iterator[Row]:
     drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
     for y in range(height):
         both = list(zip(drawn[0][y], drawn[-1][y], strict=True))
-        styles = groupby(both, lambda cells: first.style if cells[0] else other.style)
+        # Blanks are parts of their own: what draws a picture as SVG may make them narrow.
+        styles = groupby(both, lambda cells: first.style if cells[0] else other.style if cells[1] else "")
         parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
         label = _label(first, y, height)
-        ends = [(f" {_label(other, y, height)}", other.style)] if len(traces) > 1 else []
-        yield row((label.rjust(AXIS - 2) + " ", first.style), ("┤" if label else "│", "faint"), *parts, *ends)
+        ends = [(" ", ""), (_label(other, y, height), other.style)] if len(traces) > 1 else []
+        yield row(
+            (" " * (AXIS - 2 - len(label)), ""),
+            (f"{label} ", first.style),
+            ("┤" if label else "│", "faint"),
+            *parts,
+            *ends,
+        )
 
 
 def _label(trace: Trace, y: int, height: int) -> str:

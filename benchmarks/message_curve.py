@@ -1,7 +1,7 @@
 """M12: the messages of the selected instance with 10,000 rows: from a key to the table, a picture of a curve.
 
 The curve is that of a member of 10,000 messages in 180 x 40 cells, one message newer in each picture: the new
-one is decoded, all of them are drawn. The table is the real program in a pseudo terminal, while messages come.
+one is decoded, all are drawn. The table is the real program in a pseudo terminal, while messages come.
 """
 
 from __future__ import annotations

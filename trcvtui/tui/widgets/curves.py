@@ -103,12 +103,12 @@ def _columns(
     for column in range(count):
         end = first + (last - first) * (column + 1) // count
         stop = bisect_left(times, end, at) if column < count - 1 else bisect_right(times, last, at)
-        own = [number for number in numbers[at:stop] if number is not None]
+        own = numbers[at:stop]
         in_gap = bisect_right(gaps, begin, key=BEGIN) - 1
         is_held = in_gap < 0 or gaps[in_gap][1] < end
-        some = finite([held, *own] if is_held else own)
+        some = finite((held, *own) if is_held else own)
         found.append((min(some), max(some)) if some else None)
-        held = own[-1] if own else held
+        held = next((number for number in reversed(own) if number is not None), held)
         at, begin = stop, end
     return found
 
@@ -117,8 +117,7 @@ def _fill(cells: list[list[int]], column: int, first: int, last: int) -> None:
     """Set the dots of a column from row `first` to row `last` of dots."""
     bits, x = DOTS[column % 2], column // 2
     for y in range(first // 4, last // 4 + 1):
-        for dot in range(max(first - 4 * y, 0), min(last - 4 * y, 3) + 1):
-            cells[y][x] |= bits[dot]
+        cells[y][x] |= sum(bits[max(first - 4 * y, 0) : last - 4 * y + 1])
 
 
 def braille(cell: int) -> str:

@@ -330,21 +330,21 @@ class MainScreen(FullScreen[None]):
 
     def on_past_selected(self, message: messages.PastSelected) -> None:
         """Decode the job that the selected byte of the past belongs to, and show its member."""
-        of_job = self.received.job_of_cursor()
+        of_job = self.received.past.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._view_model.selected
         self.table.past = of_job[1:] if of_job is not None and mine else None
         if self.table.was_thrown_away:
             self.table.cursor = None
         in_data = mine and not self.table.was_thrown_away
-        field = self.table.field_at(self.received.byte_in_job()) if in_data else range(0)
-        self.received.show_field(field, goes_there=False)
+        field = self.table.field_at(self.received.past.byte_in_job()) if in_data else range(0)
+        self.received.past.show_field(field, goes_there=False)
         self.table.show()
         self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
         if self.table.past is not None:
             if not self.table.was_thrown_away:
-                self.received.show_field(message.field, goes_there=True)
+                self.received.past.show_field(message.field, goes_there=True)
             self.received.show()
             return
         self._link_decoded(message.field)
@@ -494,17 +494,17 @@ class MainScreen(FullScreen[None]):
 
         if pane in ("peers", "payload"):
             return subject_of(self._view_model, of_job=False, of_peer=True)
-        lack = self.received.lack() if pane in ("stream", "data", "job", "udt") else ""
+        lack = self.received.past.lack() if pane in ("stream", "data", "job", "udt") else ""
         if lack:
             self.prompt.complain(f"nothing to yank: {lack}")
             return None
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
-        past = self.received.job_of_cursor()
+        past = self.received.past.job_of_cursor()
         if past is not None and pane != "stream" and past[0] != self._view_model.selected:
             past = None  # pane 6 shows DATA beside a job of another instance
         found = subject_of(self._view_model, of_job, False, past)
         if pane == "stream":
-            message, from_mark = self.received.copied()
+            message, from_mark = self.received.past.copied()
             found = replace(found, message=message, from_mark=from_mark)
         return found
 

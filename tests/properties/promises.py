@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.baosky.status import STATUS
+from trcvtui.net.connection.connection import LOSS_REASONS
 from trcvtui.net.events import BytesDropped, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
@@ -121,7 +122,7 @@ class FramesKept:
                     self._asked[name] = {}
                 case ConnectionChanged(name, _, EventKind.SECOND_CLIENT, _, peer):
                     assert (self._partners[name], peer) not in self._successors, "he comes after the end"
-                case BytesDropped(name, _, -1, size, "connection lost"):
+                case BytesDropped(name, _, -1, size, reason) if reason in LOSS_REASONS.values():
                     for reader, least in self._asked.get(name, {}).items():
                         stands = now[name].get(reader) == least
                         assert not stands or size < least, f"{reader} asked for {least} of {size} bytes"

@@ -22,7 +22,7 @@ from trcvtui.replay.run_again import ReplayRun
 SEVERAL = (  # streams, ISO-on-TCP, UDP, a serial line, a program
     "scenarios/baosky/7006-7008-static", "scenarios/siemens/iso-passive",
     "scenarios/siemens/udp-send-and-receive",
-    "scenarios/twincat/2-line-broken", "scenarios/stories/en-r-dropped",
+    "scenarios/twincat/6-t09-no-suffix-0017", "scenarios/stories/en-r-dropped",
 )  # fmt: skip
 
 

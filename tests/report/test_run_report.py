@@ -114,7 +114,7 @@ def test_an_error_is_told_with_its_scan_its_cause_and_what_to_check() -> None:
     assert "16#80A6 Frame ended too early (static mode) in scan 8, 0.070 s" in said
     assert "each has 5 bytes, the frame wants 8: 3 bytes short" in said
     assert "8 0.070 16#80A6 short frame ERROR the partner closed (recv gave 0 bytes), 5 of 8 bytes" in said
-    assert "job 1, received 5 B, scan 8, 0.070 s connection lost 00000000 01 02 03 04 05" in said
+    assert "job 1, received 5 B, scan 8, 0.070 s FIN 00000000 01 02 03 04 05" in said
     assert "5 0.040 command peer P1 send hex 01 02 03 04 05" in said
 
 

@@ -94,5 +94,5 @@ def test_with_its_switch_a_part_ends_where_en_r_falls() -> None:
     assert not runner.play((*scenario.start, *scenario.steps)).passed
     events = [line.event for line in bench.runtime.ledger]
     assert PartialFrameDropped("RD", "RX", 0, 1, "EN_R fell") in events
-    assert FrameEnded("RD", "RX", 1, 2, "suffix", suffix=1) in events
+    assert FrameEnded("RD", "RX", 1, 2, "suffix", suffix=1, number=1) in events
     bench.close()

@@ -36,7 +36,7 @@ class BytesLost(NamedTuple):
 class FrameEnded(NamedTuple):
     """A frame was delivered. Its bytes were the newest that the block had taken.
 
-    `prefix` and `suffix`: how many of them are marks.
+    `prefix` and `suffix`: how many of them are marks. `number` counts the frames of the instance, from 1.
     """
 
     instance: str
@@ -46,6 +46,7 @@ class FrameEnded(NamedTuple):
     ending: str
     prefix: int = 0
     suffix: int = 0
+    number: int = 0
 
 
 class PartialFrameDropped(NamedTuple):

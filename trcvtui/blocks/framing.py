@@ -182,6 +182,10 @@ class Tally(NamedTuple):
     parts: int = 0
     reason: str = ""
 
+    @property
+    def frames(self) -> int:
+        return self.good + self.gaps + self.overruns
+
     def ended(self, ending: Ending) -> Tally:
         if ending is Ending.GAP:
             return self._replace(gaps=self.gaps + 1)

@@ -28,7 +28,9 @@ from trcvtui.engine.project_edits import ProjectEdits
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.messages import MessageRows, MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta
+from trcvtui.history.records import NOW
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
@@ -178,6 +180,7 @@ class Controller:
     def _begin(self, bench: Bench) -> None:
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
+        self._messages = MessageRows(bench, reader, self._history.streams)
         self._trigger_watch = TriggerWatch(bench, reader)
         self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()
@@ -529,7 +532,14 @@ class Controller:
             shadows=self.shadows,
             talks=self.talks(),
             doctor=self._doctor.snapshot,
+            messages=self._message_news(request, kept.snapshot.scan if kept else NOW) if known else None,
         )
+
+    def _message_news(self, request: UpdateRequest, scan: int) -> MessagesDelta | None:
+        if request.messages is None:
+            return None
+        instance, since, until = request.messages
+        return self._messages.news(instance, since, min(until, scan))
 
     def complain(self, text: str) -> None:
         """Say what is wrong, asked by no line."""

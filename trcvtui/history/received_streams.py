@@ -125,6 +125,14 @@ class ReceivedStream:
                 return self.pieces(place)
         return []
 
+    def pieces_of(self, instance: str, number: int) -> list[JobSpan]:
+        """Return the pieces of one of the newest jobs, or frames, of that number."""
+        for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
+            job = self.jobs[place]
+            if job.done and job.number == number and job.instance == instance:
+                return self.pieces(place)
+        return []
+
     def job(self, instance: str, number: int) -> int | None:
         """Return where the newest job, or frame, of that number begins."""
         found = (
@@ -151,7 +159,6 @@ class ReceivedStreams:
         self.index = reader.index
         self.streams: defaultdict[str, ReceivedStream] = defaultdict(ReceivedStream)
         self._bench = bench
-        self._frames: dict[str, int] = {}  # by instance
         self._arrivals: dict[str, int] = {}
         self.index.listen({
             BytesReceived: self._received,
@@ -224,8 +231,7 @@ class ReceivedStreams:
             stream.arrivals.append(stream.recvs[-1])
 
     def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
-        instance, buffer, offset, size, ending, prefix, suffix = event
-        number = self._frames[instance] = self._frames.get(instance, 0) + 1
+        instance, buffer, offset, size, ending, prefix, suffix, number = event
         self._take(buffer, offset, JobSpan(
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,

@@ -127,7 +127,7 @@ class JobRecord(NamedTuple):
 class _InstanceReads:
     """What one instance has read, in bare fields: its running job and the one that DATA has."""
 
-    __slots__ = ("began", "delivered", "link", "reads", "runs")
+    __slots__ = ("began", "cut", "delivered", "link", "reads", "runs")
 
     def __init__(self) -> None:
         self.began: _Began | None = None
@@ -135,6 +135,7 @@ class _InstanceReads:
         self.reads: list[RecvSpan] = []  # of the running job
         self.link: Link = "", 0  # where it read these
         self.delivered: _Ended | None = None
+        self.cut: list[RecvSpan] = []  # of the newest job that ended without DONE
 
 
 class _Arrived:
@@ -165,6 +166,7 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
+        self.has_holes = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
@@ -201,6 +203,7 @@ class StreamIndex:
 
     def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         peer, message, local, remote, offset, size = event
+        self.has_holes = self.has_holes or peer == A_HOLE
         ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))
@@ -258,6 +261,8 @@ class StreamIndex:
         begun = reading.began if reading.runs else None
         if done:
             reading.delivered = scan, t_ns, tuple(event), begun, reading.reads
+        else:
+            reading.cut = reading.reads if begun is not None else []
         reading.runs, reading.reads = False, []
         for listener in self.ends[done]:
             listener(seq, scan, t_ns, event)
@@ -320,6 +325,10 @@ class StreamIndex:
         """Return the recv calls of the newest job with DONE; none where not all of them are known."""
         delivered = self._readings[instance].delivered
         return delivered[4] if delivered is not None and delivered[3] is not None else []
+
+    def cut_reads(self, instance: str) -> list[RecvSpan]:
+        """Return the recv calls of the newest job without DONE; none where not all of them are known."""
+        return self._readings[instance].cut
 
     def last_read(self, instance: str) -> RecvSpan:
         """Return the newest recv call of the running job."""

@@ -10,6 +10,7 @@ from msgspec import Struct
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
+from trcvtui.history.messages import MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta
 from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
@@ -44,6 +45,7 @@ class UpdateRequest(Struct, frozen=True):
     history: HistoryRequest | None = None
     recordings_of: tuple[str, ...] = ()  # ComBuffers
     doctor: bool = False  # whether it shall look
+    messages: tuple[str, int, int] | None = None  # rows of an instance, from a number on, up to a scan
 
 
 class BenchUpdate(Struct, frozen=True):
@@ -86,6 +88,7 @@ class BenchUpdate(Struct, frozen=True):
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED
+    messages: MessagesDelta | None = None
 
 
 NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out

@@ -140,7 +140,8 @@ class BenchApp(TerminalApp):
     def _is_at_work(self, now: float) -> bool:
         """Return whether each frame asks for a picture; only the panes of a bench come to rest."""
         may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
-        return now < self._worked_at + AT_WORK_S or not may_rest or self.main.prompt.waits
+        is_slow = self.main.prompt.waits or self.view_model.known_messages.is_behind
+        return now < self._worked_at + AT_WORK_S or not may_rest or is_slow
 
     @property
     def _is_on_a_bench(self) -> bool:

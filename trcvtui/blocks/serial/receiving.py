@@ -136,8 +136,8 @@ class Reception:
             return self._spoilt(frame)
         self.last, self.tally = marks_of(frame, framing), self.tally.ended(ending)
         place = self._buffer.head - size
-        marks = self.last.prefix, self.last.suffix
-        self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending), *marks))
+        more = self.last.prefix, self.last.suffix, self.tally.frames
+        self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending), *more))
         self._deliver(frame.content)
         cause = Cause(Why.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
         is_gap = ending is Ending.GAP

@@ -54,7 +54,7 @@ class SingleTsend(JobBlock):
     def _lost(self, loss: ConnectionLoss) -> Outcome:
         self._link.end([])
         shown = end_of_job(loss, self.job, self._course, Condition.SEND_FAILED)
-        self.job.abandon("connection lost")
+        self.job.abandon(loss.reason)
         return shown
 
 
@@ -105,7 +105,7 @@ class SingleTrcv(JobBlock):
     def _lost(self, loss: ConnectionLoss) -> Outcome:
         self._link.end([])
         shown = end_of_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
-        self.job.abandon("connection lost")
+        self.job.abandon(loss.reason)
         return shown
 
     def _no_link(self) -> Outcome:

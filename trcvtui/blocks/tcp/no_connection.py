@@ -11,19 +11,16 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import NotConnected, Rules
-from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind
+from trcvtui.net.connection.connection import LOSS_REASONS, Connection, ConnectionLoss, LossKind
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage
 
 _FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
 
 _LOSS_NAMES = {
+    **LOSS_REASONS,
     LossKind.CLOSED_BY_PARTNER: "the partner closed",
     LossKind.RESET_BY_PARTNER: "the partner reset",
-    LossKind.REFUSED: "the partner refused us at the end of the handshake",
-    LossKind.LINK_DEAD: "the link is dead",
-    LossKind.FAILED: "the connection failed",
-    LossKind.OURS: "closed on our side",
 }
 
 

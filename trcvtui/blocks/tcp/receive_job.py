@@ -175,7 +175,7 @@ class ReceiveJob(IncomingJob):
         still_asked = self._env.rules.course.still_asked
         if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
             outcomes.append(Outcome(still_asked, outcomes[-1].cause))
-        self.abandon("connection lost")
+        self.abandon(loss.reason)
         return outcomes
 
     def receiving(self) -> Outcome:

@@ -146,7 +146,7 @@ class SendJob(OutgoingJob):
         """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
         outcomes = show_loss(loss, self._env.rules, self, failed)
-        self.abandon("connection lost")
+        self.abandon(loss.reason)
         return outcomes
 
     def _end(self, done: bool, reason: str) -> None:

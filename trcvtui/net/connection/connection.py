@@ -44,6 +44,15 @@ class LossKind(Enum):
     OURS = auto()
 
 
+# What is said of bytes that a loss has kept from DATA.
+LOSS_REASONS: Final = {
+    LossKind.CLOSED_BY_PARTNER: "FIN",
+    LossKind.RESET_BY_PARTNER: "RST",
+    LossKind.REFUSED: "the partner refused us at the end of the handshake",
+    LossKind.LINK_DEAD: "the link is dead",
+    LossKind.FAILED: "the connection failed",
+    LossKind.OURS: "closed on our side",
+}
 # 3.2: this whole family, on an established connection, means that the link is dead.
 LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
 # The partner has ended a session, with a word of its own or without the one that belongs there.
@@ -59,6 +68,10 @@ class ConnectionLoss(Struct, frozen=True):
     fault: Fault | None = None
     release_fault: Fault | None = None
     is_played: bool = False  # closed by the PLC of a capture: which of its blocks did is not known
+
+    @property
+    def reason(self) -> str:
+        return LOSS_REASONS[self.kind]
 
 
 def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
@@ -487,7 +500,7 @@ class Connection:
     def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
         left = self.unread()
-        self.drop(-1, left, "connection lost")
+        self.drop(-1, left, loss.reason)
         idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
         self._pauses = idle and self.config.active and self._policy.pauses_after_idle
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
 from trcvtui.history.pin_waveform import WaveformCache
-from trcvtui.history.records import HistoryRequest, HistoryWindow
+from trcvtui.history.records import NOW, HistoryRequest, HistoryWindow
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.containment import Containment, ExceptionNote
@@ -28,6 +28,7 @@ from trcvtui.snapshots.bench import Answer, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.snapshots.replay import BESIDE, Position
 from trcvtui.tui.formatting import SECOND
+from trcvtui.tui.view_model.known_messages import KnownMessages
 
 GLOW_NS: Final = SECOND
 DONE, ERROR = "DONE", "ERROR"
@@ -149,6 +150,7 @@ class ViewModel:
             lambda part, report: None, self._report, lambda note: None, None, lambda do: do()
         )
         self.waves = WaveformCache()
+        self.known_messages = KnownMessages()
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
         self.is_frozen = False
@@ -181,6 +183,7 @@ class ViewModel:
             self._take_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
+        self.known_messages.take(picture.messages, NOW if self.frozen_at is None else self.frozen_at)
         self.answers = {answer.number: answer for answer in picture.answers}
         if picture.fired is None and (self.is_frozen or self._asks_again(picture)):
             self._take_waves(picture)
@@ -245,7 +248,7 @@ class ViewModel:
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
         self.lines.clear()
-        self.waves = WaveformCache()
+        self.waves, self.known_messages = WaveformCache(), KnownMessages()
         self.thaw()
         self.history, self.afterglow, self.stream_index = History(), Afterglow(), new_index()
 
@@ -293,10 +296,11 @@ class ViewModel:
         waves = self.waves.asked(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
         past, recordings = self.past_wanted, self.recordings_wanted
-        if past is not None and self.frozen_at is not None:
-            past = replace(past, scan=self.frozen_at)
+        until = NOW if self.frozen_at is None else self.frozen_at
+        past = replace(past, scan=until) if past is not None else None
+        messages = *self.known_messages.asked(self.selected), until
         return UpdateRequest(
-            self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted
+            self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted, messages
         )
 
     def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:

@@ -1,0 +1,210 @@
+"""One row for each message of an instance: a receive job that ended with bytes, a frame, a send job.
+
+Rule 1: a row has no bytes of its own, only their places in a ring (net/received_ring.py).
+Rule 2: STATUS is that after the scan of the row; an instance whose outputs stay as they are writes no edge.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+from msgspec import Struct
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.environment import FrameEnded
+from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.received_streams import ReceivedStreams, first_of
+from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
+from trcvtui.plc.ledger import A_HOLE, StatusEdge
+
+ROWS: Final = 10_000  # of an instance
+MOST_ROWS: Final = 100_000  # of all
+ROWS_A_PICTURE: Final = 256
+BYTES_A_PICTURE: Final = 65_536  # of its rows; one row alone may have as many
+MOST_PIECES: Final = 256  # of a message: the bytes of one in more are not kept
+UNKNOWN: Final = -1  # STATUS, after lines of the ledger were overwritten
+HOLE: Final = "hole"
+
+
+class MessageRow(NamedTuple):
+    """A message; `t_ns` is the time of its last byte, `gap_ns` the time since that of the message before.
+
+    `number` is that of the job or frame. `position` and `others` say where its bytes lie in the ring of
+    `stream`; -1: nowhere. The values of its first `have` bytes are known. `content` is there once the row has
+    left the engine; None: its bytes have left the ring.
+    """
+
+    number: int
+    scan: int
+    t_ns: int
+    gap_ns: int | None
+    size: int
+    status: int
+    stream: str
+    position: int
+    reason: str = ""  # why it did not end with DONE
+    have: int = 0
+    content: bytes | None = None
+    others: tuple[tuple[int, int], ...] = ()  # all of its pieces, where it has more than one
+
+
+class MessagesDelta(Struct, frozen=True):
+    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values."""
+
+    instance: str
+    first: int
+    count: int
+    rows: tuple[MessageRow, ...]
+    oldest: int = 0
+
+
+class _InstanceRows:
+    def __init__(self) -> None:
+        self.rows: deque[MessageRow] = deque()
+        self.count = 0
+        self.last_ns: int | None = None
+        self.oldest = 0  # the first row whose bytes are kept
+
+    @property
+    def first(self) -> int:
+        return self.count - len(self.rows)
+
+
+class MessageRows:
+    """The newest rows of each instance of a bench."""
+
+    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams) -> None:
+        self._bench, self._catch_up, self._streams = bench, reader.catch_up, streams
+        self._of: dict[str, _InstanceRows] = {}
+        self._total = 0
+        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
+        self._status = {each.name: each.outputs.status for each in instances if each is not None}
+        index = reader.index
+        index.ends[True].append(self._job_ended)
+        index.ends[False].append(self._job_ended)
+        index.listen({FrameEnded: self._frame_ended, StatusEdge: self._status_changed})
+        reader.lost.append(self._lose)
+
+    # -- what is read ------------------------------------------------------------------------------------
+
+    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
+        """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
+        self._catch_up()
+        of = self._of.get(instance)
+        if of is None:
+            return MessagesDelta(instance, 0, 0, ())
+        first = max(since, of.first)
+        found, size = list[MessageRow](), 0
+        for number in range(first, min(of.count, first + ROWS_A_PICTURE)):
+            row = self._with_content(of.rows[number - of.first])
+            size += len(row.content or b"")
+            if row.scan > until or (found and size > BYTES_A_PICTURE):
+                break
+            found.append(row)
+        return MessagesDelta(instance, first, of.count, tuple(found), self._oldest(of))
+
+    def take(self) -> Iterator[tuple[str, MessageRow]]:
+        """Yield all rows with their instances, and forget them."""
+        self._catch_up()
+        for name, of in self._of.items():
+            self._total -= len(of.rows)
+            while of.rows:
+                yield name, self._with_content(of.rows.popleft())
+
+    def _with_content(self, row: MessageRow) -> MessageRow:
+        return row._replace(content=self._content(row), others=())
+
+    def _content(self, row: MessageRow) -> bytes | None:
+        ring = self._bench.runtime.received(row.stream) if row.position >= 0 else None
+        if ring is None:
+            return None if row.size else b""
+        parts = row.others or ((row.position, row.size),)
+        content = b"".join([ring.read(position, position + size) for position, size in parts])
+        return content[: row.have] if len(content) == row.size else None
+
+    def _oldest(self, of: _InstanceRows) -> int:
+        for number in range(max(of.oldest, of.first), of.count):
+            row = of.rows[number - of.first]
+            ring = self._bench.runtime.received(row.stream)
+            if ring is not None and row.size and row.position >= ring.begin:
+                of.oldest = number
+                return number
+        return of.count
+
+    # -- what is written ---------------------------------------------------------------------------------
+
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, number, connect, _, _, size, done, reason = event
+        if not done and not size:
+            return
+        reads = self._streams.index.reads(instance) if done else self._streams.index.cut_reads(instance)
+        is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
+        pieces = first_of(reads, size) if is_known else []
+        have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
+        reason = reason if not done else HOLE if have < size else ""
+        self._add(
+            instance, number, scan, reads[-1].t_ns if reads else t_ns, size, connect, pieces, reason, have
+        )
+
+    def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
+        """Return how many of the bytes stand before the first one that a capture has not."""
+        first = 0
+        for recv in reads:
+            link = connect, recv.incarnation
+            for span in self._streams.index.messages_within(link, recv.offset, recv.size, first):
+                if span.peer == A_HOLE:
+                    return min(size, span.position)
+            first += recv.size
+        return size
+
+    def _frame_ended(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
+        instance, buffer, number, size = event.instance, event.buffer, event.number, event.size
+        stream = self._streams.streams[buffer]
+        spans = stream.pieces_of(instance, number)
+        last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
+        pieces = joined((span.position, span.size) for span in spans)
+        self._add(
+            instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
+        )
+
+    def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+        status = self._status[event.instance] = event.outputs.status
+        of = self._of.get(event.instance)
+        place = len(of.rows) - 1 if of is not None else -1
+        while of is not None and place >= 0 and of.rows[place].scan == scan:
+            of.rows[place] = of.rows[place]._replace(status=status)
+            place -= 1
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        self._status.clear()
+        for of in self._of.values():
+            of.last_ns = None
+
+    def _add(
+        self, instance: str, number: int, scan: int, t_ns: int, size: int,
+        stream: str, pieces: Pieces, reason: str, have: int,
+    ) -> None:  # fmt: skip
+        of = self._of.setdefault(instance, _InstanceRows())
+        gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
+        of.last_ns = t_ns
+        if len(pieces) > MOST_PIECES:
+            pieces = []
+        others = tuple(pieces) if len(pieces) > 1 else ()
+        position = pieces[0][0] if pieces else -1
+        status = self._status.get(instance, UNKNOWN)
+        of.rows.append(MessageRow(
+            number, scan, t_ns, gap_ns, size, status, stream, position, reason, have, None, others
+        ))  # fmt: skip
+        of.count += 1
+        self._total += 1
+        if len(of.rows) > ROWS:
+            self._forget_oldest(of)
+        elif self._total > MOST_ROWS:
+            is_many = len(of.rows) > MOST_ROWS // len(self._of)
+            self._forget_oldest(of if is_many else max(self._of.values(), key=lambda each: len(each.rows)))
+
+    def _forget_oldest(self, of: _InstanceRows) -> None:
+        of.rows.popleft()
+        self._total -= 1

@@ -1,0 +1,63 @@
+"""The messages of the selected instance as the screen knows them: a copy of the engine's newest rows."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.history.messages import ROWS, MessageRow, MessagesDelta
+from trcvtui.history.records import NOW
+
+SLACK: Final = 256  # rows that are forgotten at once
+
+
+class KnownMessages:
+    """`rows` are those from number `first` on, the oldest first; another instance begins anew.
+
+    A row that is not here any more has no index; one without `content` has no values any more.
+    """
+
+    def __init__(self) -> None:
+        self.instance = ""
+        self.first = self.count = 0  # number of rows[0] among all of the instance; how many it has had
+        self.rows: list[MessageRow] = []
+        self.left_out = 0  # that came faster than they can cross to the screen
+        self.is_behind = False  # more rows wait than came with the last picture
+        self._emptied = 0  # up to this number, content was forgotten
+
+    @property
+    def stop(self) -> int:
+        return self.first + len(self.rows)
+
+    @property
+    def oldest(self) -> int:
+        """Return the number of the first row with values."""
+        return max(self.first, self._emptied)
+
+    def asked(self, instance: str) -> tuple[str, int]:
+        """Return what to ask the engine for: the rows of an instance after those that are known."""
+        if instance != self.instance:
+            self.__init__()  # type: ignore[misc]
+            self.instance = instance
+        return instance, self.stop
+
+    def take(self, news: MessagesDelta | None, until: int) -> None:
+        """Take the next rows, of a frozen view those up to its scan."""
+        if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
+            return
+        self.count = news.count
+        self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count
+        rows = [row for row in news.rows[max(0, self.stop - news.first) :] if row.scan <= until]
+        if news.first > self.stop:
+            self.left_out += (news.first - self.stop) * bool(self.rows)
+            self.first, self.rows = news.first, []
+        self.rows += rows
+        if until == NOW:  # a frozen view keeps what it shows
+            self._forget(news.oldest)
+
+    def _forget(self, oldest: int) -> None:
+        for number in range(max(self._emptied, self.first), min(oldest, self.stop)):
+            self.rows[number - self.first] = self.rows[number - self.first]._replace(content=None)
+        self._emptied = max(self._emptied, min(oldest, self.stop))
+        if len(self.rows) > ROWS + SLACK:
+            self.first += len(self.rows) - ROWS
+            del self.rows[:-ROWS]

@@ -74,7 +74,7 @@ def _filter(
     known = {pin.name.casefold(): pin for pin in (*_COLUMNS, *pins.values())} | pins
     pin = known.get(subject) or known.get(subject.casefold())
     if pin is None:
-        raise unknown_member(where, subject, layout, [*pins, *(each.name for each in _COLUMNS)])
+        raise unknown_member(where, subject, layout, [*(each.name for each in _COLUMNS), *pins])
     of_row, compare = OF_A_ROW[pin.shows], COMPARE[comparison.operator]
     value = comparison.of_pin(instance, pin).value
     return lambda row: (now := of_row(row)) >= 0 and compare(now, value)
@@ -104,5 +104,5 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
 def unknown_member(where: str, name: str, layout: Layout | None, others: Iterable[str] = ()) -> UserError:
     """Return the mistake that a name is no member, with the nearest one."""
     leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
-    names = [*(leaf.path for leaf in leaves if leaf.path), *others]
+    names = [*others, *(leaf.path for leaf in leaves if leaf.path)]
     return mistake(where, shown(name), expected_name(name, names, "member"), "unknown")

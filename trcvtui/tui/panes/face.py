@@ -10,7 +10,6 @@ from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.hex_view import ByteLines
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
 
@@ -47,7 +46,7 @@ class OriginLine(LineView, can_focus=False):
 class Face(Vertical):
     """One way to see what was received; `first` is what the keys go to, `subtitle` stands in the frame."""
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine, first: ByteLines) -> None:
+    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine, first: LineView) -> None:
         super().__init__()
         self._view_model = view_model
         self._find = find
@@ -56,6 +55,20 @@ class Face(Vertical):
         self.is_seen = self.is_searched = False  # searched: n and N are those of the search
         self.subtitle = self.note = ""  # note: what could not be found or done
         self.hit = -1, ""  # where the search has come to, and which hit of how many that is
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        """Return instance, number and bytes of the job of the past that is shown, None where it is DATA."""
+        return None
+
+    def byte_in_job(self) -> int:
+        return -1
+
+    def lack(self) -> str:
+        """Return why the bytes of what is shown cannot be had, "" where they can."""
+        return NOT_KEPT if self._view_model.lacks_bytes else ""
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        """Mark the bytes of a member."""
 
     @property
     def room(self) -> int:

@@ -1,4 +1,4 @@
-"""Pane 5: one of its faces at a time. DATA now; with `H` all that was received so far."""
+"""Pane 5: one of its faces at a time: DATA now, all that was received so far (`H`), the messages (`D`)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from textual.content import Content
 from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip
-from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.messages import MessageChosen, PastSelected
 from trcvtui.tui.panes.data_face import DataFace
 from trcvtui.tui.panes.face import OriginLine
 from trcvtui.tui.panes.stream_face import StreamFace
+from trcvtui.tui.panes.table_face import TableFace
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
@@ -28,6 +29,7 @@ class Received(Vertical):
     DEFAULT_CSS = "Received { background: $surface; }"
     BINDINGS: ClassVar = [
         Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
+        Binding("D", "messages", "messages as a table: values, filter, CSV; or DATA", show=False),
         Binding("slash", "find", "find bytes, text or a number", show=False),
         Binding("n", "find_next(True)", "find the next", show=False),
         Binding("N", "find_next(False)", "find the one before", show=False),
@@ -47,7 +49,8 @@ class Received(Vertical):
         self.now = DataFace(view_model, self._find, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
         self.data, self.job, self.stream = self.now.data, self.now.job, self.past.stream
-        self._faces = self.now, self.past
+        self.table = TableFace(view_model, self._find, self._below)
+        self._faces = self.now, self.past, self.table
         self._turn_to(self.now)
         self._title = self._subtitle = ""
 
@@ -60,7 +63,11 @@ class Received(Vertical):
     def is_past(self) -> bool:
         return self.face is self.past
 
-    def _turn_to(self, face: DataFace | StreamFace) -> None:
+    @property
+    def is_table(self) -> bool:
+        return self.face is self.table
+
+    def _turn_to(self, face: DataFace | StreamFace | TableFace) -> None:
         self.face = face
         for each in self._faces:
             each.is_seen = each.display = each is face
@@ -74,9 +81,9 @@ class Received(Vertical):
             if (window := self._view_model.past) is not None and window.connect == instance.connect:
                 self.data.show_before(window.data)
             face.ask(instance)
-        self._show_title()
         shown = face if instance is not None else self.now
         shown.show()
+        self._show_title()
         if shown.subtitle != self._subtitle:
             self._subtitle = shown.subtitle
             self.border_subtitle = Content(shown.subtitle)
@@ -89,7 +96,7 @@ class Received(Vertical):
         name, detail = self.face.head(self._view_model.instance)
         if f"{name} {detail}" != self._title or not self.border_title:
             self._title = f"{name} {detail}"
-            self.border_title = pane_title(5, name, clip(detail, 60))
+            self.border_title = pane_title(5, name, clip(detail, max(60, self.size.width - len(name) - 9)))
 
     # -- keys --------------------------------------------------------------------------------------------
 
@@ -102,10 +109,23 @@ class Received(Vertical):
         return action != "rulers" or self.is_past
 
     def action_past(self) -> None:
-        self._turn_to(self.now if self.is_past else self.past)
+        self._open(self.now if self.is_past else self.past)
+
+    def action_messages(self) -> None:
+        self._open(self.now if self.is_table else self.table)
+
+    def _open(self, face: DataFace | StreamFace | TableFace) -> None:
+        if self.is_table:
+            self.post_message(MessageChosen(None))
+        self._turn_to(face)
         self.post_message(PastSelected())
         self._back_to_bytes()
         self.show()
+
+    def on_message_chosen(self, message: MessageChosen) -> None:
+        if message.is_over and self.is_table:
+            message.stop()
+            self.action_messages()
 
     def _open_past(self) -> None:
         if not self.is_past:
@@ -145,6 +165,9 @@ class Received(Vertical):
 
     async def action_find(self) -> None:
         """Open the line for what is to be looked for; n and N go to the hits until another pane is chosen."""
+        if self.is_table:
+            await self.table.open_filter()
+            return
         self._let_search(True)
         await self._find.open()
 
@@ -166,19 +189,20 @@ class Received(Vertical):
         self._go_on(is_forward, again=True)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
-        wanted = self._find.wanted
-        if wanted is None:  # nothing was typed, or what cannot be looked for
+        wanted, face = self._find.wanted, self.face
+        if isinstance(face, TableFace):
+            face.messages.action_move(1 if is_forward else -1)
+        elif wanted is None:  # nothing was typed, or what cannot be looked for
             self.run_worker(self.action_find())
-            return
-        if not isinstance(wanted, Goal):
+        elif not isinstance(wanted, Goal):
             self._let_search(True)  # by name, from the palette
             self._mark(wanted.patterns)
-            self.face.find(wanted, is_forward, again)
+            face.find(wanted, is_forward, again)
         elif wanted.is_job:
             self._open_past()
             self.past.go_to_job(wanted.number)
         else:
-            self.face.go_to_offset(wanted)
+            face.go_to_offset(wanted)
         self.show()
 
     def action_end_find(self) -> None:

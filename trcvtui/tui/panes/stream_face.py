@@ -12,7 +12,7 @@ from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes.face import NOT_KEPT, Face, OriginLine
+from trcvtui.tui.panes.face import Face, OriginLine
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
@@ -203,9 +203,8 @@ class StreamFace(Face):
         return job.instance, job.number * job.done, self.past_job[1]
 
     def lack(self) -> str:
-        """Return why the bytes of what is shown cannot be had, "" where they can."""
-        if not self.is_seen or self.stream.cursor is None:
-            return NOT_KEPT if self._view_model.lacks_bytes else ""
+        if self.stream.cursor is None:
+            return super().lack()
         job = self.job_here()
         if job is not None and (job.is_open or not job.is_kept):
             return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"

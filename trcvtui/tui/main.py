@@ -490,16 +490,21 @@ class MainScreen(FullScreen[None]):
             self.prompt.did("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
-        from trcvtui.tui.copy_formats import AS_TABLE, FIRST, FIRST_OF_PANE, YankScreen  # read when asked for
+        from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
         if self.focused is self.received.table.first:
-            if text := self.received.table.csv():
-                self._yanked((AS_TABLE, text))
-            else:
-                self.prompt.complain("no message is there to be yanked")
+            self.run_worker(self._yank_messages())
         elif (subject := self._subject(pane)) is not None:
             self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
+
+    async def _yank_messages(self) -> None:
+        from trcvtui.tui.copy_formats import AS_TABLE  # read when first asked for
+
+        if text := await self.received.table.csv():
+            self._yanked((AS_TABLE, text))
+        else:
+            self.prompt.complain("no message is there to be yanked")
 
     def yank(self, letter: str) -> None:
         from trcvtui.tui.copy_formats import FORMATS

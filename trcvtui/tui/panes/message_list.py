@@ -14,7 +14,7 @@ from textual.binding import Binding
 from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl
-from trcvtui.tui.formatting import clip, pad, squeeze
+from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -44,7 +44,13 @@ COLUMNS: Final = (
     Column("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
 )
 WITH_SCAN: Final = 96  # columns of the screen's from which there is room for the scan
-LEAST_MEMBER, MOST_MEMBER = 9, 18  # columns of one
+LEAST, MOST = 6, 18  # columns of a member; with fewer than ENOUGH no further one is begun
+ENOUGH: Final = 9
+
+
+def fitted(text: str, width: int) -> str:
+    """Return a text in the columns of a member: its beginning and its end, where it is too long."""
+    return pad(squeeze(text, width - 1), width, right=True)
 
 
 class MessageList(LineView):
@@ -68,9 +74,9 @@ class MessageList(LineView):
         self._found: list[int] = []  # numbers of those that pass, from 0, among all rows of the instance
         self._looked, self._oldest = 0, 0  # up to where; the first that has values
         self._at: int | None = None  # the chosen one, None: the newest
-        self.columns: tuple[tuple[Column, int], ...] = ()
-        self.leaves: tuple[Leaf, ...] = ()
-        self.width = LEAST_MEMBER  # of a member
+        self.columns: list[tuple[Column, int]] = []  # with their widths
+        self.members: list[tuple[Leaf, int]] = []
+        self._longest: dict[str, int] = {}  # text of each member that was drawn
         self._drawn: dict[int, tuple[Part, ...]] = {}
         self._look: object = None
 
@@ -115,7 +121,7 @@ class MessageList(LineView):
         if of != self._of or view_model.declaration is not self._declared:
             self._at = self._at if of == self._of else None
             self._of, self._declared = of, view_model.declaration
-            self._drawn.clear()
+            self._drawn, self._longest = {}, {}
             self._begin_anew()
             self.text, self._passes = "", lambda shown: True
             self.narrow(self._typed)
@@ -140,20 +146,23 @@ class MessageList(LineView):
     def _measure(self) -> None:
         """Give the columns what the newest row needs, and the members what is left."""
         last = self._row(self._found[-1]) if self._found else None
-        self.columns = tuple(
+        self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
             for each in COLUMNS
             if each is not SCAN or self.line_width >= WITH_SCAN
-        )
-        room = max(0, self.line_width - 1 - sum(width for _, width in self.columns))
-        declared = self._view_model.declaration
-        layout = declared.layout if declared is not None else None
-        self.leaves = layout.leaves(0, min(room // LEAST_MEMBER, layout.leaf_count)) if layout else ()
-        self.width = min(MOST_MEMBER, room // len(self.leaves)) if self.leaves else LEAST_MEMBER
-        look = self.columns, self.width, len(self.leaves), self._oldest
+        ]
+        room = self.line_width - 1 - sum(width for _, width in self.columns)
+        layout, self.members = self._declared.layout if self._declared is not None else None, []
+        for leaf in layout.leaves(0, min(max(0, room) // LEAST, layout.leaf_count)) if layout else ():
+            longest = max(cells(leaf.path), self._longest.get(leaf.path, 0))
+            width = min(max(LEAST, longest + 1), MOST, room)
+            if width <= longest and width < ENOUGH:
+                break
+            self.members.append((leaf, width))
+            room -= width
+        look = self.columns, [width for _, width in self.members], self._oldest
         if look != self._look or len(self._drawn) > 4 * self.size.height + 64:
-            self._look = look
-            self._drawn.clear()
+            self._look, self._drawn = look, {}
 
     # -- drawing ---------------------------------------------------------------------------------------
 
@@ -172,18 +181,16 @@ class MessageList(LineView):
     def _cells(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
             yield pad(column.text(shown), width, right=True), "warn" if shown.reason else column.style
-        declared, content = self._view_model.declaration, (shown.content or b"")[: shown.have]
+        declared, content = self._declared, (shown.content or b"")[: shown.have]
         if shown.reason:
             yield f"  {shown.reason}", "warn"
         elif declared is not None:
-            values = decode_leaves(declared.layout, content, 0, len(self.leaves))
-            for leaf, value in zip(self.leaves, values, strict=True):
+            values = decode_leaves(declared.layout, content, 0, len(self.members))
+            for (leaf, width), value in zip(self.members, values, strict=True):
                 part = content[leaf.offset : leaf.offset + leaf.size]
-                yield self.member("" if value is None else value_text(leaf, value, part)), "printable"
-
-    def member(self, text: str) -> str:
-        """Return a text in the columns of a member: its beginning and its end, where it is too long."""
-        return pad(squeeze(text, self.width - 1), self.width, right=True)
+                text = plain("" if value is None else value_text(leaf, value, part))
+                self._longest[leaf.path] = max(cells(text), self._longest.get(leaf.path, 0))
+                yield fitted(text, width), "printable"
 
     # -- moving ----------------------------------------------------------------------------------------
 
@@ -265,5 +272,5 @@ class MessageHead(OneLine):
 
     def line(self) -> Row:
         names = [pad(column.name, width, right=True) for column, width in self._list.columns]
-        names += [self._list.member(leaf.path) for leaf in self._list.leaves]
+        names += [fitted(leaf.path, width) for leaf, width in self._list.members]
         return row((" " + "".join(names), "dim"))

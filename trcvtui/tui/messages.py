@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
 
+from trcvtui.history.messages import MessageRow
 from trcvtui.plc.ledger import Line
 
 if TYPE_CHECKING:
@@ -36,6 +37,14 @@ class ByteSelected(Message):
 
 class PastSelected(Message):
     """The cursor of the history went to another byte."""
+
+
+@dataclass
+class MessageChosen(Message):
+    """A row of the table of messages was chosen; None: the newest is followed, or the table is left."""
+
+    row: MessageRow | None
+    is_over: bool = False
 
 
 @dataclass

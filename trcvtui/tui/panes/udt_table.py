@@ -37,7 +37,7 @@ MOST_KEPT: Final = 1024  # members whose numbers are kept
 class UdtTable(LineView):
     """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
 
-    KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("v", "DATA | job"))
+    KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("D", "messages"), ("v", "DATA | job"))
     BINDINGS: ClassVar = [
         Binding("enter", "curve", "curve: values of the member over time, its trend as a graph", show=False)
     ]

@@ -120,7 +120,7 @@ NIGHT: Final[Play] = (
     keys("6"), Look("Key 6: behind each number its last messages.", 4),
     keys("5", "D"), 25, Look("Key D: the messages as a table. New ones come at its end.", 4),
     keys("slash"), Typed("weight > 55"), 25, Look("/ weight > 55: these two, with scan, time and STATUS.", 5),
-    keys("enter", "up", "6", "down"), Look("Pane 6 has the members of the chosen message.", 3),
+    keys("enter", "up", "6", "down", "down"), Look("Pane 6 has the members of the chosen message.", 3),
     keys("enter"), 200, Look("Enter: the weight over time. It drifts, and falls when the scale is wiped.", 6),
     keys("p", "p"), 100, Look("Key p: another member on the same time axis, with an axis of its own.", 5),
 )  # fmt: skip
@@ -162,7 +162,7 @@ SHOWN: Final = (
             (*DEMO, keys("6", "M", "down", "down", "down"))),
     Picture("members-job", "6 with `v`: the unfinished job through the UDT, as far as its bytes go", ("udt",),
             STORIES / "four_bytes_short.toml", (600, keys("6", "v", "M"))),
-    Picture("messages", "5 with `D`: the messages as a table beside the members of the chosen one, with a filter",
+    Picture("messages", "5 with `D`: all messages as a table, filtered; beside it the members of the chosen one",
             ("messages", "udt"), STORIES / "weight_overnight.toml",
             (1600, keys("5", "D", "slash"), Typed("weight > 52"), keys("enter", "up", "up")), WIDE),
     Picture("curve", "6 with `enter`: a member over time, a second one with `p`", ("curve",),

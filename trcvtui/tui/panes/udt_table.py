@@ -28,7 +28,7 @@ from trcvtui.udt.types import type_text
 
 OFFSET: Final = 6
 TYPE: Final = 11
-VALUE: Final = 13  # columns that are left to a value before its sparkline
+VALUE: Final = 13  # columns that are left to a value, where there are more than its sparkline needs
 LEAST_SPARKS, MOST_SPARKS = 8, 60  # messages of a sparkline
 SPARKS: Final = "busy"
 MOST_KEPT: Final = 1024  # members whose numbers are kept
@@ -152,14 +152,11 @@ class UdtTable(LineView):
             (self._padding(index), "faint"),
         ]
         used = sum(cells(text) for text, _ in parts)
-        most = min(MOST_SPARKS, self.line_width - OFFSET - name_width - TYPE - VALUE)
+        most = max(LEAST_SPARKS, self.line_width - OFFSET - name_width - TYPE - VALUE)
         room = min(most, self.line_width - used - 1)
         sparks = self._sparkline(self._page[0] + index, leaf)[-room:] if room >= LEAST_SPARKS else ""
-        return (
-            [*parts, (" " * (self.line_width - used - len(sparks)), ""), (sparks, SPARKS)]
-            if sparks
-            else parts
-        )
+        gap = self.line_width - used - len(sparks)
+        return [*parts, (" " * gap, ""), (sparks, SPARKS)] if sparks else parts
 
     def _value(self, index: int, leaf: Leaf) -> list[Part]:
         value, content = self._values[index], self._bytes()

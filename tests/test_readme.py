@@ -128,4 +128,4 @@ def test_the_stories_of_a_night_and_of_a_capture_hold(
     assert b"TRCV_C_1" in (tmp_path / "night.html").read_bytes()
     with (tmp_path / "night.csv").open(encoding="utf-8", newline="") as file:
         weights = [float(each["weight"]) for each in csv.DictReader(file)]
-    assert (len(weights), min(weights), max(weights)) == (119, 50.0, 62.5)
+    assert (len(weights), min(weights), max(weights)) == (118, 50.0, 62.5)

@@ -58,7 +58,7 @@ class TimeWindow:
         self.end = end if end < self.whole[1] else None
 
 
-class Trace(NamedTuple):
+class MemberTrace(NamedTuple):
     """A member of the picture: its number after the newest message, and its curve, None: none in view."""
 
     leaf: Leaf
@@ -163,7 +163,7 @@ class CurveView(LineView, inherit_bindings=False):
             numbers = kept.follow(known, known.stop)
             now = next((number for number in reversed(numbers[gone:]) if number is not None), None)
             drawn = curve(times, numbers, self.window.ends, width, height, self._gaps)
-            traces.append(Trace(leaf, style, now, drawn))
+            traces.append(MemberTrace(leaf, style, now, drawn))
         begin, end = self.window.ends
         begins, ends = self._clock(begin), self._clock(end)
         in_view = bisect_right(times, end) - bisect_left(times, begin)
@@ -236,7 +236,7 @@ def _leaf_at(layout: Layout | None, path: str) -> Leaf | None:
     return None
 
 
-def _curves(traces: Sequence[Trace], width: int, height: int) -> Iterator[Row]:
+def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[Row]:
     """Yield the rows of the curves: where they meet, the colour is that of the first one."""
     first, other = traces[0], traces[-1]
     drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
@@ -256,7 +256,7 @@ def _curves(traces: Sequence[Trace], width: int, height: int) -> Iterator[Row]:
         )
 
 
-def _label(trace: Trace, y: int, height: int) -> str:
+def _label(trace: MemberTrace, y: int, height: int) -> str:
     """Return what stands beside row `y`: the ends of the axis; of a single number that, in the middle."""
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
@@ -264,7 +264,7 @@ def _label(trace: Trace, y: int, height: int) -> str:
     return text if number is None or len(text) <= AXIS - 2 else f"{number:.2e}"
 
 
-def _figures(trace: Trace, in_view: int) -> Row:
+def _figures(trace: MemberTrace, in_view: int) -> Row:
     """Return the row with the figures of a member."""
     parts: list[Part] = [(f"{trace.leaf.path or 'value'} ", trace.style)]
     parts.append((f"now {value_text(trace.leaf, trace.now) if trace.now is not None else '-'}", "strong"))

@@ -49,8 +49,9 @@ class TimeWindow:
     def zoom(self, by: float) -> None:
         """Take so many times as much time into view; its middle stays, or its end where that is followed."""
         begin, end = self.ends
-        self.span = max(SHORTEST_NS, int((end - begin) * by))
-        self.end = self.end and (begin + end + self.span) // 2
+        span = max(SHORTEST_NS, int((end - begin) * by))
+        self.span = span if span < self.whole[1] - self.whole[0] else None
+        self.end = self.end and (begin + end + span) // 2
 
     def move(self, steps: int) -> None:
         begin, end = self.ends
@@ -100,7 +101,7 @@ class CurveView(LineView, inherit_bindings=False):
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
-        edges = view.history.of(self.instance)
+        edges = view.waves.of(self.instance).edges
         self._gaps = view.stream_index.down_times(view.instance.connect) if view.instance else []
         state = known, known.stop, known.oldest, view.selected, view.instance is None, view.declaration
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
@@ -129,7 +130,7 @@ class CurveView(LineView, inherit_bindings=False):
         """Return why there is no curve, "" where there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
-            return f"{self.instance or 'the instance'} is not there any more"
+            return f"{self.instance} is not there any more" if self.instance else "there is no instance"
         declared = view.declaration
         if declared is None:
             return f"{self.instance} has no DATA: its messages have no values"
@@ -184,7 +185,7 @@ class CurveView(LineView, inherit_bindings=False):
         """Yield a sign below each column in which an ERROR came, or a message was cut."""
         begin, end = self.window.ends
         signs = {each.t_ns: CUT for each in self._view_model.known_messages.rows if each.reason}
-        for line in self._view_model.history.of(self.instance):
+        for line in self._view_model.waves.of(self.instance).edges:
             edge = line.event
             if isinstance(edge, StatusEdge) and edge.outputs.error and not edge.cause.is_expected:
                 signs[line.t_ns] = ERROR

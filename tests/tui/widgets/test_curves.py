@@ -63,9 +63,9 @@ def test_each_number_of_the_window_is_drawn_in_its_column_and_height(
     ("numbers", "drawn"),
     [
         ([1, 2, 3, 8], "▁▂▃█"),
-        ([5, 5, 5], "▅▅▅"),
+        ([5, 5, 5], "▁▁▁"),
         ([False, False], "▁▁"),
-        ([7.5], "▅"),
+        ([7.5], "▁"),
         ([-HUGE, 0.0, HUGE], "▁▅█"),
         ([2**63 - 2, 2**63 - 1], "▁█"),
         ([1, None, math.nan, math.inf, 2], "▁×××█"),

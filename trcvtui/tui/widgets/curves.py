@@ -48,12 +48,12 @@ def place(number: Number, low: Number, high: Number) -> float:
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a column for each message; "" where none has a number."""
+    """Return a column for each message, low where all are alike; "" where none has a number."""
     known = finite(numbers)
     if not known:
         return ""
     low, high = limits(known)
-    top = len(BLOCKS) - 1
+    top = len(BLOCKS) - 1 if low != high else 0
     return "".join(
         NO_NUMBER if each is None or not math.isfinite(each) else BLOCKS[round(place(each, low, high) * top)]
         for each in numbers

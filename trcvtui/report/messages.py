@@ -211,13 +211,15 @@ def _begin_of_run(path: str) -> RunBegins | None:
 
 def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
+    from trcvtui.replay.packet_times import PacketTimes
     from trcvtui.replay.run_again import restored_state
 
     recording = Recording(path)
     run = Keyframes(recording, path).begin()
     if rows.table is None:
         rows.begin_bench(run.bench.project, run.begins.wall_ns)
-    found = _BenchMessages(run.bench, rows)
+    found, begun_ns = _BenchMessages(run.bench, rows), run.begins.wall_ns
+    found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
         with restored_state(run.is_restored, path):
@@ -345,7 +347,8 @@ class _CaptureMessages:
                     other.turn(ns)
                 cutter.segment(ns, data, direction.largest)
         elif kind is SegmentKind.MISSING:
-            cutter.hole(ns, size)
+            if conversation.protocol != "udp":
+                cutter.hole(ns, size)
         else:
             cutter.end(ns, kind.value)
             other = self._cutters.get(direction.other)

@@ -144,9 +144,19 @@ class MessageRows:
         pieces = first_of(reads, size) if is_known else []
         have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
         reason = reason if not done else HOLE if have < size else ""
-        self._add(
-            instance, number, scan, reads[-1].t_ns if reads else t_ns, size, connect, pieces, reason, have
-        )
+        t_ns = self._arrival(connect, reads, size) if reads else t_ns
+        self._add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
+
+    def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
+        """Return when the last byte of a message came: in a capture with its packet, else with its read."""
+        last, config = reads[-1], self._bench.project.connect(connect)
+        if config is not None and config.session is not None:  # its packets have other bytes, too
+            return last.t_ns
+        is_stream = config is not None and not config.is_datagram
+        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1 if is_stream else last.offset
+        link, datagram = (connect, last.incarnation), None if is_stream else last.number
+        packet_ns = self._streams.index.packet_ns(link, at, datagram)
+        return last.t_ns if packet_ns is None else packet_ns
 
     def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
         """Return how many of the bytes stand before the first one that a capture has not."""
@@ -165,9 +175,11 @@ class MessageRows:
         spans = stream.pieces_of(instance, number)
         last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
         pieces = joined((span.position, span.size) for span in spans)
-        self._add(
-            instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
-        )
+        if last is not None:
+            at = last.offset + spans[-1].stop - 1 - last.position
+            packet_ns = self._streams.index.packet_ns((buffer, 1), at)
+            t_ns = last.t_ns if packet_ns is None else packet_ns
+        self._add(instance, number, scan, t_ns, size, buffer, pieces, "", size)
 
     def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status

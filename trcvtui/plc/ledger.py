@@ -66,6 +66,7 @@ class InputEdge(Struct, frozen=True):
 
 # Who sent, where nobody of the bench did: bytes of a captured packet, bytes that the capture has not.
 A_PACKET, A_HOLE = "packet:", "missing:"
+NO_END = "none:"  # in place of the local end: the remote one is the name of a link without connections
 
 
 class PeerSent(NamedTuple):
@@ -135,6 +136,11 @@ class Ledger:
         """Append one event of the running scan, or of the time after it."""
         self.last_seq += 1
         self._ring.append((self.scan, self.t_ns, event))
+
+    def write_at(self, t_ns: int, event: Event) -> None:
+        """Append one event of another time than that of the newest scan."""
+        self.last_seq += 1
+        self._ring.append((self.scan, t_ns, event))
 
     def write_all(self, events: Sequence[Event]) -> None:
         scan, t_ns = self.scan, self.t_ns

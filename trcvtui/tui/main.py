@@ -349,6 +349,8 @@ class MainScreen(FullScreen[None]):
         if message.row is None:
             self.timing.action_now()
         else:
+            self.status.point_at(None)  # where the edge is not known any more, no other one explains it
+            self.history.point_at(None)
             self.timing.go_to(message.row.scan)
         self.received.show()
 
@@ -442,9 +444,7 @@ class MainScreen(FullScreen[None]):
 
     def _table_wants_more(self) -> bool:
         """Return whether the messages and their members take the screen: pane 5 is too low for them."""
-        rows = self._pane_rows - 3  # the frame; the tabs, or in the grid nothing that counts
-        if not self.has_class(TABS):
-            rows -= sum(self._heights()) - 1
+        rows = self._pane_rows - 2 - (1 if self.has_class(TABS) else sum(self._heights()))
         return self.received.is_table and self._pane in (5, 6) and rows < ENOUGH_ROWS
 
     def _in_tabs(self) -> set[int]:

@@ -12,7 +12,7 @@ from trcvtui.history.messages import MessageRow
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected, PastSelected
 from trcvtui.tui.panes.face import Face, OriginLine
-from trcvtui.tui.panes.message_list import MessageHead, MessageList
+from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.typed_lines import FilterLine, FindLine
@@ -28,7 +28,7 @@ class TableFace(Face):
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
-        self.messages = MessageList(view_model)
+        self.messages = MessageLines(view_model)
         super().__init__(view_model, find, below, self.messages)
         self._head = MessageHead(self.messages)
         self._bytes = HexView("message", of_job=False)
@@ -51,7 +51,7 @@ class TableFace(Face):
         self.post_message(PastSelected())
 
     def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
-        return "Messages", self.messages.words()
+        return "Messages", self.messages.words() if instance is not None else ""
 
     def ask(self, instance: InstanceSnapshot) -> None:
         self._view_model.past_wanted = None
@@ -63,8 +63,9 @@ class TableFace(Face):
         if shown != self._chosen:
             self._chosen = shown
             self.post_message(PastSelected())
-        content = (shown.content or b"")[: shown.have] if shown is not None else b""
-        size = shown.size if shown is not None and shown.content is not None else 0
+        content = shown.content if shown is not None else None
+        size = shown.size if shown is not None and content is not None else 0
+        content = content or b""
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
         declared = self._view_model.declaration  # as high for each message: the table above is not to jump
         rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
@@ -82,7 +83,7 @@ class TableFace(Face):
         type_ = MessageType(name, declared) if declared is not None else None
         position = self._view_model.position
         begun_ns = position.first_ns if position is not None else None
-        return await asyncio.to_thread(csv_of, [*self.messages.rows()], type_, name, begun_ns)
+        return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
 
     # -- the chosen message ----------------------------------------------------------------------------
 
@@ -92,9 +93,7 @@ class TableFace(Face):
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
         shown = self._chosen
-        if shown is None:
-            return None
-        return self._view_model.selected, shown.number, (shown.content or b"")[: shown.have]
+        return (self._view_model.selected, shown.number, shown.content or b"") if shown is not None else None
 
     def byte_in_job(self) -> int:
         return -1 if self._bytes.cursor is None else self._bytes.cursor

@@ -162,7 +162,7 @@ SHOWN: Final = (
             (*DEMO, keys("6", "M", "down", "down", "down"))),
     Picture("members-job", "6 with `v`: the unfinished job through the UDT, as far as its bytes go", ("udt",),
             STORIES / "four_bytes_short.toml", (600, keys("6", "v", "M"))),
-    Picture("messages", "5 with `D`: all messages as a table, filtered; beside it the members of the chosen one",
+    Picture("messages", "5 with `D`: the messages as a table, filtered; the members of the chosen one",
             ("messages", "udt"), STORIES / "weight_overnight.toml",
             (1600, keys("5", "D", "slash"), Typed("weight > 52"), keys("enter", "up", "up")), WIDE),
     Picture("curve", "6 with `enter`: a member over time, a second one with `p`", ("curve",),

@@ -40,12 +40,17 @@ class MemberNumbers:
 
     def follow(self, known: KnownMessages, stop: int) -> list[Number | None]:
         """Return the numbers before message `stop`, the newest last."""
-        first, have = max(known.first, stop - self._most), self.first + len(self.numbers)
-        if not self.first <= first <= have <= stop:
-            self.first, self.numbers, have = first, [], first
-        rows = known.rows[have - known.first : stop - known.first]
-        fresh = [number_in(self.layout, self.leaf, row) for row in rows]
-        self.numbers, self.first = self.numbers[first - self.first :] + fresh, first
+        first = max(known.first, stop - self._most)
+        low, high = max(first, self.first), min(stop, self.first + len(self.numbers))
+        if low > high:
+            low = high = first
+        kept = self.numbers[low - self.first : high - self.first]
+        self.numbers = [*self._decode(known, first, low), *kept, *self._decode(known, high, stop)]
+        self.first = first
         gone = max(0, min(known.oldest, stop) - first)
         self.numbers[:gone] = [math.nan] * gone
         return self.numbers
+
+    def _decode(self, known: KnownMessages, first: int, stop: int) -> list[Number | None]:
+        rows = known.rows[first - known.first : stop - known.first]
+        return [number_in(self.layout, self.leaf, row) for row in rows]

@@ -13,10 +13,12 @@ from typing import Any, Final, NamedTuple
 from msgspec import Struct
 
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.environment import FrameEnded
+from trcvtui.blocks.environment import FrameEnded, SendEnded, SendStarted
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.received_streams import ReceivedStreams, first_of
 from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
+from trcvtui.net.events import BytesSent
+from trcvtui.net.received_ring import sent_by
 from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
 ROWS: Final = 10_000  # of an instance
@@ -79,12 +81,19 @@ class MessageRows:
         self._bench, self._catch_up, self._streams = bench, reader.catch_up, streams
         self._of: dict[str, _InstanceRows] = {}
         self._total = 0
+        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
         instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
         self._status = {each.name: each.outputs.status for each in instances if each is not None}
         index = reader.index
         index.ends[True].append(self._job_ended)
         index.ends[False].append(self._job_ended)
-        index.listen({FrameEnded: self._frame_ended, StatusEdge: self._status_changed})
+        index.listen({
+            FrameEnded: self._frame_ended,
+            SendStarted: self._send_started,
+            BytesSent: self._bytes_sent,
+            SendEnded: self._send_ended,
+            StatusEdge: self._status_changed,
+        })  # fmt: skip
         reader.lost.append(self._lose)
 
     # -- what is read ------------------------------------------------------------------------------------
@@ -169,6 +178,25 @@ class MessageRows:
             instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
         )
 
+    def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
+        self._sends[event.instance] = t_ns, []
+
+    def _bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
+        job = self._sends.get(event.instance)
+        if job is not None:
+            self._sends[event.instance] = t_ns, joined([*job[1], (event.position, event.size)])
+
+    def _send_ended(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
+        """Add what the stack took: the rest of a job that was cut is no byte of its message."""
+        instance, number, connect, _, _, size, done, reason = event
+        last_ns, pieces = self._sends.pop(instance, (t_ns, []))
+        if not done and not size:
+            return
+        if sum([piece for _, piece in pieces]) != size:
+            pieces = []
+        reason = "" if done else reason
+        self._add(instance, number, scan, last_ns, size, sent_by(connect), pieces, reason, size)
+
     def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status
         of = self._of.get(event.instance)
@@ -179,6 +207,7 @@ class MessageRows:
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
+        self._sends.clear()
 
     def _add(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,

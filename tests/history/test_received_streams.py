@@ -16,6 +16,7 @@ from trcvtui.blocks.environment import (
     PartialFrameDropped,
 )
 from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.messages import MessageRows
 from trcvtui.history.records import HistoryRequest, JobSpan, Seek
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import BytesDropped
@@ -29,7 +30,9 @@ class Compared(VirtualPace):
     """After each scan the stream is asked for what the ledger says of that scan, and DATA holds after it."""
 
     def __init__(self, bench: Bench) -> None:
-        self.reader = StreamReader(bench, LedgerReader(bench))
+        ledger = LedgerReader(bench)
+        self.reader = StreamReader(bench, ledger)
+        self.rows = MessageRows(bench, ledger, self.reader.streams)
         self.bench, self.found = bench, Counter[str]()
         self._frames, self._seeks, self._seq = Counter[str](), count(1), 0
 
@@ -39,14 +42,19 @@ class Compared(VirtualPace):
         self._seq = bench.runtime.ledger.last_seq
         in_data: dict[str, tuple[str, str, int, int]] = {}  # by variable: the newest job of the scan
         drops: Counter[tuple[str, int, str]] = Counter()
+        ended: Counter[tuple[str, int, int, str]] = Counter()
         for event in events:
             match event:
                 case JobEnded(instance, number, connect, _, _, size, True):
                     in_data[self._data(instance)] = connect, instance, number, size
+                    ended[instance, number, size, ""] += 1
+                case JobEnded(instance, number, size=size, reason=reason) if size:
+                    ended[instance, number, size, reason] += 1
                 case FrameEnded(instance, buffer, _, size, number=number):
                     self._frames[instance] += 1
                     assert number == self._frames[instance]
                     in_data[self._data(instance)] = buffer, instance, number, size
+                    ended[instance, number, size, ""] += 1
                 case BytesDropped():
                     drops[event.connection, event.size, event.reason] += 1
                 case NoiseDropped():
@@ -55,9 +63,17 @@ class Compared(VirtualPace):
                     drops[event.buffer, event.size, f"incomplete, {event.reason}"] += 1
                 case BytesLost() if event.buffer != "TX":  # what is sent was not received
                     drops[event.buffer, event.size, event.reason] += 1
+        rows = [(name, row) for name, row in self.rows.take()]
+        assert ended == Counter((name, row.number, row.size, row.reason) for name, row in rows)
+        contents = {(name, row.number): row.content for name, row in rows if not row.reason}
         for data, (name, instance, number, size) in in_data.items():
             if data:
                 self._job(name, instance, number, bench.runtime.data(data, size))
+                assert contents[instance, number] == bench.runtime.data(data, size)
+        for name, row in rows:
+            shown = bench.runtime.instance(name)
+            assert shown is None or (row.scan, row.status) == (bench.runtime.scans, shown.outputs.status)
+            assert row.content is not None and len(row.content) == row.size
         names = {name for name, _, _ in drops}
         assert drops == Counter((n, job.whole, job.reason) for n in names for job in self._dropped(n))
         self.found["drops"] += drops.total()

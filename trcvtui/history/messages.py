@@ -151,7 +151,7 @@ class MessageRows:
         reads = self._streams.index.reads(instance) if done else self._streams.index.cut_reads(instance)
         is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
         pieces = first_of(reads, size) if is_known else []
-        have = self._before_hole(connect, reads, size)
+        have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
         reason = reason if not done else HOLE if have < size else ""
         self._add(
             instance, number, scan, reads[-1].t_ns if reads else t_ns, size, connect, pieces, reason, have
@@ -208,6 +208,8 @@ class MessageRows:
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
         self._sends.clear()
+        for of in self._of.values():
+            of.last_ns = None
 
     def _add(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,

@@ -166,6 +166,7 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
+        self.has_holes = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
@@ -202,6 +203,7 @@ class StreamIndex:
 
     def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         peer, message, local, remote, offset, size = event
+        self.has_holes = self.has_holes or peer == A_HOLE
         ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))

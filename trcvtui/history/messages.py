@@ -53,13 +53,17 @@ class MessageRow(NamedTuple):
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values."""
+    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
+
+    `share`: how much of a recording has been read for them.
+    """
 
     instance: str
     first: int
     count: int
     rows: tuple[MessageRow, ...]
     oldest: int = 0
+    share: float = 1.0
 
 
 class _InstanceRows:
@@ -75,9 +79,10 @@ class _InstanceRows:
 
 
 class MessageRows:
-    """The newest rows of each instance of a bench."""
+    """The newest rows of each instance of a bench; a keyframe tells of scans up to `after`, too."""
 
-    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams) -> None:
+    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
+        self._after = after
         self._bench, self._catch_up, self._streams = bench, reader.catch_up, streams
         self._of: dict[str, _InstanceRows] = {}
         self._total = 0
@@ -218,6 +223,8 @@ class MessageRows:
         of = self._of.setdefault(instance, _InstanceRows())
         gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
         of.last_ns = t_ns
+        if scan <= self._after:
+            return
         if len(pieces) > MOST_PIECES:
             pieces = []
         others = tuple(pieces) if len(pieces) > 1 else ()

@@ -47,9 +47,13 @@ run 3
 """
 
 
-@pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("many") / "many.toml"
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    return scenario_of_many(tmp_path)
+
+
+def scenario_of_many(folder: Path) -> Path:
+    path = folder / "many.toml"
     sends = [f"peer P1 send hex {number:08x}\nrun 3\n" for number in range(1, COUNT + 1)]
     path.write_text(PROJECT + "".join(sends) + "'''\n", encoding="utf-8")
     return path

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
 
+from trcvtui.history.messages import MessageRow
 from trcvtui.plc.ledger import Line
 
 if TYPE_CHECKING:
@@ -51,6 +52,13 @@ class EdgeSelected(Message):
 
     seq: int | None
     line: Line | None = None
+
+
+@dataclass
+class MessageChosen(Message):
+    """A row of the table of messages was chosen; None: the newest are followed again."""
+
+    row: MessageRow | None
 
 
 @dataclass

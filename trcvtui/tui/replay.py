@@ -12,6 +12,7 @@ from textual.widgets import Input
 
 from trcvtui.snapshots.replay import CANNOT, Position
 from trcvtui.tui.main import ZOOM, MainScreen
+from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
@@ -209,6 +210,11 @@ class ReplayScreen(MainScreen):
         if place.scan is not None:
             self.action_at(str(place.scan))
         super().go_to_place(place)
+
+    def on_message_chosen(self, message: MessageChosen) -> None:
+        message.prevent_default()  # the time line moves, and all panes with it
+        if message.row is not None:
+            self.action_at(str(message.row.scan))
 
     def action_edge(self, step: str) -> None:
         self._submit(f"at edge {step} {self._view_model.selected}")

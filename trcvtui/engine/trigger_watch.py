@@ -10,8 +10,9 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable
+from functools import partial
 from operator import eq, ge, gt, le, lt, ne
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
 
@@ -66,23 +67,21 @@ class MemberCondition(Struct, frozen=True):
     """A value in DATA compares so with a given one; numbers by size, texts for being equal alone."""
 
     data: str
-    layout: Layout
-    leaf: Leaf
+    offset: int
+    size: int
     operator: str
-    payload: bytes
+    value: Any
+    read: Callable[[bytes], Any]
 
     def now(self, bench: Bench) -> bool:
-        start = self.leaf.offset
-        content = bench.runtime.data_part(self.data, start, start + self.leaf.size)
-        if len(content) < self.leaf.size:
-            return False
-        return COMPARE[self.operator](self._value(content), self._value(self.payload))
+        return self._holds(bench.runtime.data_part(self.data, self.offset, self.offset + self.size))
 
-    def _value(self, content: bytes) -> Any:
-        if isinstance(self.leaf.type, StringType) or self.leaf.bit is not None:
-            return leaf_value(self.layout, self.leaf, content)
-        order = BYTE_ORDERS[self.layout.rules.byte_order]
-        return struct.unpack(order + self.leaf.coding.code, content)[0]
+    def is_in(self, message: bytes) -> bool:
+        """Return whether it is so in a message that goes into DATA; not where its bytes are not there."""
+        return self._holds(message[self.offset : self.offset + self.size])
+
+    def _holds(self, part: bytes) -> bool:
+        return len(part) == self.size and COMPARE[self.operator](self.read(part), self.value)
 
 
 Condition = PinCondition | MemberCondition
@@ -110,27 +109,55 @@ def _condition(text: str, project: Project, where: str) -> Condition:
     edge = _EDGE.fullmatch(text)
     if edge is not None:
         subject, value = " ".join(filter(None, edge.groups()[:2])), "1" if edge[3] == RISES else "0"
-        return _compared(subject, "=", value, project, where, is_edge=True)
-    found = _COMPARISON.fullmatch(text)
-    if found is None:
-        raise mistake(where, shown(text) if text else "nothing more", FORM)
-    return _compared(found[1], found[2], found[3], project, where)
-
-
-def _compared(
-    subject: str, operator: str, value: str, project: Project, where: str, is_edge: bool = False
-) -> Condition:
-    words = Words(subject, where)
+        comparison = Comparison(subject, "=", value, where)
+    else:
+        comparison = read_comparison(text, where, FORM)
+    words = Words(comparison.subject, where)
     word = words.peek()
     if project.instance(word) is not None:
-        return _pin(words, operator, value, project, is_edge)
+        return _pin(words, comparison, project, edge is not None)
     if project.data_decl(base_name(word)) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
         raise words.unknown(word, names, "an instance or a DATA variable")
-    return _member(words, operator, value, project, is_edge)
+    return _member(words, comparison, project, edge is not None)
 
 
-def _pin(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> PinCondition:
+class Comparison(NamedTuple):
+    """What compares how with what, as it was written; the value is read once it is known of what."""
+
+    subject: str
+    operator: str
+    value: str
+    where: str
+
+    def of_pin(self, instance: str, pin: Pin) -> PinCondition:
+        self._check_order(f"'{pin.name}', a {pin.iec_type}", pin.is_bool or pin.iec_type == "WORD")
+        return PinCondition(instance, pin.name, self.operator, pin_value(pin, self.value, self.where))
+
+    def of_leaf(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
+        self._check_order("a text", isinstance(leaf.type, StringType))
+        if isinstance(leaf.type, StringType) or leaf.bit is not None:
+            read: Callable[[bytes], Any] = partial(leaf_value, layout, leaf)
+        else:
+            code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
+            read = lambda part: code.unpack(part)[0]  # noqa: E731
+        value = read(leaf_bytes(layout, leaf, self.value, self.where))
+        return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)
+
+    def _check_order(self, what: str, has_none: bool) -> None:
+        if has_none and self.operator not in ("=", "!="):
+            raise mistake(self.where, f"'{self.operator}' of {what}", "= or !=")
+
+
+def read_comparison(text: str, where: str, form: str) -> Comparison:
+    """Return `weight > 3` in its parts; raise UserError with the form that is expected."""
+    found = _COMPARISON.fullmatch(text)
+    if found is None:
+        raise mistake(where, shown(text) if text else "nothing more", form)
+    return Comparison(found[1], found[2], found[3], where)
+
+
+def _pin(words: Words, comparison: Comparison, project: Project, is_edge: bool) -> PinCondition:
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
@@ -140,23 +167,17 @@ def _pin(words: Words, operator: str, value: str, project: Project, is_edge: boo
     pin = pins[name]
     if is_edge and not pin.is_bool:
         raise words.wrong(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
-    if operator not in ("=", "!=") and (pin.is_bool or pin.iec_type == "WORD"):
-        raise words.wrong(f"'{operator}' of '{name}', a {pin.iec_type}", "= or !=")
-    return PinCondition(instance.name, name, operator, pin_value(pin, value, words.where))
+    return comparison.of_pin(instance.name, pin)
 
 
-def _member(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> MemberCondition:
+def _member(words: Words, comparison: Comparison, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
     words.finish()
     leaf, layout = target.leaf(words), target.decl.layout
     if is_edge and leaf.coding.code != "?":
         name = leaf.path or target.decl.name
         raise words.wrong(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
-    if operator not in ("=", "!=") and isinstance(leaf.type, StringType):
-        raise words.wrong(f"'{operator}' of a text", "= or !=")
-    return MemberCondition(
-        target.decl.name, layout, leaf, operator, leaf_bytes(layout, leaf, value, words.where)
-    )
+    return comparison.of_leaf(target.decl.name, layout, leaf)
 
 
 BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most

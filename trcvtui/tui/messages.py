@@ -40,6 +40,14 @@ class PastSelected(Message):
 
 
 @dataclass
+class MessageChosen(Message):
+    """A row of the table of messages was chosen; None: the newest is followed, or the table is left."""
+
+    row: MessageRow | None
+    is_over: bool = False
+
+
+@dataclass
 class FieldSelected(Message):
     """A row of the UDT table was chosen: its bytes."""
 

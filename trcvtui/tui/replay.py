@@ -37,11 +37,12 @@ CLICKS: Final = {
 }
 KEYS: Final = {  # what a pane may have for itself
     "←→": ("left", "right"), "shift": ("shift+left", "shift+right"), "!": ("exclamation_mark",),
-    "+-": ("plus", "minus"), "space": ("space",),
+    "+-": ("plus", "minus"), "space": ("space",), "g": ("g",),
 }  # fmt: skip
 CHANGES: Final = frozenset(("add", "change", "send"))  # what keys of panes do
 COMMANDS: Final = frozenset(("block", "peer"))  # panes of which all keys do
 ROWS: Final = 2
+FIRST_OF_ALL: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
 TIMING: Final = 8  # the pane
 MOST_SAID: Final = 6  # lines of a what-if
 HERE, PARTS, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
@@ -199,9 +200,10 @@ class ReplayScreen(MainScreen):
         self.position.show()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave `g`, home and end to a field that is typed into."""
+        """Leave `g`, home and end to a field that is typed into, and to the table of messages."""
         is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
-        return not is_typed and super().check_action(action, parameters)
+        is_of_table = (action, *parameters) in FIRST_OF_ALL and self.focused is self.received.table.first
+        return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
         self._submit(f"at {where}")

@@ -30,7 +30,7 @@ TYPE: Final = 11
 class UdtTable(LineView):
     """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
 
-    KEYS: ClassVar = (("↑↓", "member"), ("v", "DATA | job"))
+    KEYS: ClassVar = (("↑↓", "member"), ("D", "messages"), ("v", "DATA | job"))
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="udt")

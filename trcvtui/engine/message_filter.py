@@ -1,0 +1,108 @@
+"""A filter of messages: the condition of a trigger, asked of each row.
+
+`weight > 3`, `STATUS=80C5`, `RCVD_LEN!=12`: a name without an instance is a member of DATA or a pin of the
+instance. Of the pins a row knows those in `OF_A_ROW`. What a row does not know makes no condition true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+from trcvtui.blocks.pins import Direction, Pin
+from trcvtui.engine.trigger_watch import COMPARE, Comparison, read_comparison
+from trcvtui.errors import UserError, mistake
+from trcvtui.history.messages import MessageRow
+from trcvtui.project.project import DataDecl, Project
+from trcvtui.project.tables import expected_name, shown
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Node, PlacedLeaf, find
+
+Filter = Callable[[MessageRow], bool]
+
+FORM: Final = "weight > 3, STATUS=80C5 or RCVD_LEN!=12"
+OF_DATA: Final = "data"  # before a member that is called like a column or a pin
+MOST_NAMES: Final = 1024  # among which the nearest is looked for
+# By what an output shows; -1 is not known.
+OF_A_ROW: Final[Mapping[str, Callable[[MessageRow], int]]] = {
+    "status": lambda row: row.status,
+    "rcvd_len": lambda row: row.size,
+    "done": lambda row: not row.reason,
+}
+# What columns are called is known, too.
+_COLUMNS: Final = (
+    Pin("length", Direction.OUT, "UDINT", "", shows="rcvd_len"),
+    Pin("status", Direction.OUT, "WORD", "", shows="status"),
+)
+
+
+def read_filter(text: str, project: Project, instance: str, where: str = "filter") -> Filter:
+    """Return what tells whether a row of an instance is let through; raise UserError."""
+    decl = project.instance(instance)
+    assert decl is not None
+    comparison = _read(text, where)
+    named, _, rest = comparison.subject.partition(" ")
+    if rest and project.instance(named) is not None:
+        if named != instance:
+            raise mistake(where, shown(named), instance)
+        comparison = comparison._replace(subject=rest.strip())
+    pins = [pin for pin in project.pins(decl.block) if pin.direction is Direction.OUT]
+    return _filter(comparison, instance, pins, project.data_decl(decl.data or ""))
+
+
+def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
+    """Return the same for messages of a type that is known without a project, or of none."""
+    return _filter(_read(text, where), "", (), layout)
+
+
+def _read(text: str, where: str) -> Comparison:
+    return read_comparison(text.strip(), where, FORM)
+
+
+def _filter(
+    comparison: Comparison, instance: str, outputs: Iterable[Pin], data: DataDecl | Layout | None
+) -> Filter:
+    subject, where = comparison.subject, comparison.where
+    layout = data.layout if isinstance(data, DataDecl) else data
+    pins = {pin.name: pin for pin in outputs if pin.shows in OF_A_ROW}
+    found = find_member(layout, subject, *names_before(instance, data)) if subject not in pins else None
+    if found is not None and layout is not None:
+        if not isinstance(found[1], PlacedLeaf):
+            raise mistake(where, f"'{subject[:60]}', which has members of its own", "the path of one of them")
+        condition = comparison.of_leaf("", layout, layout.leaf(found[0]))
+        return lambda row: row.content is not None and condition.is_in(row.content[: row.have])
+    known = {pin.name.casefold(): pin for pin in (*_COLUMNS, *pins.values())} | pins
+    pin = known.get(subject) or known.get(subject.casefold())
+    if pin is None:
+        raise unknown_member(where, subject, layout, [*(each.name for each in _COLUMNS), *pins])
+    of_row, compare = OF_A_ROW[pin.shows], COMPARE[comparison.operator]
+    value = comparison.of_pin(instance, pin).value
+    return lambda row: (now := of_row(row)) >= 0 and compare(now, value)
+
+
+def names_before(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
+    """Return what may stand before the path of a member: the instance, the name of its DATA."""
+    return (instance, data.name) if isinstance(data, DataDecl) else ()
+
+
+def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
+    """Return the number of the first leaf at a path, and its node; None: there is none.
+
+    Before the path may stand `data`, the type, or one of `before`; so a type that is one value has a name.
+    """
+    if layout is None or not layout.leaf_count:
+        return None
+    paths = [name[len(start) :] for start in (OF_DATA, layout.name, *before) if name.startswith(start)]
+    for path in (name, *(path for path in paths if not path or path[0] in ".[")):
+        try:
+            return find(layout.root, path)
+        except LookupError:
+            continue
+    return None
+
+
+def unknown_member(where: str, name: str, layout: Layout | None, others: Iterable[str] = ()) -> UserError:
+    """Return the mistake that a name is no member, with the nearest one."""
+    leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
+    names = [*others, *(leaf.path for leaf in leaves if leaf.path)]
+    return mistake(where, shown(name), expected_name(name, names, "member"), "unknown")

@@ -63,13 +63,6 @@ class EdgeSelected(Message):
 
 
 @dataclass
-class MessageChosen(Message):
-    """A row of the table of messages was chosen; None: the newest are followed again."""
-
-    row: MessageRow | None
-
-
-@dataclass
 class KeyClicked(Message):
     """A key named on the screen was clicked: its action shall be carried out."""
 

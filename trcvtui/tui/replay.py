@@ -206,6 +206,7 @@ class ReplayScreen(MainScreen):
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at {where}")
 
     def go_to_place(self, place: EvidencePlace) -> None:
@@ -216,9 +217,10 @@ class ReplayScreen(MainScreen):
     def on_message_chosen(self, message: MessageChosen) -> None:
         message.prevent_default()  # the time line moves, and all panes with it
         if message.row is not None:
-            self.action_at(str(message.row.scan))
+            self._submit(f"at {message.row.scan}")
 
     def action_edge(self, step: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at edge {step} {self._view_model.selected}")
 
     def action_speed(self, step: str) -> None:

@@ -5,7 +5,7 @@ Rule: a row is drawn from its bytes when it comes into view; 10,000 rows cost wh
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from typing import ClassVar, Final, NamedTuple
 
@@ -13,6 +13,7 @@ from textual.binding import Binding
 
 from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
+from trcvtui.history.records import NOW
 from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import clip, pad, squeeze
 from trcvtui.tui.messages import MessageChosen
@@ -48,7 +49,10 @@ LEAST_MEMBER, MOST_MEMBER = 8, 18  # columns of one
 
 
 class MessageList(LineView):
-    """Rows that pass the filter. The newest is followed until one is chosen."""
+    """Rows that pass the filter. The newest is followed until one is chosen.
+
+    A replay has those of the whole recording: the newest is that of the scan that is shown.
+    """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
     BINDINGS: ClassVar = [
@@ -99,13 +103,31 @@ class MessageList(LineView):
     @property
     def _place(self) -> int:
         last = len(self._found) - 1
-        return last if self._at is None else min(last, bisect_left(self._found, self._at))
+        if self._at is not None:
+            return min(last, bisect_left(self._found, self._at))
+        return (
+            max(0, bisect_right(self._found, self._now, key=self._scan_of) - 1) if self._now < NOW else last
+        )
+
+    @property
+    def _now(self) -> int:
+        """Return the scan after which messages are still to come."""
+        position = self._view_model.position
+        return position.scan if position is not None else NOW
+
+    def _scan_of(self, number: int) -> int:
+        return self._row(number).scan
+
+    def follow(self) -> None:
+        self._at = None
 
     def show(self) -> None:
         self._catch_up()
         self._measure()
         self.resize_rows()
-        if self._at is None:
+        if self._at is None and self._now < NOW:
+            self.keep_in_view(self._place)
+        elif self._at is None:
             self.scroll_to(y=self.row_count(), animate=False)
         super().show()
 
@@ -167,7 +189,9 @@ class MessageList(LineView):
         if number not in self._drawn:
             self._drawn[number] = tuple(self._cells(self._row(number)))
         sign: Part = ("▸" if is_chosen else " ", "key")
-        return row(sign, *self._drawn[number], style=self.cursor_style(is_chosen))
+        cells, is_later = self._drawn[number], self._scan_of(number) > self._now
+        cells = tuple((text, "faint") for text, _ in cells) if is_later else cells
+        return row(sign, *cells, style=self.cursor_style(is_chosen))
 
     def _cells(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
@@ -188,7 +212,7 @@ class MessageList(LineView):
     # -- moving ----------------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        if self._found and (rows < 0 or self._at is not None):
+        if self._found and (rows < 0 or self._at is not None or self._place < len(self._found) - 1):
             self._choose(max(0, min(len(self._found) - 1, self._place + rows)))
 
     def action_edge(self, direction: int) -> None:
@@ -252,6 +276,7 @@ class MessageList(LineView):
         elif known.oldest > known.first:
             words.append(f"values from {known.rows[known.oldest - known.first].number} on")
         words.append(f"{known.left_out} left out" if known.left_out else "")
+        words.append(f"reading … {known.share:.0%}" if known.share < 1 else "")
         words.append("frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows")
         return " · ".join(filter(None, words))
 

@@ -143,6 +143,21 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
             assert looker.app.view_model.known_messages is known and known.rows == rows
 
 
+async def test_the_table_of_messages_keeps_g_home_and_end_and_the_arrows_are_the_time_lines() -> None:
+    async with on_a_recording() as looker:
+        await looker.go("end", "D")
+        assert "g go to" not in looker.line("q quit", "keys")
+        rows, first = looker.app.main.received.table.messages, looker.app.view_model.known_messages.rows[0]
+        for keys, is_followed in (("home", False), ("end", True), ("g", False)):
+            await looker.go(keys)
+            assert (rows.is_followed, looker.app.main.prompt.is_open) == (is_followed, False)
+        assert looker.scan == first.scan < LAST
+        await looker.go("left")
+        assert looker.scan == first.scan - 1
+        await looker.go("9", "home")
+        assert looker.scan == 1
+
+
 async def test_g_takes_a_time_or_a_scan() -> None:
     async with on_a_recording(SMALL) as looker:
         await looker.press("g")

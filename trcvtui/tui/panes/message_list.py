@@ -45,7 +45,7 @@ COLUMNS: Final = (
     Column("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
 )
 WITH_SCAN: Final = 96  # columns of the screen's from which there is room for the scan
-LEAST_MEMBER, MOST_MEMBER = 8, 18  # columns of one
+LEAST_MEMBER, MOST_MEMBER = 9, 18  # columns of one
 
 
 class MessageList(LineView):

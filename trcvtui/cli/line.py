@@ -283,7 +283,51 @@ def _report(args: Args) -> int:
     return report_file(args.file, args.out, not args.no_payload, shadows)
 
 
+# -- messages -------------------------------------------------------------------------------------------
+
+
+def add_messages(parser: CommandParser) -> None:
+    parser.set_defaults(command=_messages)
+    about = "a recording, one capture, or a project (.toml) with --for"
+    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    add_project(parser, "whose instances look on at a capture")
+    add_plc(parser)
+    about = "of a capture without a project: the type of the messages to the PLC"
+    parser.add_argument("--udt", metavar="FILE", type=given, help=about)
+    parser.add_argument("--type", metavar="NAME", help="may be left out when FILE holds one type")
+    parser.add_argument("--layout", metavar="NAME", help="default: as `trcvtui udt decode`")
+    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")
+    parser.add_argument("--instance", metavar="NAME", help="of this one alone")
+    parser.add_argument("--members", metavar="A,B.C", default="", help="these columns; default: all")
+    about = "those of which it is so: weight > 3, STATUS=80C5, RCVD_LEN!=12"
+    parser.add_argument("--where", metavar="CONDITION", help=about)
+    parser.add_argument("--for", dest="time", metavar="T#..", help="run the project so long")
+    add_kernel(parser, "sim", of="of --for; ")
+    add_format(parser, "text", "csv", "jsonl")
+    parser.add_argument("--out", metavar="FILE", type=Path, help="a new file, in place of stdout")
+
+
+def _messages(args: Args) -> int:
+    from trcvtui.report.messages import MessagesQuestion, messages
+    from trcvtui.udt.literals import parse_time
+
+    layout, time_ns = None, None if args.time is None else parse_time(args.time, "--for")
+    if args.udt is not None:
+        from trcvtui.udt.command import layout_of
+
+        layout = layout_of(Args(file=args.udt, others=(), constant=(), text=None, pointer_size=None,
+                                string_even=None, type=args.type, layout=args.layout,
+                                byte_order=args.byte_order))  # fmt: skip
+    else:
+        for option in ("type", "layout", "byte_order"):
+            if getattr(args, option) is not None:
+                raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
+    asked = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
+    return messages(MessagesQuestion(*asked, args.format, args.out), args.kernel, time_ns)
+
+
 COMMANDS = {
+    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages),
     "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch),
     "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap),
     "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations),

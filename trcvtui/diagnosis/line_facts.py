@@ -44,6 +44,7 @@ SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK did 
 OUTAGE: Final = 2  # copies
 NEAR_NS: Final = 100_000_000  # in which a block shows what happens on its connection: before, and after
 LATER_NS: Final = 2_000_000_000
+PAUSE_NS: Final = 4_000_000  # after which a message begins
 FULL: Final = 536  # bytes: a smaller segment is not full
 LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
 SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
@@ -569,8 +570,7 @@ def _joined(
     for number, write in enumerate(writes):
         before = writes[number - 1]
         gap = write.ns - before.ns
-        is_full = before.size == most and gap < (JOINED_NS if most >= LARGE else JOINED_NS // 25)
-        is_full = is_full and most >= FULL
+        is_full = fills_segment(before.size, most, gap)
         goes_on = number and not turns[number] and write.at == before.at + before.size
         is_cut = reads is not None and reads.may_cut(before, gap)
         if goes_on and (is_full or is_cut or gap < limit):
@@ -581,6 +581,12 @@ def _joined(
         else:
             found.append(LineMessage(write.ns, write.at, write.size, 1, 0, write.packet))
     return tuple(found)
+
+
+def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
+    """Return whether bytes fill a segment, so that what follows them after so short a gap is their rest."""
+    soon_ns = JOINED_NS if largest >= LARGE else JOINED_NS // 25
+    return size == largest >= FULL and gap_ns < soon_ns
 
 
 def _parting(gaps: Sequence[int], share: int) -> int:

@@ -158,9 +158,16 @@ class MessageRows:
         pieces = first_of(reads, size) if is_known else []
         have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
         reason = reason if not done else HOLE if have < size else ""
-        self._add(
-            instance, number, scan, reads[-1].t_ns if reads else t_ns, size, connect, pieces, reason, have
-        )
+        t_ns = self._arrival(connect, reads, size) if reads else t_ns
+        self._add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
+
+    def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
+        """Return when the last byte of a message came: in a capture with its packet, else with its read."""
+        last, config = reads[-1], self._bench.project.connect(connect)
+        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1
+        is_plain = config is not None and config.session is None
+        packet_ns = self._streams.index.packet_ns((connect, last.incarnation), at) if is_plain else None
+        return last.t_ns if packet_ns is None else packet_ns
 
     def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
         """Return how many of the bytes stand before the first one that a capture has not."""

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
-from trcvtui.plc.ledger import A_HOLE, PeerSent, Stamped
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, Stamped
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
@@ -30,7 +30,7 @@ KEPT_GAPS: Final = 8
 Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
-_Told = tuple[int, int, int, str]  # offset, size, number, peer
+_Told = tuple[int, int, int, str, int]  # offset, size, number, peer, when
 _Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
 _Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]]  # JobEnded, beginning, reads
 _LAST: Final = (1 << 62, 0, "")
@@ -216,7 +216,7 @@ class StreamIndex:
                 del self._sent[next(iter(self._sent))]
             self._newest[ends] = turn
             sent = self._sent.setdefault((ends, turn), _Sent())
-        sent.add((offset, size, message, peer), self._kept_messages)
+        sent.add((offset, size, message, peer, t_ns), self._kept_messages)
 
     def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         if event.what is not EventKind.CONNECTED:
@@ -281,7 +281,7 @@ class StreamIndex:
             return found
         place = max(0, bisect_right(sent.told, (offset, *_LAST)) - 1)
         while place < len(sent.told) and sent.told[place][0] < offset + size:
-            begin, length, number, peer = sent.told[place]
+            begin, length, number, peer, _ = sent.told[place]
             first = max(begin, offset)
             part = min(begin + length, offset + size) - first
             if part > 0:
@@ -290,6 +290,15 @@ class StreamIndex:
                 )
             place += 1
         return found
+
+    def packet_ns(self, link: Link, offset: int) -> int | None:
+        """Return when the packet with a byte of a connection stands in its capture; None: not known."""
+        sent = self._messages(link)
+        place = bisect_right(sent.told, (offset, *_LAST)) - 1 if sent is not None else -1
+        if sent is None or place < 0:
+            return None
+        begin, size, _, peer, t_ns = sent.told[place]
+        return t_ns if peer == A_PACKET and offset < begin + size else None
 
     def message_at(self, link: Link, offset: int, position: int = 0) -> MessageSpan | None:
         """Return the message that holds a byte of a connection, None where it is not known."""
@@ -300,7 +309,7 @@ class StreamIndex:
         sent = self._messages(link)
         if sent is None:
             return "", Sizes()
-        sizes = tuple(size for _, size, _, _ in sent.told[-KEPT_SIZES:])
+        sizes = tuple(size for _, size, *_ in sent.told[-KEPT_SIZES:])
         return sent.told[-1][3], Sizes(sent.forgotten + len(sent.told), sizes)
 
     # -- what a connection has received -----------------------------------------------------------------

@@ -162,6 +162,7 @@ class CapturePlayer:
         if event.kind in _NOT_DONE_AGAIN:
             return
         self.shadows.go_to(ns)
+        self.shadows.packet_ns = ns
         if event.conversation.protocol != "tcp":
             self._come(ns, event)
             return

@@ -51,7 +51,8 @@ class ShadowBench:
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
         self.after_scan: Callable[[], object] = int
-        self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
+        self.sent: Callable[[PeerSent, int], None] | None = None  # told of each packet and its time
+        self.packet_ns = 0  # the time of the packet that is played
         self.works_on = {each.name: each.connect for each in bench.project.instances}
         self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
         self._on_scan = on_scan
@@ -280,10 +281,11 @@ class PlayedEnd:
 
     def send(self, data: bytes) -> None:
         self._shadows.room += len(data)
+        ns = self._shadows.packet_ns
         if self._stream is not None and self._is_begun and not self._awaits:
-            self._send(data)
+            self._send(data, ns)
         else:
-            self._do(lambda: self._send(data), len(data))
+            self._do(lambda: self._send(data, ns), len(data))
 
     def keep_place(self, size: int) -> None:
         """Keep a place for bytes that are not known, so that what follows stands where it stood."""
@@ -302,15 +304,15 @@ class PlayedEnd:
         if not place:
             return
         shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + place))
-        self._send(bytes(place), A_HOLE)
+        self._send(bytes(place), shadows.packet_ns, A_HOLE)
 
-    def _send(self, data: bytes, what: str = A_PACKET) -> None:
+    def _send(self, data: bytes, ns: int, what: str = A_PACKET) -> None:
         stream, rest = self._stream, memoryview(data)
         assert stream is not None
         if self._shadows.sent is not None:
             self._packets += 1
             ends = str(stream.local), str(stream.remote)
-            self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)))
+            self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)), ns)
         self._sent += len(data)
         while rest:
             part = rest[: max(PLAYED_ROOM - stream.untaken, 0)]
@@ -396,7 +398,7 @@ class PlayedLine:
         self._shadows = shadows
         self.link = link
         self._left_out = left_out
-        self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
+        self._waiting: deque[tuple[int, int, Endpoint, bytes, int]] = deque()
         self._kept = 0  # bytes of these
         self._packets = self._sent = 0
         self._numbers: dict[Endpoint, int] = {}  # of the conversation of each source
@@ -406,13 +408,14 @@ class PlayedLine:
 
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
         """Let a datagram, or bytes, come; of so many that follow it is known that they are missing."""
-        if not self._waiting and self._give(number, source, data, missing):
+        ns = self._shadows.packet_ns
+        if not self._waiting and self._give(ns, number, source, data, missing):
             return
         if not self._waiting:
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
             self._shadows.waiting.append(self)
         if self._kept + len(data) <= MOST_UNREAD:
-            self._waiting.append((number, source, data, missing))
+            self._waiting.append((ns, number, source, data, missing))
             self._kept += len(data)
         else:
             self._left_out[number] += len(data)
@@ -420,7 +423,7 @@ class PlayedLine:
     def go_on(self, may_try: bool) -> bool:
         """Look again whether something receives; return whether something still waits."""
         while may_try and self._waiting and self._give(*self._waiting[0]):
-            self._kept -= len(self._waiting.popleft()[2])
+            self._kept -= len(self._waiting.popleft()[3])
         if self._shadows.network.now_ns >= self.gives_up_at:
             self.close()
         return bool(self._waiting)
@@ -432,12 +435,12 @@ class PlayedLine:
                 self._left_out[self._numbers[source]] += len(data)
 
     def close(self) -> None:
-        for number, _, data, _ in self._waiting:
+        for _, number, _, data, _ in self._waiting:
             self._left_out[number] += len(data)
         self._waiting.clear()
         self._kept = 0
 
-    def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
+    def _give(self, ns: int, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
         shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
         if self._address:
             port = shadows.bench.runtime.listening_port(self.link)
@@ -458,10 +461,10 @@ class PlayedLine:
         self._packets += 1
         if shadows.sent is not None:
             ends = str(source), str(target)
-            shadows.sent(PeerSent(A_PACKET, self._packets, *ends, self._sent, len(data)))
+            shadows.sent(PeerSent(A_PACKET, self._packets, *ends, self._sent, len(data)), ns)
             if missing:
                 after = self._sent + len(data), len(whole) - len(data)
-                shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after))
+                shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after), ns)
         self._sent += len(whole)
         if missing:
             hole = self._sent - len(whole) + len(data), self._sent

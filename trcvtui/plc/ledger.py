@@ -136,6 +136,11 @@ class Ledger:
         self.last_seq += 1
         self._ring.append((self.scan, self.t_ns, event))
 
+    def write_at(self, t_ns: int, event: Event) -> None:
+        """Append one event of another time than that of the newest scan."""
+        self.last_seq += 1
+        self._ring.append((self.scan, t_ns, event))
+
     def write_all(self, events: Sequence[Event]) -> None:
         scan, t_ns = self.scan, self.t_ns
         self.last_seq += len(events)

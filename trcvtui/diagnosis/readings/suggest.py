@@ -15,7 +15,7 @@ from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
 from trcvtui.diagnosis.frame_causes import is_session, judged_messages, sizes_of
-from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, facts_of
+from trcvtui.diagnosis.line_facts import PAUSE_NS, LineFacts, LineMessage, facts_of
 from trcvtui.diagnosis.message_joints import length_of
 from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise
 from trcvtui.diagnosis.readings.members import FoundType, members_of
@@ -30,7 +30,6 @@ LEAST_SHARE: Final = 0.95  # of the messages, or of the bytes, that a suggestion
 LEAST_MESSAGES: Final = 3
 MOST_LINES: Final = 8
 MOST_DATA: Final = 65_536
-PAUSE_NS: Final = 4_000_000  # after which a message begins
 
 
 class Suggestion(NamedTuple):

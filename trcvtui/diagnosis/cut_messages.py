@@ -1,0 +1,120 @@
+"""What one direction of a capture says, cut into messages as it comes: by pauses, or into records of a type.
+
+Rule 1: a pause ends a message. Of a type a segment does so, too, unless it is as large as segments get: the
+rest follows then. What is a multiple of the type's size is records of it; anything else is one message.
+Rule 2: no record goes across a hole, or across a message of another size.
+Rule 3: what is held is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.diagnosis.line_facts import PAUSE_NS, fills_segment
+
+MOST_HELD: Final = 65_535  # bytes of a message
+HOLE: Final = "hole"
+UNTIL_PAUSE: Final = 1 << 62
+
+# Gets the time of the last byte, the bytes, the size with those that are missing, why it did not end as
+# others do, and whether its first byte is the first of a message.
+TakeMessage = Callable[[int, bytes, int, str, bool], None]
+
+
+class MessageCutter:
+    """Takes the bytes of one direction; `record`: the size of the type, 0 for none."""
+
+    def __init__(self, record: int, take: TakeMessage) -> None:
+        self._record, self._take = record, take
+        self._held = bytearray()
+        self._ends: list[tuple[int, int]] = []  # where each segment ends in what is held, and its time
+        self._is_write = self._is_full = True  # all segments but the last are as large as they get; that, too
+        self._rest = 0  # so many bytes belong to a message of which a hole has the beginning
+        self._is_regular = True  # all messages so far were records
+        self._last = 0, 0  # time and size of the newest segment
+
+    def segment(self, ns: int, data: bytes, largest: int) -> None:
+        """Take bytes; no segment of their direction was larger than `largest`."""
+        record, (last_ns, last_size) = self._record, self._last
+        self._last = ns, len(data)
+        if not self._held and not self._rest:
+            if len(data) == record:
+                self._take(ns, data, record, "", True)  # nearly all of a type
+                return
+        elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
+            self.end(ns)
+        if self._rest:
+            part, data = data[: self._rest], data[self._rest :]
+            self._rest -= len(part)
+            self._hold(ns, part, largest)
+            if not self._rest or len(self._held) >= MOST_HELD:
+                self._give(len(self._held), HOLE, begins=False)
+            if not data:
+                return
+        if self._held and not self._is_full and 0 < record < len(self._held) + len(data):
+            self.end(ns)  # what was held has another size
+        self._hold(ns, data, largest)
+        if len(self._held) >= (record or MOST_HELD) and not (record and self._is_full):
+            self.end(ns)
+        elif len(self._held) >= max(MOST_HELD, 2 * record):
+            self._give_records()
+
+    def datagram(self, ns: int, data: bytes, size: int) -> None:
+        """Take a datagram that had `size` bytes at the wire."""
+        self._hold(ns, data, 0)
+        if len(data) < size or not data:
+            self._give(len(data), HOLE if data or size else "", size - len(data))
+        else:
+            self.end(ns)
+
+    def hole(self, ns: int, size: int) -> None:
+        """Take that so many bytes are missing."""
+        if self._is_write and not self._rest:
+            self._give_records()
+        to_next = self._rest or -len(self._held)
+        if self._held:
+            self._give(len(self._held), HOLE, begins=not self._rest)
+        is_known = self._record and self._is_regular and to_next < UNTIL_PAUSE
+        self._rest = (to_next - size) % self._record if is_known else UNTIL_PAUSE
+        self._last = ns, 0
+
+    def turn(self, ns: int) -> None:
+        """Take that the other end speaks: it has got the message."""
+        if self._held and not self._is_full:
+            self.end(ns)
+
+    def end(self, ns: int, reason: str = "") -> None:
+        """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
+        size, record = len(self._held), self._record
+        if self._rest or ns - self._last[0] >= PAUSE_NS:
+            reason = HOLE if self._rest else ""
+        elif record and size % record == 0 and (self._is_write or size == record):
+            self._give_records()
+        if self._held:
+            self._give(size, reason if record or self._rest else "", begins=not self._rest)
+        self._rest = 0
+
+    def _hold(self, ns: int, data: bytes, largest: int) -> None:
+        self._is_write = not self._held or self._is_full
+        self._is_full = self._is_write and fills_segment(len(data), largest, 0)
+        self._held += data
+        self._ends.append((len(self._held), ns))
+
+    def _give_records(self) -> None:
+        record, content, at, ends = self._record, bytes(self._held), 0, iter(self._ends)
+        end, ns = 0, 0
+        while 0 < record <= len(content) - at:
+            at += record
+            while end < at:
+                end, ns = next(ends)
+            self._take(ns, content[at - record : at], record, "", True)
+        del self._held[:at]
+        self._ends = [(end - at, ns) for end, ns in self._ends if end > at]
+
+    def _give(self, size: int, reason: str, missing: int = 0, begins: bool = True) -> None:
+        content, ns = bytes(self._held[:size]), self._ends[-1][1]
+        self._is_regular = self._is_regular and reason == HOLE
+        self._held.clear()
+        self._ends.clear()
+        self._take(ns, content, size + missing, reason, begins)

@@ -10,6 +10,8 @@ import pytest
 from tests.scenario.scenarios import SCENARIOS
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.tcp.jobs import OutgoingJob
+from trcvtui.engine.message_filter import read_filter
+from trcvtui.errors import UserError
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import ReceivedStreams
@@ -85,3 +87,5 @@ def test_the_partner_has_got_the_bytes_of_the_messages_and_old_ones_have_none() 
     later = sorted((row for name in names for row in messages.rows.news(name, 0).rows), key=by_position)
     assert [row.content for row in later] == [None] * (len(sent) - 1) + [sent[-1].content]
     assert [row.size for row in later] == [row.size for row in sent]
+    with pytest.raises(UserError, match="expected one of length, status"):  # it has none, whatever its DATA is
+        read_filter("a = 10", bench.project, names[0])

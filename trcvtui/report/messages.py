@@ -66,7 +66,7 @@ class _Rows:
                 expected = expected_name(self.asked.instance, names, "instance")
                 raise mistake("--instance", shown(self.asked.instance), expected, "unknown")
             names = [self.asked.instance]
-        decls = [(each.name, project.data_decl(each.data or "")) for each in project.instances]
+        decls = [(each.name, project.received_data(each.name)) for each in project.instances]
         types = [MessageType(name, data) for name, data in decls if data is not None and name in names]
         self._begin(types, OF_AN_INSTANCE, begun_ns)
         self._filters = dict.fromkeys(names)
@@ -170,9 +170,9 @@ def say(line: str) -> None:
 class _BenchMessages:
     """The rows of a bench, taken after each scan; `add_ns`: from its time to that of the rows."""
 
-    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0) -> None:
+    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
-        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams)
+        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams, after)
         self._rows, self._add_ns = rows, add_ns
 
     def take(self) -> None:
@@ -212,10 +212,11 @@ def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.run_again import restored_state
 
     recording = Recording(path)
-    run = Keyframes(recording, path).begin()
+    keyframes = Keyframes(recording, path)
+    run = keyframes.begin()
     if rows.table is None:
         rows.begin_bench(run.bench.project, run.begins.wall_ns)
-    found = _BenchMessages(run.bench, rows)
+    found = _BenchMessages(run.bench, rows, after=keyframes.offset)
     run.before_close = found.take
     try:
         with restored_state(run.is_restored, path):

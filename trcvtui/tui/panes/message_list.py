@@ -134,9 +134,9 @@ class MessageList(LineView):
     def _catch_up(self) -> None:
         view_model, known = self._view_model, self._known
         of = view_model.known_messages, view_model.selected
-        if of != self._of or view_model.declaration is not self._declared:
+        if of != self._of or view_model.message_type is not self._declared:
             self._at = self._at if of == self._of else None
-            self._of, self._declared = of, view_model.declaration
+            self._of, self._declared = of, view_model.message_type
             self._drawn.clear()
             self._begin_anew()
             self.text, self._passes = "", lambda shown: True
@@ -168,7 +168,7 @@ class MessageList(LineView):
             if each is not SCAN or self.line_width >= WITH_SCAN
         )
         room = max(0, self.line_width - 1 - sum(width for _, width in self.columns))
-        declared = self._view_model.declaration
+        declared = self._view_model.message_type
         layout = declared.layout if declared is not None else None
         self.leaves = layout.leaves(0, min(room // LEAST_MEMBER, layout.leaf_count)) if layout else ()
         self.width = min(MOST_MEMBER, room // len(self.leaves)) if self.leaves else LEAST_MEMBER
@@ -196,7 +196,7 @@ class MessageList(LineView):
     def _cells(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
             yield pad(column.text(shown), width, right=True), "warn" if shown.reason else column.style
-        declared, content = self._view_model.declaration, (shown.content or b"")[: shown.have]
+        declared, content = self._view_model.message_type, (shown.content or b"")[: shown.have]
         if shown.reason:
             yield f"  {shown.reason}", "warn"
         elif declared is not None:

@@ -75,7 +75,7 @@ class TableFace(Face):
         """Return the rows that pass the filter as a file of csv."""
         from trcvtui.report.message_table import MessageType, csv_of  # read when first asked for
 
-        name, declared = self._view_model.selected, self._view_model.declaration
+        name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
         position = self._view_model.position
         return csv_of(self.messages.rows(), type_, name, position.first_ns if position is not None else None)
@@ -88,7 +88,7 @@ class TableFace(Face):
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
         shown = self._chosen
-        if shown is None:
+        if shown is None or self._view_model.message_type is None:
             return None
         return self._view_model.selected, shown.number, (shown.content or b"")[: shown.have]
 

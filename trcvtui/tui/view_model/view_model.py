@@ -418,6 +418,10 @@ class ViewModel:
         return self.project.data_decl(instance.data) if instance and instance.data else None
 
     @property
+    def message_type(self) -> DataDecl | None:
+        return self.project.received_data(self.selected)
+
+    @property
     def data(self) -> bytes:
         instance = self.instance
         return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""

@@ -21,6 +21,7 @@ from benchmarks import (
     lateness,
     ledger_cost,
     live_line,
+    message_rows,
     recording_on,
     replayed,
     start_up,
@@ -167,6 +168,10 @@ TARGETS: Final = (
     Target("R7", "the doctor judges 1 GiB of captures in 18 s on two cores", captures.measure_doctor, (
         Aim("1 GiB of captures, --jobs 2", "<= 18 s", "13 s"),
         Aim("peak memory of a process", "<= 200 MiB", "120 MiB"),
+    )),
+    Target("R8", "100,000 messages of a capture become csv nearly as if by hand", message_rows.measure, (
+        Aim("messages --udt to csv / struct and csv by hand", "<= 6", "7.9"),
+        Aim("messages --udt: peak memory", "<= 64 MiB"),
     )),
     Target("F1", "1,000 lines of 20 agents on one Mosquitto and one screen", fleet_load.measure, (
         Aim("first list of 1000 lines", "<= 3 s"),

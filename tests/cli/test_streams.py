@@ -32,6 +32,7 @@ LINES = {
     "watch c.pcapng": 0,
     "tap 192.0.2.1:1 127.0.0.1:9 --record never.pcapng": 2,
     "conversations c.pcapng": 0,
+    "messages c.pcapng": 1,  # a handshake
     "doctor none.pcapng": 2,
     "report c.pcapng --out c.html": 0,
     "agent bad.toml --metrics 127.0.0.1:9 --record never": 2,

@@ -103,7 +103,11 @@ def test_a_text_that_a_spreadsheet_would_run_gets_a_quote_in_csv_alone(text: str
     assert [read_csv(found)[0][name] for name in "dr"] == ["-1", "-2.5"], "numbers never"
     assert json.loads(written("jsonl", layout, row))["t"] == text
     shown = written("text", layout, row)
-    assert one_line(text) in shown and f"''{text}" not in shown.replace("''  -1", "") and "\x1b" not in found + shown
+    assert (
+        one_line(text) in shown
+        and f"''{text}" not in shown.replace("''  -1", "")
+        and "\x1b" not in found + shown
+    )
 
 
 def test_what_is_odd_is_shown_as_udt_decode_shows_it() -> None:

@@ -327,10 +327,10 @@ def _messages(args: Args) -> int:
 
 
 COMMANDS = {
-    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages),
     "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch),
     "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap),
     "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations),
+    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages),
     "doctor": ("name what is wrong", "line.pcapng", add_doctor),
     "report": ("one page to send on", "line.pcapng --out line.html", add_report),
 }

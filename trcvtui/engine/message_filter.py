@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.engine.trigger_watch import COMPARE, Comparison, read_comparison
+from trcvtui.engine.trigger_watch import COMPARE, ConditionText, read_comparison
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl, Project
@@ -55,12 +55,12 @@ def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") 
     return _filter(_read(text, where), "", (), layout)
 
 
-def _read(text: str, where: str) -> Comparison:
+def _read(text: str, where: str) -> ConditionText:
     return read_comparison(text.strip(), where, FORM)
 
 
 def _filter(
-    comparison: Comparison, instance: str, outputs: Iterable[Pin], data: DataDecl | Layout | None
+    comparison: ConditionText, instance: str, outputs: Iterable[Pin], data: DataDecl | Layout | None
 ) -> Filter:
     subject, where = comparison.subject, comparison.where
     layout = data.layout if isinstance(data, DataDecl) else data

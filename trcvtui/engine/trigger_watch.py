@@ -109,7 +109,7 @@ def _condition(text: str, project: Project, where: str) -> Condition:
     edge = _EDGE.fullmatch(text)
     if edge is not None:
         subject, value = " ".join(filter(None, edge.groups()[:2])), "1" if edge[3] == RISES else "0"
-        comparison = Comparison(subject, "=", value, where)
+        comparison = ConditionText(subject, "=", value, where)
     else:
         comparison = read_comparison(text, where, FORM)
     words = Words(comparison.subject, where)
@@ -122,7 +122,7 @@ def _condition(text: str, project: Project, where: str) -> Condition:
     return _member(words, comparison, project, edge is not None)
 
 
-class Comparison(NamedTuple):
+class ConditionText(NamedTuple):
     """What compares how with what, as it was written; the value is read once it is known of what."""
 
     subject: str
@@ -149,15 +149,15 @@ class Comparison(NamedTuple):
             raise mistake(self.where, f"'{self.operator}' of {what}", "= or !=")
 
 
-def read_comparison(text: str, where: str, form: str) -> Comparison:
+def read_comparison(text: str, where: str, form: str) -> ConditionText:
     """Return `weight > 3` in its parts; raise UserError with the form that is expected."""
     found = _COMPARISON.fullmatch(text)
     if found is None:
         raise mistake(where, shown(text) if text else "nothing more", form)
-    return Comparison(found[1], found[2], found[3], where)
+    return ConditionText(found[1], found[2], found[3], where)
 
 
-def _pin(words: Words, comparison: Comparison, project: Project, is_edge: bool) -> PinCondition:
+def _pin(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> PinCondition:
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
@@ -170,7 +170,7 @@ def _pin(words: Words, comparison: Comparison, project: Project, is_edge: bool) 
     return comparison.of_pin(instance.name, pin)
 
 
-def _member(words: Words, comparison: Comparison, project: Project, is_edge: bool) -> MemberCondition:
+def _member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
     words.finish()
     leaf, layout = target.leaf(words), target.decl.layout

@@ -174,6 +174,8 @@ class _BenchMessages:
         self.reader = LedgerReader(bench)
         self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams, after)
         self._rows, self._add_ns = rows, add_ns
+        for _ in self._messages.take():
+            """Leave out those before a keyframe: an earlier file has them."""
 
     def take(self) -> None:
         for name, row in self._messages.take():

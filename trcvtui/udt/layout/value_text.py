@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.errors import one_line
@@ -108,7 +109,7 @@ def real_text(value: float, size: int) -> str:
     if size == 8:
         return repr(value)
     stored = struct.pack("<f", value)
-    return next(text for text in _digits(value) if _packed(text) == stored)
+    return next(repr(number) for number in _rounded(value) if _packed(number) == stored)
 
 
 def special_text(value: float) -> str:
@@ -116,14 +117,16 @@ def special_text(value: float) -> str:
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
 
 
-def _digits(value: float) -> list[str]:
+def _rounded(value: float) -> Iterator[float]:
     # Nine digits tell any two REALs apart; Python writes the last form, so that 1e+06 reads 1000000.0.
-    return [repr(float(f"{value:.{digits}g}")) for digits in range(6, 9)] + [repr(value)]
+    for digits in range(6, 9):
+        yield float(f"{value:.{digits}g}")
+    yield value
 
 
-def _packed(text: str) -> bytes:
+def _packed(number: float) -> bytes:
     try:
-        return struct.pack("<f", float(text))
+        return struct.pack("<f", number)
     except OverflowError:  # rounded up to beyond the largest REAL
         return b""
 

@@ -7,7 +7,7 @@ Rule 2: STATUS is that after the scan of the row; an instance whose outputs stay
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
@@ -18,7 +18,7 @@ from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.received_streams import ReceivedStreams, first_of
 from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
 from trcvtui.net.events import BytesSent
-from trcvtui.net.received_ring import sent_by
+from trcvtui.net.received_ring import ReceivedRing, sent_by
 from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
 ROWS: Final = 10_000  # of an instance
@@ -78,30 +78,19 @@ class _InstanceRows:
         return self.count - len(self.rows)
 
 
-class MessageRows:
-    """The newest rows of each instance of a bench; a keyframe tells of scans up to `after`, too."""
+class KeptRows:
+    """The newest rows of each instance; `received` finds the rings of their bytes."""
 
-    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
-        self._after = after
-        self._bench, self._catch_up, self._streams = bench, reader.catch_up, streams
+    def __init__(
+        self,
+        received: Callable[[str], ReceivedRing | None],
+        catch_up: Callable[[], object] = int,
+        after: int = 0,
+    ) -> None:
+        self._received, self._catch_up, self._after = received, catch_up, after
         self._of: dict[str, _InstanceRows] = {}
         self._total = 0
-        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
-        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
-        self._status = {each.name: each.outputs.status for each in instances if each is not None}
-        index = reader.index
-        index.ends[True].append(self._job_ended)
-        index.ends[False].append(self._job_ended)
-        index.listen({
-            FrameEnded: self._frame_ended,
-            SendStarted: self._send_started,
-            BytesSent: self._bytes_sent,
-            SendEnded: self._send_ended,
-            StatusEdge: self._status_changed,
-        })  # fmt: skip
-        reader.lost.append(self._lose)
-
-    # -- what is read ------------------------------------------------------------------------------------
+        self._status: dict[str, int] = {}
 
     def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
         """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
@@ -131,7 +120,7 @@ class MessageRows:
         return row._replace(content=self._content(row), others=())
 
     def _content(self, row: MessageRow) -> bytes | None:
-        ring = self._bench.runtime.received(row.stream) if row.position >= 0 else None
+        ring = self._received(row.stream) if row.position >= 0 else None
         if ring is None:
             return None if row.size else b""
         parts = row.others or ((row.position, row.size),)
@@ -141,89 +130,14 @@ class MessageRows:
     def _oldest(self, of: _InstanceRows) -> int:
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
-            ring = self._bench.runtime.received(row.stream)
+            ring = self._received(row.stream)
             if ring is not None and row.size and row.position >= ring.begin:
                 of.oldest = number
                 return number
+        of.oldest = of.count
         return of.count
 
-    # -- what is written ---------------------------------------------------------------------------------
-
-    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        instance, number, connect, _, _, size, done, reason = event
-        if not done and not size:
-            return
-        reads = self._streams.index.reads(instance) if done else self._streams.index.cut_reads(instance)
-        is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
-        pieces = first_of(reads, size) if is_known else []
-        have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
-        reason = reason if not done else HOLE if have < size else ""
-        t_ns = self._arrival(connect, reads, size) if reads else t_ns
-        self._add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
-
-    def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
-        """Return when the last byte of a message came: in a capture with its packet, else with its read."""
-        last, config = reads[-1], self._bench.project.connect(connect)
-        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1
-        is_plain = config is not None and config.session is None
-        packet_ns = self._streams.index.packet_ns((connect, last.incarnation), at) if is_plain else None
-        return last.t_ns if packet_ns is None else packet_ns
-
-    def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
-        """Return how many of the bytes stand before the first one that a capture has not."""
-        first = 0
-        for recv in reads:
-            link = connect, recv.incarnation
-            for span in self._streams.index.messages_within(link, recv.offset, recv.size, first):
-                if span.peer == A_HOLE:
-                    return min(size, span.position)
-            first += recv.size
-        return size
-
-    def _frame_ended(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
-        instance, buffer, number, size = event.instance, event.buffer, event.number, event.size
-        stream = self._streams.streams[buffer]
-        spans = stream.pieces_of(instance, number)
-        last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
-        pieces = joined((span.position, span.size) for span in spans)
-        self._add(
-            instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
-        )
-
-    def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
-        self._sends[event.instance] = t_ns, []
-
-    def _bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
-        job = self._sends.get(event.instance)
-        if job is not None:
-            self._sends[event.instance] = t_ns, joined([*job[1], (event.position, event.size)])
-
-    def _send_ended(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
-        """Add what the stack took: the rest of a job that was cut is no byte of its message."""
-        instance, number, connect, _, _, size, done, reason = event
-        last_ns, pieces = self._sends.pop(instance, (t_ns, []))
-        if not done and not size:
-            return
-        if sum([piece for _, piece in pieces]) != size:
-            pieces = []
-        reason = "" if done else reason
-        self._add(instance, number, scan, last_ns, size, sent_by(connect), pieces, reason, size)
-
-    def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
-        status = self._status[event.instance] = event.outputs.status
-        of = self._of.get(event.instance)
-        place = len(of.rows) - 1 if of is not None else -1
-        while of is not None and place >= 0 and of.rows[place].scan == scan:
-            of.rows[place] = of.rows[place]._replace(status=status)
-            place -= 1
-
-    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
-        self._status.clear()
-        self._sends.clear()
-        for of in self._of.values():
-            of.last_ns = None
-
-    def _add(
+    def add(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,
         stream: str, pieces: Pieces, reason: str, have: int,
     ) -> None:  # fmt: skip
@@ -251,3 +165,99 @@ class MessageRows:
     def _forget_oldest(self, of: _InstanceRows) -> None:
         of.rows.popleft()
         self._total -= 1
+
+
+class MessageRows(KeptRows):
+    """The rows of a bench; a keyframe tells of scans up to `after`, too."""
+
+    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
+        super().__init__(bench.runtime.received, reader.catch_up, after)
+        self._bench, self._streams = bench, streams
+        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
+        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
+        self._status = {each.name: each.outputs.status for each in instances if each is not None}
+        index = reader.index
+        index.ends[True].append(self._job_ended)
+        index.ends[False].append(self._job_ended)
+        index.listen({
+            FrameEnded: self._frame_ended,
+            SendStarted: self._send_started,
+            BytesSent: self._bytes_sent,
+            SendEnded: self._send_ended,
+            StatusEdge: self._status_changed,
+        })  # fmt: skip
+        reader.lost.append(self._lose)
+
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, number, connect, _, _, size, done, reason = event
+        if not done and not size:
+            return
+        reads = self._streams.index.reads(instance) if done else self._streams.index.cut_reads(instance)
+        is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
+        pieces = first_of(reads, size) if is_known else []
+        have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
+        reason = reason if not done else HOLE if have < size else ""
+        t_ns = self._arrival(connect, reads, size) if reads else t_ns
+        self.add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
+
+    def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
+        """Return when the last byte of a message came: in a capture with its packet, else with its read."""
+        last, config = reads[-1], self._bench.project.connect(connect)
+        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1
+        is_plain = config is not None and config.session is None
+        packet_ns = self._streams.index.packet_ns((connect, last.incarnation), at) if is_plain else None
+        return last.t_ns if packet_ns is None else packet_ns
+
+    def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
+        """Return how many of the bytes stand before the first one that a capture has not."""
+        first = 0
+        for recv in reads:
+            link = connect, recv.incarnation
+            for span in self._streams.index.messages_within(link, recv.offset, recv.size, first):
+                if span.peer == A_HOLE:
+                    return min(size, span.position)
+            first += recv.size
+        return size
+
+    def _frame_ended(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
+        instance, buffer, number, size = event.instance, event.buffer, event.number, event.size
+        stream = self._streams.streams[buffer]
+        spans = stream.pieces_of(instance, number)
+        last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
+        pieces = joined((span.position, span.size) for span in spans)
+        self.add(
+            instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
+        )
+
+    def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
+        self._sends[event.instance] = t_ns, []
+
+    def _bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
+        job = self._sends.get(event.instance)
+        if job is not None:
+            self._sends[event.instance] = t_ns, joined([*job[1], (event.position, event.size)])
+
+    def _send_ended(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
+        """Add what the stack took: the rest of a job that was cut is no byte of its message."""
+        instance, number, connect, _, _, size, done, reason = event
+        last_ns, pieces = self._sends.pop(instance, (t_ns, []))
+        if not done and not size:
+            return
+        if sum([piece for _, piece in pieces]) != size:
+            pieces = []
+        reason = "" if done else reason
+        self.add(instance, number, scan, last_ns, size, sent_by(connect), pieces, reason, size)
+
+    def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+        status = self._status[event.instance] = event.outputs.status
+        of = self._of.get(event.instance)
+        place = len(of.rows) - 1 if of is not None else -1
+        while of is not None and place >= 0 and of.rows[place].scan == scan:
+            of.rows[place] = of.rows[place]._replace(status=status)
+            place -= 1
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        self._status.clear()
+        self._sends.clear()
+        for of in self._of.values():
+            of.last_ns = None

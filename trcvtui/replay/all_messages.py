@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.errors import UserError
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.messages import MessageRows, MessagesDelta
+from trcvtui.history.messages import KeptRows, MessageRows, MessagesDelta
 from trcvtui.history.received_streams import ReceivedStreams
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.survey import Survey
@@ -55,3 +55,20 @@ class AllMessages:
         first, last = self._survey.first, self._survey.last
         share = 1.0 if self.is_over else min(0.99, (self._at - first) / max(1, last - first))
         return replace(self._rows.news(instance, since), share=share)
+
+
+class TimedRows:
+    """Rows that are known already, with the scans of the run that shows them."""
+
+    def __init__(self, rows: KeptRows, survey: Survey) -> None:
+        self._rows, self._survey = rows, survey
+
+    def news(self, instance: str, since: int) -> MessagesDelta:
+        survey = self._survey
+        if not survey.is_over:
+            return MessagesDelta(instance, 0, 0, (), share=0.0)
+        news = self._rows.news(instance, since)
+        return replace(
+            news,
+            rows=tuple(row._replace(scan=min(survey.last, survey.scan_at(row.t_ns))) for row in news.rows),
+        )

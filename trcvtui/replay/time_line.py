@@ -18,7 +18,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.messages import MessagesDelta
+from trcvtui.history.messages import KeptRows, MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta, up_to
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -26,7 +26,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.worker_process import FilesJudge
-from trcvtui.replay.all_messages import AllMessages
+from trcvtui.replay.all_messages import AllMessages, TimedRows
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
@@ -91,7 +91,7 @@ class ReplayController(Controller):
         self.holding = True
         self.position: Position | None = None
         self.beside: WhatIfRun | None = None
-        self.messages: AllMessages | None = None
+        self.messages: AllMessages | TimedRows | None = None
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
@@ -162,7 +162,10 @@ class ReplayController(Controller):
 
 
 class CaptureRun(NamedTuple):
-    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside."""
+    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside.
+
+    `rows`: the messages, where the shadows do not know where they end.
+    """
 
     project: Project
     shadows: frozenset[str]
@@ -170,6 +173,7 @@ class CaptureRun(NamedTuple):
     notes: tuple[str, ...]
     change: Change  # the project with other parameters
     judge: FilesJudge
+    rows: KeptRows | None = None
 
 
 class TimeLine:
@@ -193,7 +197,7 @@ class TimeLine:
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
         self._beside: WhatIfRun | None = None
-        self._messages: AllMessages | None = None  # once somebody asks for them
+        self._messages: AllMessages | TimedRows | None = None  # once somebody asks for them
         self._go(at)
 
     # -- lines -----------------------------------------------------------------------------------------
@@ -285,7 +289,7 @@ class TimeLine:
         if not self.survey.is_over:
             self.survey.go_on(until)
             return True
-        if self._messages is not None and not self._messages.is_over:
+        if isinstance(self._messages, AllMessages) and not self._messages.is_over:
             self._messages.go_on(until)
             return True
         return self._goal() != self.controller.at  # for the doctor nothing here has to be done
@@ -388,7 +392,8 @@ class TimeLine:
     def picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
         if request.messages is not None and self._messages is None:
-            self._messages = AllMessages(self._keyframes, survey)
+            rows = self._capture.rows if self._capture is not None else None
+            self._messages = AllMessages(self._keyframes, survey) if rows is None else TimedRows(rows, survey)
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.position = Position(

@@ -22,10 +22,6 @@ from trcvtui.scenario.scenario import load_scenario
 SENT = sent_by("")
 
 
-def by_position(row: MessageRow) -> int:
-    return row.position
-
-
 class Messages(VirtualPace):
     """Takes the rows after each scan, before their bytes can go."""
 
@@ -79,13 +75,18 @@ def test_the_partner_has_got_the_bytes_of_the_messages_and_old_ones_have_none() 
     (path,) = [path for path in SCENARIOS if path.stem == "note-several-tsend-one-connect"]
     bench, messages = played(path, takes=False)
     names = [one.name for one in bench.project.instances]
-    sent = sorted((row for name in names for row in messages.rows.news(name, 0).rows), key=by_position)
+
+    def rows() -> list[MessageRow]:
+        found = [row for name in names for row in messages.rows.news(name, 0).rows]
+        return sorted(found, key=lambda row: row.position)
+
+    sent = rows()
     assert b"".join(row.content or b"" for row in sent) == bytes(bench.peers["P1"].inbox.last)
     ring = bench.runtime.received(sent[0].stream)
     assert ring is not None and len(sent) > 1
     ring.most = sent[-1].size
-    later = sorted((row for name in names for row in messages.rows.news(name, 0).rows), key=by_position)
+    later = rows()
     assert [row.content for row in later] == [None] * (len(sent) - 1) + [sent[-1].content]
     assert [row.size for row in later] == [row.size for row in sent]
-    with pytest.raises(UserError, match="expected one of length, status"):  # it has none, whatever its DATA is
+    with pytest.raises(UserError, match="expected one of length, status"):
         read_filter("a = 10", bench.project, names[0])

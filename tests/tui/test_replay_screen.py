@@ -12,7 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
 from tests.replay.journals import InMemory, recorded
-from tests.replay.test_all_messages import COUNT, scenario_of_many
+from tests.replay.test_all_messages import scenario_of_many
 from tests.replay.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
@@ -135,7 +135,7 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
         await looker.go()
         known = looker.app.view_model.known_messages
         rows = [*known.rows]
-        assert (len(rows), looker.scan) == (COUNT, 1)
+        assert (len(rows), looker.scan) == (500, 1)
         for row in (rows[299], rows[5], None):
             looker.app.main.received.post_message(MessageChosen(row))
             await looker.go()

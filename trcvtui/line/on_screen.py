@@ -19,7 +19,6 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
-from trcvtui.capture.reassembly import ConversationEvent
 from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
 from trcvtui.line.pause_messages import PauseMessages
 from trcvtui.plc.ledger import StatusEdge
@@ -35,17 +34,6 @@ if TYPE_CHECKING:
 MOST_NOTES: Final = 1000  # of conversations, in the history of the run
 PROGRESS_NS: Final = 500_000_000
 MOST_LINES: Final = 3  # above the prompt
-
-
-class _HeardCapture(CapturePlayer):
-    """A capture of which the conversations' messages are wanted, too."""
-
-    messages: PauseMessages | None = None
-
-    def take(self, event: ConversationEvent) -> None:
-        super().take(event)
-        if self.messages is not None:
-            self.messages.hear(event)
 
 
 class _RunHistory:
@@ -105,8 +93,9 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
     with recorder:
         file = _without_name(file)
-        player = _HeardCapture(plan, found.all, first_ns, told, recorder.seam)
-        player.messages = PauseMessages(plan, first_ns) if asked[0] is None else None
+        player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
+        rows = PauseMessages(plan, first_ns) if asked[0] is None else None
+        player.heard = rows.hear if rows is not None else None
         bench = player.shadows.bench
         told.write = bench.told
         progress = _Progress(player, found.packets)
@@ -120,8 +109,8 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         recorder.begin(bench, Path(paths[0]), (), is_scenario=False)
         player.play(paths)
         played = player.close()
-        if player.messages is not None:
-            player.messages.end(max([each.last_ns for each in found.all], default=0))
+        if rows is not None:
+            rows.end(max([each.last_ns for each in found.all], default=0))
         progress.end()
     lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
     project, plc, dialect = asked
@@ -131,9 +120,7 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         return made.project, made.notes
 
     judge = FilesJudge(lambda: paths, plc, project)
-    capture = CaptureRun(
-        plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge, player.messages
-    )
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge, rows)
     return TimeLine(Recording(file), shown_name(paths), 1, capture)
 
 

@@ -29,9 +29,8 @@ class PauseMessages(KeptRows):
 
     def _made(self, direction: WireDirection) -> MessageCutter | None:
         plan, conversation = self._plan, direction.conversation
-        parts = () if conversation.number in plan.unassigned else plan.parts.get(conversation.number, ())
-        is_plc = bool(parts) and ends_of(plan.guesses[conversation.number], conversation)[0] is direction
-        heard = {part.connect for part in parts if part.plays_plc == is_plc}
+        is_plc = ends_of(plan.guesses[conversation.number], conversation)[0] is direction
+        heard = {part.connect for part in plan.parts[conversation.number] if part.plays_plc == is_plc}
         names = [each.name for each in plan.project.instances if each.connect in heard]
         if not names:
             return None

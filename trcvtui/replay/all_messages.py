@@ -68,7 +68,5 @@ class TimedRows:
         if not survey.is_over:
             return MessagesDelta(instance, 0, 0, (), share=0.0)
         news = self._rows.news(instance, since)
-        return replace(
-            news,
-            rows=tuple(row._replace(scan=min(survey.last, survey.scan_at(row.t_ns))) for row in news.rows),
-        )
+        rows = [row._replace(scan=min(survey.last, survey.scan_at(row.t_ns))) for row in news.rows]
+        return replace(news, rows=tuple(rows))

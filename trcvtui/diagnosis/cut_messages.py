@@ -149,7 +149,8 @@ class MessageCutters:
                 other.turn(ns)
             cutter.segment(ns, data, direction.largest)
         elif kind is SegmentKind.MISSING:
-            cutter.hole(ns, size)
+            if conversation.protocol != "udp":
+                cutter.hole(ns, size)
         else:
             cutter.end(ns, kind.value)
             if kind is SegmentKind.RST and other is not None:

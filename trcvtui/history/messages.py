@@ -203,9 +203,12 @@ class MessageRows(KeptRows):
     def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
         """Return when the last byte of a message came: in a capture with its packet, else with its read."""
         last, config = reads[-1], self._bench.project.connect(connect)
-        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1
-        is_plain = config is not None and config.session is None
-        packet_ns = self._streams.index.packet_ns((connect, last.incarnation), at) if is_plain else None
+        if config is not None and config.session is not None:  # its packets have other bytes, too
+            return last.t_ns
+        is_stream = config is not None and not config.is_datagram
+        at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1 if is_stream else last.offset
+        link, datagram = (connect, last.incarnation), None if is_stream else last.number
+        packet_ns = self._streams.index.packet_ns(link, at, datagram)
         return last.t_ns if packet_ns is None else packet_ns
 
     def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
@@ -225,9 +228,11 @@ class MessageRows(KeptRows):
         spans = stream.pieces_of(instance, number)
         last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
         pieces = joined((span.position, span.size) for span in spans)
-        self.add(
-            instance, number, scan, last.t_ns if last is not None else t_ns, size, buffer, pieces, "", size
-        )
+        if last is not None:
+            at = last.offset + spans[-1].stop - 1 - last.position
+            packet_ns = self._streams.index.packet_ns((buffer, 1), at)
+            t_ns = last.t_ns if packet_ns is None else packet_ns
+        self.add(instance, number, scan, t_ns, size, buffer, pieces, "", size)
 
     def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
         self._sends[event.instance] = t_ns, []

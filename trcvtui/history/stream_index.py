@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
-from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, Stamped
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, Stamped
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
@@ -166,6 +166,7 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
+        self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
@@ -207,7 +208,7 @@ class StreamIndex:
         ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))
-        if sent and offset <= sent.told[-1][0]:
+        if sent and offset <= sent.told[-1][0] and local != NO_END:
             turn += 1
             sent = None
         if sent is None:
@@ -270,8 +271,8 @@ class StreamIndex:
     # -- which message holds a byte ---------------------------------------------------------------------
 
     def _messages(self, link: Link) -> _Sent | None:
-        key = self._links.get(link)
-        return self._sent.get(key) if key is not None else None
+        key = self._links.get(link) or ((NO_END, link[0]), link[1] - 1)
+        return self._sent.get(key)
 
     def messages_within(self, link: Link, offset: int, size: int, position: int) -> list[MessageSpan]:
         """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
@@ -291,14 +292,20 @@ class StreamIndex:
             place += 1
         return found
 
-    def packet_ns(self, link: Link, offset: int) -> int | None:
-        """Return when the packet with a byte of a connection stands in its capture; None: not known."""
+    def packet_ns(self, link: Link, offset: int, datagram: int | None = None) -> int | None:
+        """Return when the packet with a byte stands in its capture, or that of a datagram's number."""
+        if self.packet_times is not None and link in self._links:
+            return self.packet_times(*self._links[link], offset)
         sent = self._messages(link)
         place = bisect_right(sent.told, (offset, *_LAST)) - 1 if sent is not None else -1
-        if sent is None or place < 0:
-            return None
-        begin, size, _, peer, t_ns = sent.told[place]
-        return t_ns if peer == A_PACKET and offset < begin + size else None
+        while sent is not None and place >= 0:
+            begin, size, number, peer, t_ns = sent.told[place]
+            if peer == A_PACKET and (offset < begin + size if datagram is None else number == datagram):
+                return t_ns
+            if datagram is None or number < datagram:
+                break
+            place -= 1
+        return None
 
     def message_at(self, link: Link, offset: int, position: int = 0) -> MessageSpan | None:
         """Return the message that holds a byte of a connection, None where it is not known."""

@@ -20,7 +20,7 @@ from trcvtui.net.events import BytesReceived
 from trcvtui.net.results import Endpoint
 from trcvtui.net.sim.network import PLAYED_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
-from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StatusEdge
 
 MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
@@ -446,21 +446,20 @@ class PlayedLine:
             port = shadows.bench.runtime.listening_port(self.link)
             if port is None:
                 return False
-            target = Endpoint(self._address, port)
             self._numbers[source] = number
-            is_taken = shadows.network.datagrams.deliver(source, target, whole)
+            is_taken = shadows.network.datagrams.deliver(source, Endpoint(self._address, port), whole)
         else:
             line = shadows.bench.lines[self.link]
             if not line.is_open:
                 return False
-            is_taken, target = line.arrive(whole), Endpoint(self.link, 0)
+            is_taken = line.arrive(whole)
             shadows.wake()
         if not is_taken:
             self._left_out[number] += len(data)
             return True
         self._packets += 1
         if shadows.sent is not None:
-            ends = str(source), str(target)
+            ends = NO_END, self.link
             shadows.sent(PeerSent(A_PACKET, self._packets, *ends, self._sent, len(data)), ns)
             if missing:
                 after = self._sent + len(data), len(whole) - len(data)

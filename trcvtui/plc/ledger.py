@@ -66,6 +66,7 @@ class InputEdge(Struct, frozen=True):
 
 # Who sent, where nobody of the bench did: bytes of a captured packet, bytes that the capture has not.
 A_PACKET, A_HOLE = "packet:", "missing:"
+NO_END = "none:"  # in place of the local end: the remote one is the name of a link without connections
 
 
 class PeerSent(NamedTuple):

@@ -13,16 +13,23 @@ from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import KeptRows, MessageRows, MessagesDelta
 from trcvtui.history.received_streams import ReceivedStreams
 from trcvtui.replay.keyframes import Keyframes
+from trcvtui.replay.packet_times import PacketTimes
 from trcvtui.replay.survey import Survey
 
 
 class AllMessages:
-    """Reads up to the last scan that the survey knows; on its way it keeps keyframes for the replay."""
+    """Reads up to the last scan that the survey knows; on its way it keeps keyframes for the replay.
 
-    def __init__(self, keyframes: Keyframes, survey: Survey) -> None:
+    `path`: a file whose packets have the times of the messages.
+    """
+
+    def __init__(self, keyframes: Keyframes, survey: Survey, path: str = "") -> None:
         self._keyframes, self._survey = keyframes, survey
         self._run = keyframes.begin()
         self._reader = reader = LedgerReader(self._run.bench)
+        if path:
+            begun_ns, bench = self._run.begins.wall_ns, self._run.bench
+            reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + bench.now).of
         streams = ReceivedStreams(self._run.bench, reader)
         self._rows = MessageRows(self._run.bench, reader, streams, keyframes.offset)
 

@@ -385,6 +385,14 @@ class TimeLine:
             self.controller, self._coming = self._coming, None
         return has_moved
 
+    def _whole(self) -> AllMessages | TimedRows:
+        """Return what has the messages of the whole recording."""
+        journal, capture = self._journal, self._capture
+        if capture is not None and capture.rows is not None:
+            return TimedRows(capture.rows, self.survey)
+        path = str(journal.path) if capture is None and isinstance(journal, Recording) else ""
+        return AllMessages(self._keyframes, self.survey, path)
+
     def close(self) -> None:
         if self._judge is not None:
             self._judge.close()
@@ -392,8 +400,7 @@ class TimeLine:
     def picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
         if request.messages is not None and self._messages is None:
-            rows = self._capture.rows if self._capture is not None else None
-            self._messages = AllMessages(self._keyframes, survey) if rows is None else TimedRows(rows, survey)
+            self._messages = self._whole()
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.position = Position(

@@ -209,6 +209,7 @@ def _begin_of_run(path: str) -> RunBegins | None:
 
 def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
+    from trcvtui.replay.packet_times import PacketTimes
     from trcvtui.replay.run_again import restored_state
 
     recording = Recording(path)
@@ -216,7 +217,8 @@ def _run_again(rows: _Rows, path: str) -> None:
     run = keyframes.begin()
     if rows.table is None:
         rows.begin_bench(run.bench.project, run.begins.wall_ns)
-    found = _BenchMessages(run.bench, rows, after=keyframes.offset)
+    found, begun_ns = _BenchMessages(run.bench, rows, after=keyframes.offset), run.begins.wall_ns
+    found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
         with restored_state(run.is_restored, path):

@@ -1,0 +1,63 @@
+"""When the packets of a recording came, read beside its run: a scan reads bytes later than they came."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.capture.command import in_time_order
+from trcvtui.capture.plc_end import address_text
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, Conversations, SegmentKind
+
+MOST_KEPT: Final = 20_000  # packets of a connection
+AHEAD_NS: Final = 1_000_000_000  # a packet stands in the file so long after the scan at most
+
+
+class PacketTimes:
+    """The packets to the PLC of connections that begin in a file; `now_ns`: how far its run is, UTC."""
+
+    def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
+        self._packets = in_time_order([path], [])
+        self._found = Conversations(self._take)
+        self._talks: dict[tuple[str, str], list[Conversation]] = {}  # by partner and PLC end
+        self._said: dict[Conversation, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
+        self._wall_ns, self._now_ns = wall_ns, now_ns
+        self._reached_ns = 0
+
+    def of(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
+        """Return when a byte came, ns of the run, on the connection of that turn of its ends."""
+        while True:
+            talks = self._talks.get(ends, ())
+            if turn < len(talks):
+                said = self._said[talks[turn]]
+                while said and said[0][0] <= offset:
+                    said.popleft()
+                if said:
+                    return said[0][1] - self._wall_ns
+            if not self._read_on():
+                return None
+
+    def _read_on(self) -> bool:
+        found = next(self._packets, None) if self._reached_ns < self._now_ns() + AHEAD_NS else None
+        if found is not None:
+            packet, reader = found
+            self._found.names = reader.name_of
+            self._found.take(packet, reader.link_types[packet.interface])
+            self._reached_ns = packet.ns
+        return found is not None
+
+    def _take(self, event: ConversationEvent) -> None:
+        ns, talk, direction, kind, at, size, _ = event
+        if (
+            not talk.begins_with_syn
+            or talk.sent is None
+            or direction is not (talk.back, talk.there)[not talk.sent]
+        ):
+            return
+        if talk not in self._said:
+            self._said[talk] = deque(maxlen=MOST_KEPT)
+            ends = address_text(direction.address), address_text(direction.other.address)
+            self._talks.setdefault(ends, []).append(talk)
+        if kind is SegmentKind.BYTES:
+            self._said[talk].append((at + size, ns))

@@ -349,6 +349,8 @@ class MainScreen(FullScreen[None]):
         if message.row is None:
             self.timing.action_now()
         else:
+            self.status.point_at(None)  # where the edge is not known any more, no other one explains it
+            self.history.point_at(None)
             self.timing.go_to(message.row.scan)
         self.received.show()
 
@@ -442,9 +444,7 @@ class MainScreen(FullScreen[None]):
 
     def _table_wants_more(self) -> bool:
         """Return whether the messages and their members take the screen: pane 5 is too low for them."""
-        rows = self._pane_rows - 3  # the frame; the tabs, or in the grid nothing that counts
-        if not self.has_class(TABS):
-            rows -= sum(self._heights()) - 1
+        rows = self._pane_rows - 2 - (1 if self.has_class(TABS) else sum(self._heights()))
         return self.received.is_table and self._pane in (5, 6) and rows < ENOUGH_ROWS
 
     def _in_tabs(self) -> set[int]:
@@ -490,16 +490,21 @@ class MainScreen(FullScreen[None]):
             self.prompt.did("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
-        from trcvtui.tui.copy_formats import AS_TABLE, FIRST, FIRST_OF_PANE, YankScreen  # read when asked for
+        from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
         if self.focused is self.received.table.first:
-            if text := self.received.table.csv():
-                self._yanked((AS_TABLE, text))
-            else:
-                self.prompt.complain("no message is there to be yanked")
+            self.run_worker(self._yank_messages())
         elif (subject := self._subject(pane)) is not None:
             self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
+
+    async def _yank_messages(self) -> None:
+        from trcvtui.tui.copy_formats import AS_TABLE  # read when first asked for
+
+        if text := await self.received.table.csv():
+            self._yanked((AS_TABLE, text))
+        else:
+            self.prompt.complain("no message is there to be yanked")
 
     def yank(self, letter: str) -> None:
         from trcvtui.tui.copy_formats import FORMATS

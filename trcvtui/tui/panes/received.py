@@ -81,7 +81,7 @@ class Received(Vertical):
             if (window := self._view_model.past) is not None and window.connect == instance.connect:
                 self.data.show_before(window.data)
             face.ask(instance)
-        shown = face if instance is not None else self.now
+        shown = self.now if instance is None and self.is_past else face
         shown.show()
         self._show_title()
         if shown.subtitle != self._subtitle:
@@ -89,7 +89,8 @@ class Received(Vertical):
             self.border_subtitle = Content(shown.subtitle)
 
     def on_resize(self) -> None:
-        """Other widths hold other numbers of bytes in a line."""
+        """Other widths hold other numbers of bytes in a line, and more of a title."""
+        self._title = ""
         self.show()
 
     def _show_title(self) -> None:
@@ -121,11 +122,6 @@ class Received(Vertical):
         self.post_message(PastSelected())
         self._back_to_bytes()
         self.show()
-
-    def on_message_chosen(self, message: MessageChosen) -> None:
-        if message.is_over and self.is_table:
-            message.stop()
-            self.action_messages()
 
     def _open_past(self) -> None:
         if not self.is_past:

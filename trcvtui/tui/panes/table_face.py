@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from typing import Final
 
@@ -11,7 +12,7 @@ from trcvtui.history.messages import MessageRow
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected, PastSelected
 from trcvtui.tui.panes.face import Face, OriginLine
-from trcvtui.tui.panes.message_list import MessageHead, MessageList
+from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.typed_lines import FilterLine, FindLine
@@ -27,13 +28,13 @@ class TableFace(Face):
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
-        self.messages = MessageList(view_model)
+        self.messages = MessageLines(view_model)
         super().__init__(view_model, find, below, self.messages)
         self._head = MessageHead(self.messages)
         self._bytes = HexView("message", of_job=False)
         self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
-        self._hex_rows = 1  # they stay: the table above is not to jump
+        self._hex_rows = 0
 
     def compose(self) -> Iterator[Widget]:
         yield self._head
@@ -50,7 +51,7 @@ class TableFace(Face):
         self.post_message(PastSelected())
 
     def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
-        return "Messages", self.messages.words()
+        return "Messages", self.messages.words() if instance is not None else ""
 
     def ask(self, instance: InstanceSnapshot) -> None:
         self._view_model.past_wanted = None
@@ -65,20 +66,23 @@ class TableFace(Face):
         content = (shown.content or b"")[: shown.have] if shown is not None else b""
         size = shown.size if shown is not None and shown.content is not None else 0
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
-        if (rows := min(MOST_HEX_ROWS, self._bytes.row_count())) > self._hex_rows:
+        declared = self._view_model.message_type  # as high for each message: the table above is not to jump
+        rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
+        if (rows := max(1, min(MOST_HEX_ROWS, rows))) != self._hex_rows:
             self._hex_rows = self._bytes.styles.height = rows
         about = f"message {shown.number}, scan {shown.scan}, {shown.size} B" if shown is not None else ""
         self.subtitle = self.note or about
         self._below.say(self.lack(), may_break=False)
 
-    def csv(self) -> str:
-        """Return the rows that pass the filter as a file of csv."""
+    async def csv(self) -> str:
+        """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
         from trcvtui.report.message_table import MessageType, csv_of  # read when first asked for
 
         name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
         position = self._view_model.position
-        return csv_of(self.messages.rows(), type_, name, position.first_ns if position is not None else None)
+        begun_ns = position.first_ns if position is not None else None
+        return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
 
     # -- the chosen message ----------------------------------------------------------------------------
 

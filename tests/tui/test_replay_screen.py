@@ -141,6 +141,14 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
             await looker.go()
             assert looker.scan == (row or rows[5]).scan
             assert looker.app.view_model.known_messages is known and known.rows == rows
+        table = looker.app.main.received.table.messages
+        for keys, row, scan in (
+            ("D", rows[5], rows[5].scan), ("down", rows[6], rows[6].scan), ("left", rows[5], rows[6].scan - 1)
+        ):  # fmt: skip
+            await looker.go(keys)
+            assert (table.chosen(), looker.scan) == (row, scan), keys
+        known.share = 0.4
+        assert "reading … 40%" in table.words()
 
 
 async def test_the_table_of_messages_keeps_g_home_and_end_and_the_arrows_are_the_time_lines() -> None:

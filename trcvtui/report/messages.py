@@ -12,11 +12,10 @@ from typing import Final, NamedTuple, TextIO
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.table import block_row
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.plc_end import NOTHING_KNOWN, fits_nothing, guess_plc, parse_plc
-from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
-from trcvtui.diagnosis.cut_messages import MessageCutter
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, WireDirection
+from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.message_filter import Filter, read_filter, read_layout_filter
 from trcvtui.errors import Problem, UserError, mistake, one_line
@@ -26,7 +25,7 @@ from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import LEAST_SPANS_KEPT
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.project.project import DataDecl, Project
+from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
 from trcvtui.recording.journal import SIM_WALL_NS, RunBegins
 from trcvtui.recording.recording import Recording
@@ -37,7 +36,6 @@ GOOD, NO_ROW = 0, 1
 TO_PLC, FROM_PLC = "to PLC", "from PLC"
 UNSURE: Final = 0.5  # a guess of the PLC end that is told
 READ_AT_ONCE: Final = 1000  # packets between two scans
-ENDS: Final = frozenset({SegmentKind.FIN, SegmentKind.RST})
 
 
 class MessagesQuestion(NamedTuple):
@@ -116,8 +114,7 @@ class _Rows:
         names, only = [each.name for each in project.instances], self.asked.instance
         if only is not None and only not in names:
             raise mistake("--instance", shown(only), expected_name(only, names, "instance"), "unknown")
-        moving = [each for each in project.instances if _moves_messages(each.block)]
-        of = {each.name: _data_of(project, each.name) for each in moving if only in (None, each.name)}
+        of = {name: project.received_data(name) for name in names if only in (None, name)}
         filters = {name: partial(read_filter, project=project, instance=name) for name in of}
         types = [MessageType(name, data) for name, data in of.items() if data is not None]
         self._begin(types, OF_AN_INSTANCE, begun_ns, filters)
@@ -158,7 +155,8 @@ class _Rows:
                 self._filters[name] = _nothing
                 self._filters[name] = read_filter(self.asked.where or "", project, name)
         names = [each.name for each in project.instances]
-        return frozenset(name for name in names if _data_of(project, name) is not _data_of(before, name))
+        pairs = ((name, project.received_data(name), before.received_data(name)) for name in names)
+        return frozenset(name for name, now, then in pairs if now is not then)
 
     def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
@@ -176,31 +174,19 @@ def _nothing(row: MessageRow) -> bool:
     return False
 
 
-def _moves_messages(block: str) -> bool:
-    row = block_row(block)
-    return row.moves_bytes or row.on_buffer
-
-
-def _data_of(project: Project, instance: str) -> DataDecl | None:
-    decl = project.instance(instance)
-    return project.data_decl(decl.data or "") if decl is not None else None
-
-
 # -- benches -------------------------------------------------------------------------------------------------
 
 
 class _BenchMessages:
     """The rows of a bench, taken after each scan; `add_ns`: from its time to that of the rows."""
 
-    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0) -> None:
+    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
         self._streams = StreamReader(bench, self.reader).streams
-        self._messages = MessageRows(bench, self.reader, self._streams)
+        self._messages = MessageRows(bench, self.reader, self._streams, after)
         self._rows, self._add_ns, self._bench = rows, add_ns, bench
         self._begun = self._project = bench.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
-        for _ in self._messages.take():
-            """Leave out those before a keyframe: an earlier file has them."""
 
     def take(self) -> None:
         if self._bench.project is not self._project:
@@ -245,11 +231,12 @@ def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.run_again import restored_state
 
     recording = Recording(path)
-    run = Keyframes(recording, path).begin()
+    keyframes = Keyframes(recording, path)
+    run = keyframes.begin()
     begun_ns = run.begins.wall_ns
     if rows.table is None:
         rows.begin_bench(run.bench.project, begun_ns)
-    found = _BenchMessages(run.bench, rows)
+    found = _BenchMessages(run.bench, rows, after=keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
@@ -320,7 +307,7 @@ class _CaptureMessages:
     def __init__(self, rows: _Rows) -> None:
         self._found, self._rows, self._zero_ns = Conversations(self._take), rows, 0
         self._given = parse_plc(rows.asked.plc) if rows.asked.plc is not None else None
-        self._cutters: dict[WireDirection, MessageCutter | None] = {}
+        self._cutters = MessageCutters(self._made)
 
     def take_all(self) -> None:
         found, rows, troubles = self._found, self._rows, list[Problem]()
@@ -329,11 +316,8 @@ class _CaptureMessages:
             raise UserError(troubles)
         if rows.table is None:
             rows.begin_capture(0)
-        last_ns, cutters = max([each.last_ns for each in found.all], default=0), self._cutters.values()
-        for cutter in cutters:
-            if cutter is not None:
-                cutter.end(last_ns, "end of file")
-        if self._given is not None and found.all and not any(cutters):
+        self._cutters.end(max([each.last_ns for each in found.all], default=0))
+        if self._given is not None and found.all and not self._cutters.are_any:
             raise fits_nothing("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
         for each in found.all if rows.asked.layout is not None else ():
             guess = guess_plc(each, self._given, NOTHING_KNOWN)
@@ -341,16 +325,12 @@ class _CaptureMessages:
                 _say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
         _end_capture(found, troubles)
 
-    def _cutter(self, direction: WireDirection) -> MessageCutter | None:
+    def _made(self, direction: WireDirection) -> MessageCutter | None:
         """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
-        if direction not in self._cutters:
-            guess = guess_plc(direction.conversation, self._given, NOTHING_KNOWN)
-            is_asked = self._given is None or guess.why == "--plc"
-            way = FROM_PLC if guess.says is direction else TO_PLC
-            self._cutters[direction] = self._made(direction, way) if is_asked else None
-        return self._cutters[direction]
-
-    def _made(self, direction: WireDirection, way: str) -> MessageCutter:
+        guess = guess_plc(direction.conversation, self._given, NOTHING_KNOWN)
+        if self._given is not None and guess.why != "--plc":
+            return None
+        way = FROM_PLC if guess.says is direction else TO_PLC
         layout, rows, zero_ns = self._rows.asked.layout, self._rows, self._zero_ns
         labels = f"C{direction.conversation.number}", way
         number, last_ns = 0, None
@@ -365,25 +345,7 @@ class _CaptureMessages:
         return MessageCutter(layout.size if layout is not None and way is TO_PLC else 0, take)
 
     def _take(self, event: ConversationEvent) -> None:
-        ns, conversation, direction, kind, _, size, data = event
         if self._rows.table is None:
-            self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or ns)
+            self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or event.ns)
             self._rows.begin_capture(self._zero_ns)
-        if kind is not SegmentKind.BYTES and kind is not SegmentKind.MISSING and kind not in ENDS:
-            return
-        cutter, other = self._cutter(direction), self._cutters.get(direction.other)
-        if cutter is None:
-            return
-        if conversation.protocol == "udp":
-            if kind is SegmentKind.BYTES:
-                cutter.datagram(ns, data, size)
-        elif kind is SegmentKind.BYTES:
-            if other is not None:
-                other.turn(ns)
-            cutter.segment(ns, data, direction.largest)
-        elif kind is SegmentKind.MISSING:
-            cutter.hole(ns, size)
-        else:
-            cutter.end(ns, kind.value)
-            if kind is SegmentKind.RST and other is not None:
-                other.end(ns, kind.value)
+        self._cutters.take(event)

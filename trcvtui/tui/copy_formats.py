@@ -123,6 +123,7 @@ FORMATS: Final = (
     Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
     Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
 )
+AS_TABLE: Final = Format("c", "messages as CSV", lambda of: "", ".csv")  # of the table of them
 # What the pane with the focus is about; the menu begins there.
 FIRST_OF_PANE: Final = {"udt": "v", "history": "s", "status": "s"}
 FIRST: Final = "h"

@@ -122,6 +122,8 @@ if TYPE_CHECKING:
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN, WITHIN = "-zoom", "-list", "-frozen", "-within"
+MESSAGES: Final = "-messages"  # their table and their members have the screen
+ENOUGH_ROWS: Final = 22  # of pane 5: so high, the table stands among the panes
 SCENARIOS: Final = "scenarios"  # the line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
 PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
@@ -207,7 +209,8 @@ class MainScreen(FullScreen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        decoded = self.received.stream if self.received.is_past else self._decoded_view()
+        now = self.received.face is self.received.now
+        decoded = self._decoded_view() if now else self.received.face.first
         inner: dict[int, Widget] = {1: self.instances, 5: decoded, 7: self.peer.first}
         return inner.get(digit) or self._panes()[digit]
 
@@ -308,7 +311,7 @@ class MainScreen(FullScreen[None]):
         self.timing.forget()
         self.status.point_at(None)
         self._link(range(0), range(0))
-        self.table.cursor, self.table.of_job = None, False
+        self.table.cursor, self.table.of_job, self.table.past = None, False, None
         self.received.data.cursor = self.received.job.cursor = None
         self.show()
 
@@ -330,21 +333,31 @@ class MainScreen(FullScreen[None]):
 
     def on_past_selected(self, message: messages.PastSelected) -> None:
         """Decode the job that the selected byte of the past belongs to, and show its member."""
-        of_job = self.received.job_of_cursor()
+        of_job = self.received.face.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._view_model.selected
         self.table.past = of_job[1:] if of_job is not None and mine else None
         if self.table.was_thrown_away:
             self.table.cursor = None
         in_data = mine and not self.table.was_thrown_away
-        field = self.table.field_at(self.received.byte_in_job()) if in_data else range(0)
-        self.received.show_field(field, goes_there=False)
+        field = self.table.field_at(self.received.face.byte_in_job()) if in_data else range(0)
+        self.received.face.show_field(field, goes_there=False)
         self.table.show()
+        self.received.show()
+
+    def on_message_chosen(self, message: messages.MessageChosen) -> None:
+        """Show the scan of a message in STATUS, history and over time; None: go back to now."""
+        if message.row is None:
+            self.timing.action_now()
+        else:
+            self.status.point_at(None)  # where the edge is not known any more, no other one explains it
+            self.history.point_at(None)
+            self.timing.go_to(message.row.scan)
         self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
         if self.table.past is not None:
             if not self.table.was_thrown_away:
-                self.received.show_field(message.field, goes_there=True)
+                self.received.face.show_field(message.field, goes_there=True)
             self.received.show()
             return
         self._link_decoded(message.field)
@@ -411,7 +424,8 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     def _arrange(self) -> None:
-        alone = self.has_class(TABS) or self.has_class(ZOOM)
+        self.set_class(self._table_wants_more(), MESSAGES)
+        alone = any(map(self.has_class, (TABS, ZOOM, MESSAGES)))
         away = set() if self.has_class("-both") else PAST - {self._past}
         seen = self._in_tabs() if alone else self._panes().keys() - away
         self.set_class(seen in PAIRS, "-beside")
@@ -421,12 +435,21 @@ class MainScreen(FullScreen[None]):
         if (rows := self._wanted_rows()) != self._rows:
             self._grid.styles.grid_rows = self._rows = rows
 
-    def _wanted_rows(self) -> str:
+    def _heights(self) -> tuple[int, ...]:
         peers = len(self._view_model.project.peers)
-        rows = grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows, peers)
-        return " ".join("1fr" if each == REST else str(each) for each in rows)
+        return grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows, peers)
+
+    def _wanted_rows(self) -> str:
+        return " ".join("1fr" if each == REST else str(each) for each in self._heights())
+
+    def _table_wants_more(self) -> bool:
+        """Return whether the messages and their members take the screen: pane 5 is too low for them."""
+        rows = self._pane_rows - 2 - (1 if self.has_class(TABS) else sum(self._heights()))
+        return self.received.is_table and self._pane in (5, 6) and rows < ENOUGH_ROWS
 
     def _in_tabs(self) -> set[int]:
+        if self.has_class(MESSAGES) and not self.has_class(ZOOM):
+            return {5, 6} if self.size.width >= PAIR_WIDTH else {self._pane}
         is_stream = self._pane in (5, 6) and self.received.is_past  # which wants the whole width
         if self.has_class(ZOOM) or not self.has_class(PAIR) or is_stream:
             return {self._pane}
@@ -470,8 +493,18 @@ class MainScreen(FullScreen[None]):
         from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
-        if (subject := self._subject(pane)) is not None:
+        if self.focused is self.received.table.first:
+            self.run_worker(self._yank_messages())
+        elif (subject := self._subject(pane)) is not None:
             self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
+
+    async def _yank_messages(self) -> None:
+        from trcvtui.tui.copy_formats import AS_TABLE  # read when first asked for
+
+        if text := await self.received.table.csv():
+            self._yanked((AS_TABLE, text))
+        else:
+            self.prompt.complain("no message is there to be yanked")
 
     def yank(self, letter: str) -> None:
         from trcvtui.tui.copy_formats import FORMATS
@@ -494,17 +527,18 @@ class MainScreen(FullScreen[None]):
 
         if pane in ("peers", "payload"):
             return subject_of(self._view_model, of_job=False, of_peer=True)
-        lack = self.received.lack() if pane in ("stream", "data", "job", "udt") else ""
+        is_of_bytes = pane in ("stream", "data", "job", "udt", "messages", "message")
+        lack = self.received.face.lack() if is_of_bytes else ""
         if lack:
             self.prompt.complain(f"nothing to yank: {lack}")
             return None
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
-        past = self.received.job_of_cursor()
+        past = self.received.face.job_of_cursor()
         if past is not None and pane != "stream" and past[0] != self._view_model.selected:
             past = None  # pane 6 shows DATA beside a job of another instance
         found = subject_of(self._view_model, of_job, False, past)
         if pane == "stream":
-            message, from_mark = self.received.copied()
+            message, from_mark = self.received.past.copied()
             found = replace(found, message=message, from_mark=from_mark)
         return found
 

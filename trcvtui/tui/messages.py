@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
 
+from trcvtui.history.messages import MessageRow
 from trcvtui.plc.ledger import Line
 
 if TYPE_CHECKING:
@@ -39,10 +40,24 @@ class PastSelected(Message):
 
 
 @dataclass
+class MessageChosen(Message):
+    """A row of the table of messages was chosen; None: the newest is followed."""
+
+    row: MessageRow | None
+
+
+@dataclass
 class FieldSelected(Message):
     """A row of the UDT table was chosen: its bytes."""
 
     field: range
+
+
+@dataclass
+class CurveWanted(Message):
+    """The member of this path shall be drawn over time."""
+
+    path: str
 
 
 @dataclass

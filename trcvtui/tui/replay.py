@@ -12,6 +12,7 @@ from textual.widgets import Input
 
 from trcvtui.snapshots.replay import CANNOT, Position
 from trcvtui.tui.main import ZOOM, MainScreen
+from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
@@ -36,11 +37,12 @@ CLICKS: Final = {
 }
 KEYS: Final = {  # what a pane may have for itself
     "←→": ("left", "right"), "shift": ("shift+left", "shift+right"), "!": ("exclamation_mark",),
-    "+-": ("plus", "minus"), "space": ("space",),
+    "+-": ("plus", "minus"), "space": ("space",), "g": ("g",),
 }  # fmt: skip
 CHANGES: Final = frozenset(("add", "change", "send"))  # what keys of panes do
 COMMANDS: Final = frozenset(("block", "peer"))  # panes of which all keys do
 ROWS: Final = 2
+FIRST_OF_ALL: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
 TIMING: Final = 8  # the pane
 MOST_SAID: Final = 6  # lines of a what-if
 HERE, PARTS, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
@@ -198,11 +200,13 @@ class ReplayScreen(MainScreen):
         self.position.show()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave `g`, home and end to a field that is typed into."""
+        """Leave `g`, home and end to a field that is typed into, and to the table of messages."""
         is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
-        return not is_typed and super().check_action(action, parameters)
+        is_of_table = (action, *parameters) in FIRST_OF_ALL and self.focused is self.received.table.first
+        return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at {where}")
 
     def go_to_place(self, place: EvidencePlace) -> None:
@@ -210,7 +214,13 @@ class ReplayScreen(MainScreen):
             self.action_at(str(place.scan))
         super().go_to_place(place)
 
+    def on_message_chosen(self, message: MessageChosen) -> None:
+        message.prevent_default()  # the time line moves, and all panes with it
+        if message.row is not None:
+            self._submit(f"at {message.row.scan}")
+
     def action_edge(self, step: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at edge {step} {self._view_model.selected}")
 
     def action_speed(self, step: str) -> None:

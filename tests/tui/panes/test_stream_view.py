@@ -248,9 +248,9 @@ async def test_messages_are_compared_with_a_marked_one_and_copied() -> None:
         await press(looker, "m", "down", "down", "d")
         assert looker.words("origin-line").startswith("≠ 1 of 20 bytes: 16#01 = 1 · TRCV_C_1 job 1 byte 20")
         assert (stream._before(24), stream._byte(24), "mark 00" in looker.words("stream")) == (0, 1, True)
-        assert received.copied() == (MESSAGES[1], MESSAGES[0] + b"\x01")
+        assert received.past.copied() == (MESSAGES[1], MESSAGES[0] + b"\x01")
         await press(looker, "g", "m")
-        assert stream.marked is None and received.copied() == (MESSAGES[0], b"")
+        assert stream.marked is None and received.past.copied() == (MESSAGES[0], b"")
 
 
 async def test_a_search_tells_which_hit_of_how_many_and_places_have_numbers() -> None:

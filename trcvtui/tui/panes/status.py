@@ -192,7 +192,7 @@ class StatusCard(TextView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        return (("esc", "now"),) if self._past is not None else ()
+        return (("D", "messages"), *((("esc", "now"),) if self._past is not None else ()))
 
     def __init__(
         self, view_model: ViewModel, digit: int = 3, letter_of: Callable[[str], str] = lambda pin: ""

@@ -223,7 +223,7 @@ class HexView(ByteLines):
     """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
 
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
-        ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"),
+        ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"), ("D", "messages"),
     )  # fmt: skip
 
     def __init__(self, id: str, of_job: bool) -> None:

@@ -1,0 +1,241 @@
+"""DATA now as a face of pane 5, and below it how far the job is.
+
+A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from textual.widget import Widget
+
+from trcvtui.history.records import HistoryRequest
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
+from trcvtui.tui.formatting import bar
+from trcvtui.tui.panes.combuffer import gap_of, gap_parts
+from trcvtui.tui.panes.face import NOT_KEPT, Face, OriginLine
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.hex_view import (
+    CLOSES,
+    NOT_CAPTURED,
+    OPENS,
+    HexView,
+    marks_of_data,
+    marks_of_part,
+    numbers_at,
+)
+from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, ruled
+from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.udt.byte_text import Wanted, hit_of
+from trcvtui.wording import stamp
+
+BAR: Final = 12
+GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
+
+
+class JobLine(OneLine):
+    """One line between both views: how far the job is."""
+
+    def __init__(self, view_model: ViewModel) -> None:
+        super().__init__(id="job-line")
+        self._view_model = view_model
+
+    def line(self) -> Row:
+        instance = self._view_model.instance
+        if instance is None:
+            return EMPTY
+        if instance.sends:
+            return ruled(self.line_width, *self._sent(instance))
+        if instance.framer is not None:
+            return ruled(self.line_width, *self._framed(instance, instance.framer))
+        if not instance.need:
+            return ruled(self.line_width, ("── no job running ", "dim"))
+        full, empty = bar(instance.have, instance.need, BAR)
+        mode = "ad-hoc, at most" if instance.adhoc else "of"
+        numbers = f" {instance.have} {mode} {instance.need} B "
+        return ruled(
+            self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
+            ("not in DATA yet ", "dim"),
+        )  # fmt: skip
+
+    def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
+        if instance.outputs.busy:
+            full, empty = bar(instance.have, framer.size, BAR)
+            told: list[Part] = [
+                ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
+                (f" {instance.have} of ≤{framer.size} B ", "strong"),
+            ]  # fmt: skip
+            gap = gap_of(self._view_model, instance)
+            if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
+                told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
+            return told
+        last = framer.last
+        if last is None:
+            return [("── no frame has begun ", "dim")]
+        data = last.size - last.prefix - last.suffix
+        marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
+        style = "dim" if last.is_good else "warn"
+        return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
+                (f"ended by: {framer.ended_by} ", style)]  # fmt: skip
+
+    def _sent(self, instance: InstanceSnapshot) -> list[Part]:
+        """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
+        parts: list[Part] = [("── ", "dim")]
+        if instance.need:
+            full, empty = bar(instance.have, instance.need, BAR)
+            numbers = f" {instance.have} of {instance.need} B in the stack  "
+            parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
+        connection = self._view_model.connection
+        if connection is None or connection.state != "connected" or connection.udp:
+            return parts if instance.need else [*parts, ("no job running ", "dim")]
+        parts.append((f"{connection.bytes_sent} B accepted", "strong"))
+        if connection.unacknowledged is not None:
+            style = "warn" if connection.unacknowledged else "dim"
+            parts.append((f" · {connection.unacknowledged} unacknowledged", style))
+        for peer in self._view_model.peers:
+            if (peer.local, peer.remote) == (connection.remote, connection.local):
+                parts.append((f" · {peer.received_here} read by {peer.name}", "dim"))
+        return [*parts, (" ", "dim")]
+
+
+MOST_JOB_ROWS: Final = 4
+LEAST_ROWS: Final = 6  # with fewer there is no line of numbers below DATA
+
+
+class DataFace(Face):
+    """Both hex views: DATA, and the bytes of the running job."""
+
+    DEFAULT_CSS = """
+    DataFace #data { height: 1fr; min-height: 1; }
+    DataFace.-roomy { height: auto; }
+    DataFace.-roomy JobLine { margin: 1 0 0 0; }
+    DataFace #job { height: 1; display: none; }
+    """
+
+    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+        self.data = HexView("data", of_job=False)
+        self.job = HexView("job", of_job=True)
+        super().__init__(view_model, find, below, self.data)
+        self._line = JobLine(view_model)
+        self._job_rows = 0
+        self._data_rows: int | None = None
+
+    def compose(self) -> Iterator[Widget]:
+        yield self.data
+        yield self._line
+        yield self.job
+
+    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+        if instance is None:
+            return "Received", ""
+        declared = self._view_model.declaration
+        name = "RESULT" if instance.data_pin == "RESULT" else "Sent" if instance.sends else "Received"
+        return name, f"{declared.name}, {declared.size} B" if declared else "no DATA"
+
+    def ask(self, instance: InstanceSnapshot) -> None:
+        wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.in_view()))
+        self._view_model.past_wanted = None if instance.sends else wanted
+
+    def rest(self) -> None:
+        self.job.display, self._job_rows = False, 0
+
+    def show(self) -> None:
+        instance = self._view_model.instance
+        if instance is None:
+            self._show_nothing()
+            return
+        self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
+        declared = self._view_model.declaration
+        if declared is not None:  # as high before its bytes have come: one layout, not two
+            self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines
+        self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
+        self._line.show()
+        self._size_job(instance)
+        self._stand_together()
+        grown = len(self._view_model.partial) > len(self.job.content)
+        self.job.show_bytes(self._view_model.partial, instance.need, *self._marks(True))
+        self._show_origin()
+        if grown and not self.job.has_focus:
+            self.job.keep_in_view(max(0, len(self._view_model.partial) - 1) // self.job.per_row)
+
+    def _show_nothing(self) -> None:
+        """No instance is left: its bytes go with it."""
+        for view in (self.data, self.job):
+            view.frame = None
+            view.show_bytes(b"", 0, frozenset())
+        self._line.show()
+        self._show_origin()
+
+    def _marks(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
+        index, selected = self._view_model.stream_index, self._view_model.selected
+        return index.message_starts(selected, of_job), index.holes(selected, of_job)
+
+    def _show_origin(self) -> None:
+        if self._view_model.instance is not None and self._view_model.lacks_bytes:
+            self.subtitle = NOT_KEPT
+            self._below.say("", may_break=False)
+            return
+        view = self.job if self.job.has_focus else self.data
+        byte = view.cursor
+        text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
+        has_room = byte is not None and self.room >= LEAST_ROWS
+        numbers = numbers_at(view.known_from(byte or 0), self.size.width - 2) if has_room else ""
+        self._below.say(numbers, may_break=False)
+        self.subtitle = self.note or self._with_hit(byte, text)
+
+    def _origin(self, view: HexView, byte: int) -> str:
+        value = view.content[byte]
+        text = f"byte {byte} = 16#{value:02X} = {value}"
+        if view.is_hole(byte):
+            text = f"byte {byte}: {NOT_CAPTURED}"
+        origin = self._view_model.stream_index.origin(self._view_model.selected, view.of_job, byte)
+        if origin is None:
+            return text
+        text += f" · job {origin.job.number}"
+        if origin.recv is not None:
+            text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
+        if origin.message is not None and not view.is_hole(byte):
+            text += f" · {origin.message.peer} #{origin.message.number} byte {origin.message.first}"
+        if origin.recv is not None:
+            text += f" · {stamp(origin.recv.t_ns)} s"
+        return text
+
+    # -- looking for bytes -------------------------------------------------------------------------------
+
+    def find(self, wanted: Wanted, is_forward: bool, again: bool) -> None:
+        self.note, patterns = "", wanted.patterns
+        if self.data.find(patterns, is_forward, again):
+            place = self.data.cursor or 0
+            self.hit = place, hit_of([(0, self.data.content)], patterns, place)
+        else:
+            self.note = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
+
+    def go_to_offset(self, goal: Goal) -> None:
+        self._select_offset(goal, self.data.select, range(self.data.need))
+
+    # -- layout ------------------------------------------------------------------------------------------
+
+    def _size_job(self, instance: InstanceSnapshot) -> None:
+        # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
+        connection = self._view_model.connection
+        is_up = connection is not None and connection.state == "connected"
+        if not instance.need and instance.pin("EN_R") and is_up:
+            return
+        if not instance.need and instance.framer is not None and self._job_rows:
+            return  # the next frame will want it
+        need = 0 if instance.sends else instance.need
+        self.job.rows_kept = -(-need // self.job.per_row)
+        rows = min(MOST_JOB_ROWS - self._below.display, self.job.rows_kept)
+        if rows != self._job_rows:
+            self._job_rows = rows
+            self.job.styles.height = max(1, rows)
+            self.job.display = rows > 0
+
+    def _stand_together(self) -> None:
+        rows = max(1, self.data.row_count())
+        wanted = rows if rows + 2 + self._job_rows <= self.room else None
+        if wanted != self._data_rows:
+            self._data_rows = wanted
+            self.data.styles.height = "1fr" if wanted is None else wanted
+            self.set_class(wanted is not None, "-roomy")

@@ -1,0 +1,89 @@
+"""What the faces of pane 5 have in common: each is seen alone, with the same line above and below it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from textual.containers import Vertical
+from textual.widget import Widget
+
+from trcvtui.tui.formatting import clip, wrapped
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+
+ROOMY: Final = 100
+NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
+
+
+class OriginLine(LineView, can_focus=False):
+    """Below the stream: where the selected byte came from, or a search; below DATA: the byte as numbers."""
+
+    DEFAULT_CSS = "OriginLine { height: 1; display: none; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="origin-line")
+        self.text = ""
+        self._may_break = True
+
+    def row_count(self) -> int:
+        return 1 if self.line_width >= ROOMY or not self._may_break else 2
+
+    def row_at(self, y: int) -> Row:
+        texts = wrapped(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
+        return row((clip(texts[y], self.line_width), "strong")) if y < len(texts) else EMPTY
+
+    def on_resize(self) -> None:
+        self.styles.height = self.row_count()
+        self.show()
+
+    def say(self, text: str, may_break: bool) -> None:
+        self.text, self._may_break, self.display = text, may_break, bool(text) or may_break
+        self.on_resize()
+
+
+class Face(Vertical):
+    """One way to see what was received; `first` is what the keys go to, `subtitle` stands in the frame."""
+
+    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine, first: LineView) -> None:
+        super().__init__()
+        self._view_model = view_model
+        self._find = find
+        self._below = below
+        self.first = first
+        self.is_seen = self.is_searched = False  # searched: n and N are those of the search
+        self.subtitle = self.note = ""  # note: what could not be found or done
+        self.hit = -1, ""  # where the search has come to, and which hit of how many that is
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        """Return instance, number and bytes of the job of the past that is shown, None where it is DATA."""
+        return None
+
+    def byte_in_job(self) -> int:
+        return -1
+
+    def lack(self) -> str:
+        """Return why the bytes of what is shown cannot be had, "" where they can."""
+        return NOT_KEPT if self._view_model.lacks_bytes else ""
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        """Mark the bytes of a member."""
+
+    @property
+    def room(self) -> int:
+        """Return the rows of the whole pane."""
+        return self.parent.size.height if isinstance(self.parent, Widget) else 0
+
+    def _select_offset(self, goal: Goal, select: Callable[[int], None], kept: range, lack: str = "") -> None:
+        self.note = ""
+        if goal.number in kept:
+            select(goal.number)
+        else:
+            is_older = lack and goal.number < kept.start
+            why = lack if is_older else f"not here: bytes {kept.start} to {kept.stop - 1} are"
+            self.note = f"{goal.about} is {why}"
+
+    def _with_hit(self, place: int | None, text: str) -> str:
+        hit = self.hit[1] if self.is_searched and place == self.hit[0] else ""
+        return " · ".join(filter(None, (hit, text)))

@@ -1,0 +1,298 @@
+"""The messages of the selected instance, one a row, newest last.
+
+Rule: a row is drawn from its bytes while it is in view; 10,000 rows cost what one page costs.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
+
+from textual.binding import Binding
+
+from trcvtui.errors import UserError
+from trcvtui.history.messages import MessageRow
+from trcvtui.history.records import NOW
+from trcvtui.project.project import DataDecl
+from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
+from trcvtui.tui.messages import MessageChosen
+from trcvtui.tui.view_model.known_messages import KnownMessages
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode_leaves
+from trcvtui.wording import duration, stamp
+
+if TYPE_CHECKING:
+    from trcvtui.engine.message_filter import Filter
+
+
+class MessageColumn(NamedTuple):
+    """A column before the members; wider where the newest message needs it."""
+
+    name: str
+    width: int
+    text: Callable[[MessageRow], str]
+    style: str = "dim"
+
+
+SCAN: Final = MessageColumn("scan", 7, lambda shown: str(shown.scan))
+COLUMNS: Final = (
+    MessageColumn("n", 5, lambda shown: str(shown.number)),
+    SCAN,
+    MessageColumn("t in s", 9, lambda shown: stamp(shown.t_ns)),
+    MessageColumn("gap", 9, lambda shown: "" if shown.gap_ns is None else clip(duration(shown.gap_ns), 8)),
+    MessageColumn("B", 6, lambda shown: str(shown.size), "strong"),
+    MessageColumn("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
+)
+WITH_SCAN: Final = 96  # columns of the pane from which there is room for the scan
+LEAST, ENOUGH, MOST = 6, 9, 18  # columns of a member; with less than enough none is cut
+
+
+def all_pass(shown: MessageRow) -> bool:
+    return True
+
+
+class MessageLines(LineView):
+    """Rows that pass the filter. The newest is followed until one is chosen.
+
+    A replay has those of the whole recording; its newest is that of the scan that is shown.
+    """
+
+    KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
+    BINDINGS: ClassVar = [
+        Binding("n,right_square_bracket", "move(1)", show=False),
+        Binding("N,left_square_bracket", "move(-1)", show=False),
+        Binding("escape", "leave", show=False),
+    ]
+
+    def __init__(self, view_model: ViewModel) -> None:
+        super().__init__(id="messages")
+        self._view_model = view_model
+        self._typed = self._text = self._wrong = ""  # filter: as typed, the one in force, what is wrong
+        self._passes: Filter = all_pass
+        self._of: tuple[KnownMessages, str] | None = None  # whose the rows are
+        self._declared: DataDecl | None = None  # whose the members and the filter are
+        self._found: list[int] = []  # numbers of those that pass, from 0, among all rows of the instance
+        self._looked, self._oldest = 0, 0  # up to where; the first that has values
+        self._at: int | None = None  # the chosen one, None: the newest
+        self.columns: list[tuple[MessageColumn, int]] = []  # with their widths
+        self.members: list[tuple[Leaf, int]] = []
+        self._longest: dict[str, int] = {}  # text of each member that was drawn
+
+    # -- rows ------------------------------------------------------------------------------------------
+
+    @property
+    def _known(self) -> KnownMessages:
+        """Return the rows of the selected instance: before they come, none of another one."""
+        known = self._view_model.known_messages
+        return known if known.instance == self._view_model.selected else KnownMessages()
+
+    def _row(self, number: int) -> MessageRow | None:
+        """Return a row, None where it has gone since `show`."""
+        known = self._known
+        return known.rows[number - known.first] if known.first <= number < known.stop else None
+
+    def rows(self) -> list[MessageRow]:
+        return [shown for number in self._found if (shown := self._row(number)) is not None]
+
+    def chosen(self) -> MessageRow | None:
+        return self._row(self._found[self._place]) if self._found else None
+
+    @property
+    def is_followed(self) -> bool:
+        return self._at is None
+
+    @property
+    def _place(self) -> int:
+        last = len(self._found) - 1
+        if self._at is not None:
+            return min(last, bisect_left(self._found, self._at))
+        return (
+            max(0, bisect_right(self._found, self._now, key=self._scan_of) - 1) if self._now < NOW else last
+        )
+
+    @property
+    def _now(self) -> int:
+        """Return the scan after which messages are still to come."""
+        position = self._view_model.position
+        return position.scan if position is not None else NOW
+
+    def _scan_of(self, number: int) -> int:
+        shown = self._row(number)
+        return shown.scan if shown is not None else 0
+
+    def follow(self) -> None:
+        self._at = None
+
+    def show(self) -> None:
+        self._catch_up()
+        self._measure()
+        self.resize_rows()
+        if self._at is None and self._now < NOW:
+            self.keep_in_view(self._place)
+        elif self._at is None:
+            self.scroll_to(y=self.row_count(), animate=False)
+        super().show()
+
+    def _catch_up(self) -> None:
+        view_model, known = self._view_model, self._known
+        of = view_model.known_messages, view_model.selected
+        if of != self._of or view_model.message_type is not self._declared:
+            self._at = self._at if of == self._of else None
+            self._of, self._declared, self._longest = of, view_model.message_type, {}
+            self._look_anew()
+            self._text, self._passes = "", all_pass
+            self.narrow(self._typed)
+        if known.stop < self._looked:
+            self._look_anew()
+        if gone := bisect_left(self._found, known.first):
+            del self._found[:gone]
+            if self._at is not None:  # what is in view stays in view
+                self.scroll_to(y=max(0, self.scroll_offset.y - gone), animate=False)
+        if self._oldest != known.oldest:  # a condition on members is false where there are none any more
+            self._oldest, old = known.oldest, bisect_left(self._found, known.oldest)
+            self._found[:old] = self._passing(self._found[:old])
+        self._found += self._passing(range(max(self._looked, known.first), known.stop))
+        self._looked = known.stop
+
+    def _passing(self, rows: range | list[int]) -> list[int]:
+        return [each for each in rows if (shown := self._row(each)) is not None and self._passes(shown)]
+
+    def _look_anew(self) -> None:
+        self._found, self._looked, self._oldest = [], 0, 0
+
+    def _measure(self) -> None:
+        """Give columns and members the room that their texts need, as long as there is some."""
+        last = self._row(self._found[-1]) if self._found else None
+        self.columns = [
+            (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
+            for each in COLUMNS
+            if each is not SCAN or self.line_width >= WITH_SCAN
+        ]
+        room = self.line_width - 1 - sum(width for _, width in self.columns)
+        layout, self.members = self._declared.layout if self._declared is not None else None, []
+        for leaf in layout.leaves(0, min(max(0, room) // LEAST, layout.leaf_count)) if layout else ():
+            longest = max(cells(leaf.path), self._longest.get(leaf.path, 0))
+            width = min(max(LEAST, longest + 1), MOST, room)
+            if width <= longest and width < ENOUGH:
+                break
+            self.members.append((leaf, width))
+            room -= width
+
+    # -- drawing ---------------------------------------------------------------------------------------
+
+    def row_count(self) -> int:
+        return len(self._found)
+
+    def row_at(self, y: int) -> Row:
+        shown = self._row(self._found[y]) if y < len(self._found) else None
+        if shown is None:
+            return EMPTY
+        is_chosen = y == self._place
+        sign: Part = ("▸" if is_chosen else " ", "key")
+        parts = self._parts(shown)
+        if shown.scan > self._now:
+            parts = ((text, "faint") for text, _ in parts)
+        return row(sign, *parts, style=self.cursor_style(is_chosen))
+
+    def _parts(self, shown: MessageRow) -> Iterator[Part]:
+        for column, width in self.columns:
+            yield pad(column.text(shown), width, right=True), "warn" if shown.reason else column.style
+        content = shown.content or b""
+        if shown.reason:
+            yield f"  {shown.reason}", "warn"
+        elif self._declared is not None:
+            values = decode_leaves(self._declared.layout, content, 0, len(self.members))
+            for (leaf, width), value in zip(self.members, values, strict=True):
+                part = content[leaf.offset : leaf.offset + leaf.size]
+                text = plain(value_text(leaf, value, part)) if value is not None else ""
+                self._longest[leaf.path] = max(cells(text), self._longest.get(leaf.path, 0))
+                yield fitted(text, width), "printable"
+
+    # -- moving ----------------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        if rows < 0 or self._place < len(self._found) - 1 or self._at is not None:
+            self._choose(self._place + rows)
+
+    def action_edge(self, direction: int) -> None:
+        if direction < 0:
+            self._choose(0)
+        else:
+            self._at = None
+            self.post_message(MessageChosen(None))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        return action != "leave" or bool(self._typed) or self._at is not None
+
+    def action_leave(self) -> None:
+        """Let all rows through; without a filter, follow the newest."""
+        if self._typed:
+            self.narrow("")
+        else:
+            self.action_edge(1)
+
+    def on_mouse_scroll_up(self) -> None:
+        if self._at is None:
+            self._choose(self._place)
+
+    def click(self, x: int, y: int) -> None:
+        self._choose(y)
+
+    def _choose(self, place: int) -> None:
+        if self._found:
+            place = max(0, min(len(self._found) - 1, place))
+            self._at = self._found[place]
+            self.keep_in_view(place)
+            self.post_message(MessageChosen(self.chosen()))
+
+    # -- the filter ------------------------------------------------------------------------------------
+
+    def narrow(self, text: str) -> None:
+        """Let through what a condition says; one that cannot be read leaves the last in force."""
+        from trcvtui.engine.message_filter import read_filter  # read when first asked for
+
+        self._typed, self._wrong = text.strip(), ""
+        project, selected = self._view_model.project, self._view_model.selected
+        has_filter = self._typed and project.instance(selected) is not None
+        try:
+            self._passes = read_filter(self._typed, project, selected) if has_filter else all_pass
+            self._text = self._typed
+            self._look_anew()
+        except UserError as wrong:
+            self._wrong = wrong.lines()[0]
+
+    def words(self) -> str:
+        """Return what is to be known of the rows as a whole, for the title."""
+        known = self._known
+        size = f"{len(known.rows)} of {known.count}" if len(known.rows) != known.count else f"{known.count}"
+        passing = f"{len(self._found)} of {size} with {self._text}" if self._text else size
+        words = [self._wrong, f"{self._view_model.selected}, {passing}"]
+        if known.oldest > known.first:
+            begin = known.rows[known.oldest - known.first :][:1]
+            words.append(f"values from {begin[0].number} on" if begin else "all values gone")
+        words.append(f"{known.left_out} left out" if known.left_out else "")
+        words.append(f"reading … {known.share:.0%}" if known.share < 1 else "")
+        words.append("frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows")
+        return " · ".join(filter(None, words))
+
+
+class MessageHead(OneLine):
+    """The names of the columns."""
+
+    def __init__(self, lines: MessageLines) -> None:
+        super().__init__(id="message-head")
+        self._lines = lines
+
+    def line(self) -> Row:
+        names = [pad(column.name, width, right=True) for column, width in self._lines.columns]
+        names += [fitted(leaf.path, width) for leaf, width in self._lines.members]
+        return row((" " + "".join(names), "dim"))
+
+
+def fitted(text: str, width: int) -> str:
+    """Return a text in the columns of a member: its beginning and its end, where it is too long."""
+    return pad(squeeze(text, width - 1), width, right=True)

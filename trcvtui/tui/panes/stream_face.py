@@ -1,0 +1,257 @@
+"""The stream (`H`) as a face of pane 5: all that was received so far, and where each byte came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from textual.widget import Widget
+
+from trcvtui.history.records import JobSpan, MessageSpan, RecvSpan
+from trcvtui.plc.ledger import A_HOLE
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.project import Project
+from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.panes.face import Face, OriginLine
+from trcvtui.tui.panes.stream_view import StreamView
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
+from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.udt.byte_text import Wanted
+from trcvtui.wording import stamp
+
+Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
+
+
+def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
+    """Return value, message, job, field, recv call, scan and time of the byte at a position.
+
+    `values` are what it is and what stood there in the job before.
+    """
+    job, recv, message = labels
+    if job is None:
+        return ""
+    is_hole = message is not None and message.peer == A_HOLE
+    words = [NOT_CAPTURED if is_hole else _value_words(*values, job)]
+    if message is not None and not is_hole:
+        byte = message.first + place - message.position
+        words.append(f"{message.peer} #{message.number} byte {byte}")
+    byte = place - job.position + job.first
+    words.append(_job_words(job, byte))
+    if job.done and (field := field_at(project, job.instance, byte)):
+        words.append(field)
+    if recv is not None and recv.number:
+        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{stamp(recv.t_ns)} s"]
+    if not job.done:
+        words.append(job.reason)
+    return " · ".join(words)
+
+
+def _job_words(job: JobSpan, byte: int) -> str:
+    """Return whose byte it is, and of which part of a frame."""
+    if not job.instance:
+        return "no job"
+    if not job.done and not job.number:
+        return job.instance
+    if not job.is_frame:
+        return f"{job.instance} job {job.number} byte {byte}"
+    is_suffix = byte - job.first >= job.size - job.suffix
+    part = "prefix" if byte - job.first < job.prefix else "suffix" if is_suffix else "data"
+    return f"{job.instance} frame {job.number} byte {byte}, {part}"
+
+
+def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
+    if value is None:
+        return "dropped"
+    differs = was is not None and was != value
+    is_dropped = not (job.done or job.is_open)
+    return f"16#{value:02X} = {value}" + (f" (was {was:02X})" if differs else " · dropped" * is_dropped)
+
+
+def field_at(project: Project, instance: str, byte: int) -> str:
+    """Return the path of the member of an instance's DATA that holds a byte, "" for padding."""
+    data = next((decl.data for decl in project.instances if decl.name == instance), None)
+    declared = project.data_decl(data) if data else None
+    number = declared.layout.leaf_at(byte) if declared is not None else None
+    return declared.layout.leaf(number).path if declared is not None and number is not None else ""
+
+
+MOST: Final = 1 << 62  # after every position
+NO_MESSAGE: Final = "nothing to mark: H, then choose a byte of a message"
+NO_DROP: Final = "no bytes were thrown away before this place"
+
+
+class StreamFace(Face):
+    """The stream; also while another face is seen it takes what comes."""
+
+    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+        self.stream = StreamView()
+        super().__init__(view_model, find, below, self.stream)
+        self.past_job: tuple[int, bytes] | None = None  # position and bytes of the job under the cursor
+        self._job_here: JobSpan | None = None
+        self._seeks_drop = False
+        self._known = ("", 0)  # CONNECT and bench of the stream
+
+    def compose(self) -> Iterator[Widget]:
+        yield self.stream
+
+    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+        kept = self.stream.window
+        detail = f"{instance.connect}, {kept.end - kept.begin} B kept · H: DATA now" if instance else ""
+        return "Received so far", detail
+
+    def take(self, instance: InstanceSnapshot) -> None:
+        known = instance.connect, self._view_model.bench
+        if known != self._known:
+            self._known, self.past_job, self._job_here = known, None, None
+            self.stream.begin_anew()
+        window = self._view_model.past
+        if window is not None and window.connect == instance.connect:
+            found = self.stream.take(window)
+            self.stream.cut_rows([each.positions for each in self._view_model.messages])
+            if found is not None:
+                self.hit = found, window.sought.hit if window.sought is not None else ""
+                self.stream.go_to(found)
+                self.post_message(PastSelected())
+            if window.job is not None and window.job != self.past_job:
+                self.past_job = window.job
+                self.post_message(PastSelected())
+
+    def ask(self, instance: InstanceSnapshot) -> None:
+        if self._view_model.is_frozen:
+            self.stream.follows = False
+        self._view_model.past_wanted = self.stream.request(instance.connect, self._job_wanted())
+
+    def _job_wanted(self) -> int | None:
+        """Return where the job lies whose bytes are to come, None where they are here."""
+        job = self.job_here()
+        known = self.past_job is not None and job is not None and self.past_job[0] == job.position
+        return None if job is None or job.is_open or known else job.position
+
+    def show(self) -> None:
+        self.stream.compare(self.stream.marked, self.message_here())
+        self.stream.show()
+        text = self._search_text() or self.note or self._past_origin()
+        place = self.stream.cursor
+        numbers = "" if place is None else numbers_at(self.stream.known_from(place), self.size.width - 4)
+        self.subtitle = numbers
+        self._below.say(text, may_break=True)
+
+    def _search_text(self) -> str:
+        window = self._view_model.past
+        sought = window.sought if window is not None else None
+        if self.stream.seek is None:
+            if self._seeks_drop and sought is not None:
+                self._seeks_drop = False
+                self.note = NO_DROP if sought.position is None else ""
+            wanted = self._find.wanted
+            if sought is not None and sought.position is None and wanted is not None:
+                self.note = f"{wanted.about}: not found there"
+            return ""
+        self.note = ""
+        return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+
+    def _past_origin(self) -> str:
+        if self.stream.cursor is None:
+            return "" if self.stream.window.end else "nothing was received yet"
+        project = self._view_model.project
+        origin = origin_words(self.stream.cursor, self.stream.values(), self.stream.labels(), project)
+        window = self.stream.window
+        if window.lack and self.stream.cursor == window.begin:
+            origin += f" · the oldest byte here, others are {window.lack}"
+        return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
+
+    def message_here(self) -> range:
+        """Return the message under the cursor, its job where no message is known; empty: not all is here."""
+        place, job = self.stream.cursor, self.job_here()
+        of_job = range(job.position, job.stop) if job is not None else range(0)
+        found = [each.positions for each in self._view_model.messages if place in each.positions]
+        return found[0] if found else of_job if self.stream.window.knows(of_job) else range(0)
+
+    def copied(self) -> tuple[bytes, bytes]:
+        """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
+        window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
+        between = range(0)
+        if mark is not None and place is not None:
+            between = range(min(mark[0].start, place), max(place + 1, mark[0].stop * (place < mark[0].start)))
+        return window.cut(self.message_here()), window.cut(between) if window.knows(between) else b""
+
+    def mark_message(self) -> str:
+        """Compare others with the message under the cursor, until it is marked again; return what lacks."""
+        here, stream = self.message_here() if self.is_seen else range(0), self.stream
+        is_marked = stream.marked is not None and stream.marked[0] == here
+        stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
+        return "" if here else NO_MESSAGE
+
+    def job_here(self) -> JobSpan | None:
+        """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
+        job, place, last = self.stream.labels()[0], self.stream.cursor, self._job_here
+        if job is None and last is not None and place is not None and last.position <= place < last.stop:
+            return last
+        self._job_here = job
+        return job
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        """Return instance, number and bytes of the job under the cursor of the stream, once they are here.
+
+        Of bytes that were dropped the number is 0.
+        """
+        job = self.job_here() if self.is_seen else None
+        here = job is not None and self.past_job is not None and self.past_job[0] == job.position
+        if job is None or self.past_job is None or not here or len(self.past_job[1]) < job.whole:
+            return None
+        return job.instance, job.number * job.done, self.past_job[1]
+
+    def lack(self) -> str:
+        if self.stream.cursor is None:
+            return super().lack()
+        job = self.job_here()
+        if job is not None and (job.is_open or not job.is_kept):
+            return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
+        if job is not None and job.position - job.first < self.stream.window.begin:
+            return f"the first bytes of it are {self.stream.window.lack}"
+        return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
+
+    def byte_in_job(self) -> int:
+        """Return the place of the stream's cursor in its job, -1 where there is none."""
+        job = self.job_here()
+        here = self.stream.cursor
+        return -1 if job is None or here is None else here - job.position + job.first
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        job = self.job_here()
+        if job is None:
+            return
+        begin = job.position - job.first
+        here = range(max(job.position, begin + field.start), min(job.stop, begin + field.stop))
+        self.stream.show_link(here)
+        if goes_there and here:
+            self.stream.go_to(here.start)
+
+    # -- looking for bytes -------------------------------------------------------------------------------
+
+    def go_to_done(self, is_forward: bool) -> None:
+        stream = self.stream
+        here = stream.cursor if stream.cursor is not None else stream.window.end + 1
+        stream.look_for(here, is_forward)
+        self.note = ""
+
+    def go_to_dropped(self) -> None:
+        """Go to the newest bytes that were thrown away, then to the ones before, and so on."""
+        stream = self.stream
+        self._seeks_drop, self.note = True, ""
+        stream.look_for(stream.cursor if stream.cursor is not None else MOST, False, dropped=True)
+
+    def go_to_job(self, number: int) -> None:
+        self.note = ""
+        self.stream.look_for(MOST, False, job=(self._view_model.selected, number))
+
+    def go_to_offset(self, goal: Goal) -> None:
+        kept = self.stream.window
+        self._select_offset(goal, self.stream.select, range(kept.begin, kept.end), kept.lack)
+
+    def find(self, wanted: Wanted, is_forward: bool, again: bool) -> None:
+        self.note, stream = "", self.stream
+        here = stream.cursor if stream.cursor is not None else stream.window.begin
+        after = is_forward and again and stream.cursor is not None
+        stream.look_for(here + after, is_forward, wanted.patterns)

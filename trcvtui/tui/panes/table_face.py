@@ -1,0 +1,112 @@
+"""The messages (`D`) as a face of pane 5: the table above, the bytes of the chosen message below."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from typing import Final
+
+from textual.widget import Widget
+
+from trcvtui.history.messages import MessageRow
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.messages import ByteSelected, PastSelected
+from trcvtui.tui.panes.face import Face, OriginLine
+from trcvtui.tui.panes.message_list import MessageHead, MessageLines
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.typed_lines import FilterLine, FindLine
+
+MOST_HEX_ROWS: Final = 4
+GONE: Final = "its values have gone out of the ring"
+NEVER_KEPT: Final = "its bytes were not kept"
+
+
+class TableFace(Face):
+    """Pane 6 shows the members of the chosen message."""
+
+    DEFAULT_CSS = "TableFace HexView { height: 1; }"
+
+    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+        self.messages = MessageLines(view_model)
+        super().__init__(view_model, find, below, self.messages)
+        self._head = MessageHead(self.messages)
+        self._bytes = HexView("message", of_job=False)
+        self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
+        self._chosen: MessageRow | None = None  # the one that pane 6 knows of
+        self._hex_rows = 0
+
+    def compose(self) -> Iterator[Widget]:
+        yield self._head
+        yield self.messages
+        yield self._bytes
+
+    async def open_filter(self) -> None:
+        if not self._filter.is_attached:
+            await self.mount(self._filter, before=0)
+        self._filter.open()
+
+    def _narrow(self, text: str) -> None:
+        self.messages.narrow(text)
+        self.post_message(PastSelected())
+
+    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+        return "Messages", self.messages.words() if instance is not None else ""
+
+    def ask(self, instance: InstanceSnapshot) -> None:
+        self._view_model.past_wanted = None
+
+    def show(self) -> None:
+        self.messages.show()
+        self._head.show()
+        shown = self.messages.chosen()
+        if shown != self._chosen:
+            self._chosen = shown
+            self.post_message(PastSelected())
+        content = shown.content if shown is not None else None
+        size = shown.size if shown is not None and content is not None else 0
+        content = content or b""
+        self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
+        declared = self._view_model.message_type  # as high for each message: the table above is not to jump
+        rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
+        if (rows := max(1, min(MOST_HEX_ROWS, rows))) != self._hex_rows:
+            self._hex_rows = self._bytes.styles.height = rows
+        about = f"message {shown.number}, scan {shown.scan}, {shown.size} B" if shown is not None else ""
+        self.subtitle = self.note or about
+        self._below.say(self.lack(), may_break=False)
+
+    async def csv(self) -> str:
+        """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
+        from trcvtui.report.message_table import MessageType, csv_of  # read when first asked for
+
+        name, declared = self._view_model.selected, self._view_model.message_type
+        type_ = MessageType(name, declared) if declared is not None else None
+        position = self._view_model.position
+        begun_ns = position.first_ns if position is not None else None
+        return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
+
+    # -- the chosen message ----------------------------------------------------------------------------
+
+    def on_byte_selected(self, message: ByteSelected) -> None:
+        message.stop()
+        self.post_message(PastSelected())
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        shown = self._chosen
+        if shown is None or self._view_model.message_type is None:
+            return None
+        return self._view_model.selected, shown.number, shown.content or b""
+
+    def byte_in_job(self) -> int:
+        return -1 if self._bytes.cursor is None else self._bytes.cursor
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        self._bytes.show_link(field)
+        if goes_there and field:
+            self._bytes.go_to(field.start)
+
+    def lack(self) -> str:
+        shown = self._chosen
+        if shown is None or shown.content is not None:
+            return ""
+        return f"message {shown.number}: {GONE if shown.position >= 0 else NEVER_KEPT}"

@@ -15,7 +15,7 @@ from trcvtui.tui.panes.face import Face, OriginLine
 from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.typed_lines import FilterLine, FindLine
+from trcvtui.tui.widgets.typed_lines import FilterLine
 
 MOST_HEX_ROWS: Final = 4
 GONE: Final = "its values have gone out of the ring"
@@ -27,9 +27,9 @@ class TableFace(Face):
 
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, below: OriginLine) -> None:
         self.messages = MessageLines(view_model)
-        super().__init__(view_model, find, below, self.messages)
+        super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
         self._bytes = HexView("message", of_job=False)
         self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
-from typing import Final
+from typing import ClassVar, Final
 
 from textual.widget import Widget
 
@@ -22,6 +22,10 @@ GONE: Final = "its values have gone out of the ring"
 NEVER_KEPT: Final = "its bytes were not kept"
 
 
+class MessageBytes(HexView):
+    KEYS: ClassVar = (("hjkl", "byte"), ("y", "yank"), ("D", "DATA now"))
+
+
 class TableFace(Face):
     """Pane 6 shows the members of the chosen message."""
 
@@ -31,7 +35,7 @@ class TableFace(Face):
         self.messages = MessageLines(view_model)
         super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
-        self._bytes = HexView("message", of_job=False)
+        self._bytes = MessageBytes("message", of_job=False)
         self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
         self._hex_rows = 0

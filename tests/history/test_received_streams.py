@@ -14,6 +14,7 @@ from trcvtui.blocks.environment import (
     JobEnded,
     NoiseDropped,
     PartialFrameDropped,
+    SendEnded,
 )
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRows
@@ -55,6 +56,8 @@ class Compared(VirtualPace):
                     assert number == self._frames[instance]
                     in_data[self._data(instance)] = buffer, instance, number, size
                     ended[instance, number, size, ""] += 1
+                case SendEnded(instance, number, size=size, done=done, reason=reason) if done or size:
+                    ended[instance, number, size, "" if done else reason] += 1
                 case BytesDropped():
                     drops[event.connection, event.size, event.reason] += 1
                 case NoiseDropped():

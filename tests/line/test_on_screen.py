@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 from tests.line.test_watch import Watch, project, stream, watch
-from tests.recording.wire import ACK, FIN, NS, RST, answer, handshake, tcp
+from tests.recording.wire import ACK, FIN, NS, RST, answer, capture, handshake, tcp, udp
 from trcvtui import clock
+from trcvtui.cli.main import main
 from trcvtui.engine.driver import ProcessDriver
+from trcvtui.history.records import NOW
 from trcvtui.line.on_screen import _played, watch_main
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
@@ -156,7 +160,36 @@ def test_nothing_is_left_in_the_folder_for_such_while_a_capture_is_shown(
     driver.close()
 
 
-def shown(path: Path, bench: Path) -> TimeLine:
+def test_without_a_project_the_messages_are_those_of_the_command_at_their_scans(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = [tcp(bytes(range(7)), 101, 501), tcp(bytes(range(7, 12)), 108, 501)]  # 3 ms: no pause
+    said = [answer(b"thanks", 501, 113), tcp(seq=113, ack=507), tcp(seq=113, ack=507)]
+    packets = [*handshake(), *parts, *said, *stream(6, 6, seq=113), udp(b"a datagram")]
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture(packets, step_ns=3_000_000))
+    assert main(["messages", str(path), "--format", "jsonl"]) == 0
+    told = defaultdict(list)
+    for row in map(json.loads, capsys.readouterr().out.splitlines()):
+        told[row["direction"]].append((row["length"], row["hex"], row["t_s"], row["reason"] or ""))
+    line = shown(path, None)
+    work(line)
+    found = defaultdict(list)
+    for decl in line.controller.bench.project.instances:
+        asked = UpdateRequest(messages=(decl.name, 0, NOW), bench=line.controller._bench_number)
+        news = line.picture(asked).messages
+        assert news is not None and news.share == 1
+        for row in news.rows:
+            assert row.content is not None and line.survey.scan_at(row.t_ns) == row.scan
+            place = (row.size, row.content.hex(" "), row.t_ns / 1e9, row.reason)
+            found["from PLC" if "FROM" in decl.name else "to PLC"].append(place)
+    assert {way: sorted(rows) for way, rows in told.items()} == {
+        way: sorted(rows) for way, rows in found.items()
+    }
+    assert {row[0] for row in found["to PLC"]} == {12, 6, 10}
+
+
+def shown(path: Path, bench: Path | None) -> TimeLine:
     return _played([str(path)], (bench, None, None), path.parent / "shadows.pcapng")
 
 

@@ -11,13 +11,17 @@ import pytest
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
+from tests.replay.journals import InMemory, recorded
+from tests.replay.test_all_messages import scenario_of_many
 from tests.replay.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.replay.time_line import TimeLine
 from trcvtui.snapshots.replay import Position
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
+from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.replay import ReplayScreen, bar
 from trcvtui.tui.settings import FIXED
 from trcvtui.tui.widgets.help import LETTERS, TAKEN
@@ -125,17 +129,39 @@ async def test_a_field_that_is_typed_into_keeps_g_home_and_end() -> None:
         assert isinstance(field, Input) and field.value == "21g3" and looker.scan == 1
 
 
+async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line(tmp_path: Path) -> None:
+    entries = recorded(scenario_of_many(tmp_path))[1]
+    async with on_a_recording(stood=Stood(line=TimeLine(InMemory(entries), "R"))) as looker:
+        await looker.go()
+        known = looker.app.view_model.known_messages
+        rows = [*known.rows]
+        assert (len(rows), looker.scan) == (500, 1)
+        for row in (rows[299], rows[5], None):
+            looker.app.main.received.post_message(MessageChosen(row))
+            await looker.go()
+            assert looker.scan == (row or rows[5]).scan
+            assert looker.app.view_model.known_messages is known and known.rows == rows
+        table = looker.app.main.received.table.messages
+        for keys, row, scan in (
+            ("D", rows[5], rows[5].scan), ("down", rows[6], rows[6].scan), ("left", rows[5], rows[6].scan - 1)
+        ):  # fmt: skip
+            await looker.go(keys)
+            assert (table.chosen(), looker.scan) == (row, scan), keys
+        known.share = 0.4
+        assert "reading … 40%" in table.words()
+
+
 async def test_the_table_of_messages_keeps_g_home_and_end_and_the_arrows_are_the_time_lines() -> None:
     async with on_a_recording() as looker:
         await looker.go("end", "D")
         assert "g go to" not in looker.line("q quit", "keys")
-        here, rows = looker.scan, looker.app.main.received.table.messages
+        rows, first = looker.app.main.received.table.messages, looker.app.view_model.known_messages.rows[0]
         for keys, is_followed in (("home", False), ("end", True), ("g", False)):
             await looker.go(keys)
             assert (rows.is_followed, looker.app.main.prompt.is_open) == (is_followed, False)
-        assert looker.scan == here == LAST
+        assert looker.scan == first.scan < LAST
         await looker.go("left")
-        assert looker.scan == LAST - 1
+        assert looker.scan == first.scan - 1
         await looker.go("9", "home")
         assert looker.scan == 1
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from trcvtui.capture.reassembly import ConversationEvent, SegmentKind, WireDirection
 from trcvtui.diagnosis.line_facts import PAUSE_NS, fills_segment
 
 MOST_HELD: Final = 65_535  # bytes of a message
 HOLE: Final = "hole"
 UNTIL_PAUSE: Final = 1 << 62
+SAID: Final = frozenset({SegmentKind.BYTES, SegmentKind.MISSING, SegmentKind.FIN, SegmentKind.RST})
 
 # Gets the time of the last byte, the bytes, the size with those that are missing, why it did not end as
 # others do, and whether its first byte is the first of a message.
@@ -122,3 +124,44 @@ class MessageCutter:
         self._held.clear()
         self._ends.clear()
         self._take(ns, content, size + missing, reason, begins)
+
+
+class MessageCutters:
+    """Cuts what conversations say. `made` returns what cuts a direction; None: nothing does."""
+
+    def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
+        self._made = made
+        self._cutters: dict[WireDirection, MessageCutter | None] = {}
+
+    @property
+    def are_any(self) -> bool:
+        return any(self._cutters.values())
+
+    def take(self, event: ConversationEvent) -> None:
+        ns, conversation, direction, kind, _, size, data = event
+        if kind not in SAID:
+            return
+        if direction not in self._cutters:
+            self._cutters[direction] = self._made(direction)
+        cutter, other = self._cutters[direction], self._cutters.get(direction.other)
+        if cutter is None:
+            return
+        if kind is SegmentKind.BYTES and conversation.protocol == "udp":
+            cutter.datagram(ns, data, size)
+        elif kind is SegmentKind.BYTES:
+            if other is not None:
+                other.turn(ns)
+            cutter.segment(ns, data, direction.largest)
+        elif kind is SegmentKind.MISSING:
+            if conversation.protocol != "udp":
+                cutter.hole(ns, size)
+        else:
+            cutter.end(ns, kind.value)
+            if kind is SegmentKind.RST and other is not None:
+                other.end(ns, kind.value)
+
+    def end(self, ns: int) -> None:
+        """End all of them with the capture."""
+        for cutter in self._cutters.values():
+            if cutter is not None:
+                cutter.end(ns, "end of file")

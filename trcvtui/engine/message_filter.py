@@ -47,7 +47,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
             raise mistake(where, shown(named), instance)
         comparison = comparison._replace(subject=rest.strip())
     pins = [pin for pin in project.pins(decl.block) if pin.direction is Direction.OUT]
-    return _filter(comparison, instance, pins, project.data_decl(decl.data or ""))
+    return _filter(comparison, instance, pins, project.received_data(instance))
 
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:

@@ -7,16 +7,18 @@ Rule 2: STATUS is that after the scan of the row; an instance whose outputs stay
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
 
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.environment import FrameEnded
+from trcvtui.blocks.environment import FrameEnded, SendEnded, SendStarted
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.received_streams import ReceivedStreams, first_of
 from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
+from trcvtui.net.events import BytesSent
+from trcvtui.net.received_ring import ReceivedRing, sent_by
 from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
 ROWS: Final = 10_000  # of an instance
@@ -51,13 +53,17 @@ class MessageRow(NamedTuple):
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values."""
+    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
+
+    `share`: how much of a recording has been read for them.
+    """
 
     instance: str
     first: int
     count: int
     rows: tuple[MessageRow, ...]
     oldest: int = 0
+    share: float = 1.0
 
 
 class _InstanceRows:
@@ -72,22 +78,19 @@ class _InstanceRows:
         return self.count - len(self.rows)
 
 
-class MessageRows:
-    """The newest rows of each instance of a bench."""
+class KeptRows:
+    """The newest rows of each instance; `received` finds the rings of their bytes."""
 
-    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams) -> None:
-        self._bench, self._catch_up, self._streams = bench, reader.catch_up, streams
+    def __init__(
+        self,
+        received: Callable[[str], ReceivedRing | None],
+        catch_up: Callable[[], object] = int,
+        after: int = 0,
+    ) -> None:
+        self._received, self._catch_up, self._after = received, catch_up, after
         self._of: dict[str, _InstanceRows] = {}
         self._total = 0
-        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
-        self._status = {each.name: each.outputs.status for each in instances if each is not None}
-        index = reader.index
-        index.ends[True].append(self._job_ended)
-        index.ends[False].append(self._job_ended)
-        index.listen({FrameEnded: self._frame_ended, StatusEdge: self._status_changed})
-        reader.lost.append(self._lose)
-
-    # -- what is read ------------------------------------------------------------------------------------
+        self._status: dict[str, int] = {}
 
     def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
         """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
@@ -117,7 +120,7 @@ class MessageRows:
         return row._replace(content=self._content(row), others=())
 
     def _content(self, row: MessageRow) -> bytes | None:
-        ring = self._bench.runtime.received(row.stream) if row.position >= 0 else None
+        ring = self._received(row.stream) if row.position >= 0 else None
         if ring is None:
             return None if row.size else b""
         parts = row.others or ((row.position, row.size),)
@@ -127,13 +130,63 @@ class MessageRows:
     def _oldest(self, of: _InstanceRows) -> int:
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
-            ring = self._bench.runtime.received(row.stream)
+            ring = self._received(row.stream)
             if ring is not None and row.size and row.position >= ring.begin:
                 of.oldest = number
                 return number
+        of.oldest = of.count
         return of.count
 
-    # -- what is written ---------------------------------------------------------------------------------
+    def add(
+        self, instance: str, number: int, scan: int, t_ns: int, size: int,
+        stream: str, pieces: Pieces, reason: str, have: int,
+    ) -> None:  # fmt: skip
+        of = self._of.setdefault(instance, _InstanceRows())
+        gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
+        of.last_ns = t_ns
+        if scan <= self._after:
+            return
+        if len(pieces) > MOST_PIECES:
+            pieces = []
+        others = tuple(pieces) if len(pieces) > 1 else ()
+        position = pieces[0][0] if pieces else -1
+        status = self._status.get(instance, UNKNOWN)
+        of.rows.append(MessageRow(
+            number, scan, t_ns, gap_ns, size, status, stream, position, reason, have, None, others
+        ))  # fmt: skip
+        of.count += 1
+        self._total += 1
+        if len(of.rows) > ROWS:
+            self._forget_oldest(of)
+        elif self._total > MOST_ROWS:
+            is_many = len(of.rows) > MOST_ROWS // len(self._of)
+            self._forget_oldest(of if is_many else max(self._of.values(), key=lambda each: len(each.rows)))
+
+    def _forget_oldest(self, of: _InstanceRows) -> None:
+        of.rows.popleft()
+        self._total -= 1
+
+
+class MessageRows(KeptRows):
+    """The rows of a bench; a keyframe tells of scans up to `after`, too."""
+
+    def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
+        super().__init__(bench.runtime.received, reader.catch_up, after)
+        self._bench, self._streams = bench, streams
+        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
+        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
+        self._status = {each.name: each.outputs.status for each in instances if each is not None}
+        index = reader.index
+        index.ends[True].append(self._job_ended)
+        index.ends[False].append(self._job_ended)
+        index.listen({
+            FrameEnded: self._frame_ended,
+            SendStarted: self._send_started,
+            BytesSent: self._bytes_sent,
+            SendEnded: self._send_ended,
+            StatusEdge: self._status_changed,
+        })  # fmt: skip
+        reader.lost.append(self._lose)
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, number, connect, _, _, size, done, reason = event
@@ -145,7 +198,7 @@ class MessageRows:
         have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
         reason = reason if not done else HOLE if have < size else ""
         t_ns = self._arrival(connect, reads, size) if reads else t_ns
-        self._add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
+        self.add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
 
     def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
         """Return when the last byte of a message came: in a capture with its packet, else with its read."""
@@ -179,7 +232,26 @@ class MessageRows:
             at = last.offset + spans[-1].stop - 1 - last.position
             packet_ns = self._streams.index.packet_ns((buffer, 1), at)
             t_ns = last.t_ns if packet_ns is None else packet_ns
-        self._add(instance, number, scan, t_ns, size, buffer, pieces, "", size)
+        self.add(instance, number, scan, t_ns, size, buffer, pieces, "", size)
+
+    def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
+        self._sends[event.instance] = t_ns, []
+
+    def _bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
+        job = self._sends.get(event.instance)
+        if job is not None:
+            self._sends[event.instance] = t_ns, joined([*job[1], (event.position, event.size)])
+
+    def _send_ended(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
+        """Add what the stack took: the rest of a job that was cut is no byte of its message."""
+        instance, number, connect, _, _, size, done, reason = event
+        last_ns, pieces = self._sends.pop(instance, (t_ns, []))
+        if not done and not size:
+            return
+        if sum([piece for _, piece in pieces]) != size:
+            pieces = []
+        reason = "" if done else reason
+        self.add(instance, number, scan, last_ns, size, sent_by(connect), pieces, reason, size)
 
     def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status
@@ -191,32 +263,6 @@ class MessageRows:
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
+        self._sends.clear()
         for of in self._of.values():
             of.last_ns = None
-
-    def _add(
-        self, instance: str, number: int, scan: int, t_ns: int, size: int,
-        stream: str, pieces: Pieces, reason: str, have: int,
-    ) -> None:  # fmt: skip
-        of = self._of.setdefault(instance, _InstanceRows())
-        gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
-        of.last_ns = t_ns
-        if len(pieces) > MOST_PIECES:
-            pieces = []
-        others = tuple(pieces) if len(pieces) > 1 else ()
-        position = pieces[0][0] if pieces else -1
-        status = self._status.get(instance, UNKNOWN)
-        of.rows.append(MessageRow(
-            number, scan, t_ns, gap_ns, size, status, stream, position, reason, have, None, others
-        ))  # fmt: skip
-        of.count += 1
-        self._total += 1
-        if len(of.rows) > ROWS:
-            self._forget_oldest(of)
-        elif self._total > MOST_ROWS:
-            is_many = len(of.rows) > MOST_ROWS // len(self._of)
-            self._forget_oldest(of if is_many else max(self._of.values(), key=lambda each: len(each.rows)))
-
-    def _forget_oldest(self, of: _InstanceRows) -> None:
-        of.rows.popleft()
-        self._total -= 1

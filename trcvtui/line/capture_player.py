@@ -99,6 +99,7 @@ class CapturePlayer:
         self.first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
         self.talks: ConversationFigures | None = None  # count what is taken
+        self.heard: Callable[[ConversationEvent], None] | None = None  # told of each event, too
         self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
@@ -158,6 +159,8 @@ class CapturePlayer:
             self.talks.take(event, event.direction is self._plc_of(event.conversation), self.tap)
         if number not in self._plan.parts or number in self._plan.unassigned:
             return
+        if self.heard is not None:
+            self.heard(event)
         ns = max(event.ns - self.first_ns, 0)
         if event.kind in _NOT_DONE_AGAIN:
             return

@@ -20,6 +20,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
 from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
+from trcvtui.line.pause_messages import PauseMessages
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.replay.driver import serve_screen
@@ -93,6 +94,8 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     with recorder:
         file = _without_name(file)
         player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
+        rows = PauseMessages(plan, first_ns) if asked[0] is None else None
+        player.heard = rows.hear if rows is not None else None
         bench = player.shadows.bench
         told.write = bench.told
         progress = _Progress(player, found.packets)
@@ -106,6 +109,8 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         recorder.begin(bench, Path(paths[0]), (), is_scenario=False)
         player.play(paths)
         played = player.close()
+        if rows is not None:
+            rows.end(max([each.last_ns for each in found.all], default=0))
         progress.end()
     lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
     project, plc, dialect = asked
@@ -115,7 +120,7 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         return made.project, made.notes
 
     judge = FilesJudge(lambda: paths, plc, project)
-    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge)
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge, rows)
     return TimeLine(Recording(file), shown_name(paths), 1, capture)
 
 

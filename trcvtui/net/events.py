@@ -66,7 +66,10 @@ class BytesReceived(NamedTuple):
 
 
 class BytesSent(NamedTuple):
-    """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream."""
+    """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream.
+
+    `position`: of the first one in the ring of what the CONNECT has sent.
+    """
 
     connection: str
     incarnation: int
@@ -74,6 +77,7 @@ class BytesSent(NamedTuple):
     offset: int
     size: int
     instance: str = ""
+    position: int = 0
 
 
 class BytesDropped(Struct, frozen=True):

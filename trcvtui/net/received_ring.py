@@ -1,4 +1,4 @@
-"""The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received: a ring each, all of them bounded.
+"""The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: a ring each, bounded.
 
 A position counts the bytes of one ring since the start of the PLC, over all its connections, also those that
 are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
@@ -19,6 +19,11 @@ LEAST_HISTORY: Final = 1 << 16
 MOST_HISTORY: Final = 1 << 26
 MOST_BYTES: Final = 1 << 26  # of all rings of a PLC
 MOST_SKIPPED: Final = 256
+
+
+def sent_by(connect: str) -> str:
+    """Return the name of the ring for what a CONNECT or UDP_CONFIG sends: one that nothing else can have."""
+    return f"{connect} sent"
 
 
 class ReceivedRings:

@@ -243,7 +243,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a CONNECT, a UDP_CONFIG or a ComBuffer has received."""
+        """Return the newest bytes that a CONNECT, UDP_CONFIG, ComBuffer has received; by `sent_by`: sent."""
         return self._resources.received.get(name)
 
     def partial(self, instance: str) -> bytes:

@@ -123,7 +123,8 @@ def _named(what: str) -> Key:
 
 
 _HISTORY: Final = Key(
-    "history", HISTORY_SIZE, "Received bytes that are kept, the newest; none: 1MiB. Of all together 64MiB.",
+    "history", HISTORY_SIZE,
+    "Newest bytes kept, of received and of sent ones each; none: 1MiB. Of all together 64MiB.",
     "history", HISTORY, is_played=True,
 )  # fmt: skip
 

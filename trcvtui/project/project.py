@@ -281,6 +281,13 @@ class Project(Struct, frozen=True, eq=False):
     def data_decl(self, name: str) -> DataDecl | None:
         return next((d for d in self.data if d.name == name), None)
 
+    def received_data(self, instance: str) -> DataDecl | None:
+        """Return the DATA that an instance receives into: the type of its messages. A send job has none."""
+        decl = self.instance(instance)
+        if decl is None or block_row(decl.block).sends:
+            return None
+        return self.data_decl(decl.data or "")
+
     def connect(self, name: str) -> ConnectConfig | None:
         return next((c for c in self.connects if c.name == name), None)
 

@@ -18,6 +18,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
+from trcvtui.history.messages import KeptRows, MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta, up_to
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -25,6 +26,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.worker_process import FilesJudge
+from trcvtui.replay.all_messages import AllMessages, TimedRows
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
@@ -89,6 +91,7 @@ class ReplayController(Controller):
         self.holding = True
         self.position: Position | None = None
         self.beside: WhatIfRun | None = None
+        self.messages: AllMessages | TimedRows | None = None
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
@@ -143,6 +146,12 @@ class ReplayController(Controller):
         )
         return (*waves, *(other for other in others if other is not None))
 
+    def _message_news(self, request: UpdateRequest, scan: int) -> MessagesDelta | None:
+        """Return rows of the whole recording, wherever it stands."""
+        if request.messages is None or self.messages is None:
+            return None
+        return self.messages.news(*request.messages[:2])
+
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan, with the position in the recording."""
         picture = super().picture(request, timing, most_lines)
@@ -153,7 +162,10 @@ class ReplayController(Controller):
 
 
 class CaptureRun(NamedTuple):
-    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside."""
+    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside.
+
+    `rows`: the messages, where the shadows do not know where they end.
+    """
 
     project: Project
     shadows: frozenset[str]
@@ -161,6 +173,7 @@ class CaptureRun(NamedTuple):
     notes: tuple[str, ...]
     change: Change  # the project with other parameters
     judge: FilesJudge
+    rows: KeptRows | None = None
 
 
 class TimeLine:
@@ -184,6 +197,7 @@ class TimeLine:
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
         self._beside: WhatIfRun | None = None
+        self._messages: AllMessages | TimedRows | None = None  # once somebody asks for them
         self._go(at)
 
     # -- lines -----------------------------------------------------------------------------------------
@@ -274,6 +288,9 @@ class TimeLine:
             return True
         if not self.survey.is_over:
             self.survey.go_on(until)
+            return True
+        if isinstance(self._messages, AllMessages) and not self._messages.is_over:
+            self._messages.go_on(until)
             return True
         return self._goal() != self.controller.at  # for the doctor nothing here has to be done
 
@@ -368,13 +385,23 @@ class TimeLine:
             self.controller, self._coming = self._coming, None
         return has_moved
 
+    def _whole(self) -> AllMessages | TimedRows:
+        """Return what has the messages of the whole recording."""
+        journal, capture = self._journal, self._capture
+        if capture is not None and capture.rows is not None:
+            return TimedRows(capture.rows, self.survey)
+        path = str(journal.path) if capture is None and isinstance(journal, Recording) else ""
+        return AllMessages(self._keyframes, self.survey, path)
+
     def close(self) -> None:
         if self._judge is not None:
             self._judge.close()
 
     def picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
-        controller.beside = beside
+        if request.messages is not None and self._messages is None:
+            self._messages = self._whole()
+        controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.position = Position(
             controller.at,

@@ -13,8 +13,8 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.plc_end import NOTHING_KNOWN, fits_nothing, guess_plc, parse_plc
-from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
-from trcvtui.diagnosis.cut_messages import MessageCutter
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, WireDirection
+from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.message_filter import Filter, read_filter, read_layout_filter
 from trcvtui.errors import Problem, UserError, mistake, one_line
@@ -66,7 +66,7 @@ class _Rows:
                 expected = expected_name(self.asked.instance, names, "instance")
                 raise mistake("--instance", shown(self.asked.instance), expected, "unknown")
             names = [self.asked.instance]
-        decls = [(each.name, project.data_decl(each.data or "")) for each in project.instances]
+        decls = [(each.name, project.received_data(each.name)) for each in project.instances]
         types = [MessageType(name, data) for name, data in decls if data is not None and name in names]
         self._begin(types, OF_AN_INSTANCE, begun_ns)
         self._filters = dict.fromkeys(names)
@@ -170,12 +170,10 @@ def say(line: str) -> None:
 class _BenchMessages:
     """The rows of a bench, taken after each scan; `add_ns`: from its time to that of the rows."""
 
-    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0) -> None:
+    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
-        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams)
+        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams, after)
         self._rows, self._add_ns = rows, add_ns
-        for _ in self._messages.take():
-            """Leave out those before a keyframe: an earlier file has them."""
 
     def take(self) -> None:
         for name, row in self._messages.take():
@@ -215,10 +213,11 @@ def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.run_again import restored_state
 
     recording = Recording(path)
-    run = Keyframes(recording, path).begin()
+    keyframes = Keyframes(recording, path)
+    run = keyframes.begin()
     if rows.table is None:
         rows.begin_bench(run.bench.project, run.begins.wall_ns)
-    found, begun_ns = _BenchMessages(run.bench, rows), run.begins.wall_ns
+    found, begun_ns = _BenchMessages(run.bench, rows, after=keyframes.offset), run.begins.wall_ns
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
@@ -303,18 +302,14 @@ class _CaptureMessages:
         self._rows = rows
         self._given = parse_plc(rows.asked.plc) if rows.asked.plc is not None else None
         self._zero_ns: int | None = None
-        self._cutters: dict[WireDirection, MessageCutter | None] = {}
+        self._cutters = MessageCutters(self._made)
 
-    def _cutter(self, direction: WireDirection) -> MessageCutter | None:
+    def _made(self, direction: WireDirection) -> MessageCutter | None:
         """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
-        if direction not in self._cutters:
-            guess = guess_plc(direction.conversation, self._given, NOTHING_KNOWN)
-            is_asked = self._given is None or guess.why == "--plc"
-            way = FROM_PLC if guess.says is direction else TO_PLC
-            self._cutters[direction] = self._made(direction, way) if is_asked else None
-        return self._cutters[direction]
-
-    def _made(self, direction: WireDirection, way: str) -> MessageCutter:
+        guess = guess_plc(direction.conversation, self._given, NOTHING_KNOWN)
+        if self._given is not None and guess.why != "--plc":
+            return None
+        way = FROM_PLC if guess.says is direction else TO_PLC
         layout, rows, zero_ns = self._rows.asked.layout, self._rows, self._zero_ns or 0
         labels = f"C{direction.conversation.number}", way
         number, last_ns = 0, None
@@ -331,36 +326,14 @@ class _CaptureMessages:
         return MessageCutter(layout.size if layout is not None and way is TO_PLC else 0, take)
 
     def _take(self, event: ConversationEvent) -> None:
-        ns, conversation, direction, kind, _, size, data = event
         if self._zero_ns is None:
-            self._zero_ns = _zero_ns(self._rows.asked.files, self.found.first_ns or ns)
+            self._zero_ns = _zero_ns(self._rows.asked.files, self.found.first_ns or event.ns)
             self._rows.begin_capture(self._rows.asked.layout, self._zero_ns)
-        cutter = self._cutter(direction) if kind in _SAID else None
-        if cutter is None:
-            return
-        if kind is SegmentKind.BYTES:
-            if conversation.protocol == "udp":
-                cutter.datagram(ns, data, size)
-            else:
-                other = self._cutters.get(direction.other)
-                if other is not None:
-                    other.turn(ns)
-                cutter.segment(ns, data, direction.largest)
-        elif kind is SegmentKind.MISSING:
-            if conversation.protocol != "udp":
-                cutter.hole(ns, size)
-        else:
-            cutter.end(ns, kind.value)
-            other = self._cutters.get(direction.other)
-            if kind is SegmentKind.RST and other is not None:
-                other.end(ns, kind.value)
+        self._cutters.take(event)
 
     def end(self) -> None:
-        last_ns = max([each.last_ns for each in self.found.all], default=0)
-        for cutter in self._cutters.values():
-            if cutter is not None:
-                cutter.end(last_ns, "end of file")
-        if self._given is not None and self.found.all and not any(self._cutters.values()):
+        self._cutters.end(max([each.last_ns for each in self.found.all], default=0))
+        if self._given is not None and self.found.all and not self._cutters.are_any:
             given = f"'{self._rows.asked.plc}', which no conversation has"
             raise fits_nothing("--plc", given, self.found.all)
         if self._rows.asked.layout is not None:
@@ -368,6 +341,3 @@ class _CaptureMessages:
                 guess = guess_plc(each, self._given, NOTHING_KNOWN)
                 if guess.confidence < UNSURE:
                     say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
-
-
-_SAID: Final = frozenset({SegmentKind.BYTES, SegmentKind.MISSING, SegmentKind.FIN, SegmentKind.RST})

@@ -12,6 +12,7 @@ from textual.widgets import Input
 
 from trcvtui.snapshots.replay import CANNOT, Position
 from trcvtui.tui.main import ZOOM, MainScreen
+from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
@@ -205,6 +206,7 @@ class ReplayScreen(MainScreen):
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at {where}")
 
     def go_to_place(self, place: EvidencePlace) -> None:
@@ -212,7 +214,13 @@ class ReplayScreen(MainScreen):
             self.action_at(str(place.scan))
         super().go_to_place(place)
 
+    def on_message_chosen(self, message: MessageChosen) -> None:
+        message.prevent_default()  # the time line moves, and all panes with it
+        if message.row is not None:
+            self._submit(f"at {message.row.scan}")
+
     def action_edge(self, step: str) -> None:
+        self.received.table.messages.follow()
         self._submit(f"at edge {step} {self._view_model.selected}")
 
     def action_speed(self, step: str) -> None:

@@ -32,6 +32,7 @@ from trcvtui.net.events import (
 )
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
+from trcvtui.net.received_ring import sent_by
 from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
 
@@ -169,6 +170,7 @@ class Connection:
     ) -> None:
         self.config = config
         self.received = resources.received.ring(config.name, config.history)
+        self._sent = resources.received.ring(sent_by(config.name), config.history)
         self.state = State.CLOSED
         self.incarnation, self.attempts = self.received.incarnations, 0
         self.peer: Endpoint | None = None
@@ -525,17 +527,19 @@ class Connection:
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
             self._resources.unsettled[self._name] = None
-            self._gave(got, instance)
+            self._gave(data[:got], instance)
             return got
         if isinstance(got, Fault):
             return got if got.error == "EAGAIN" else self._found(self._loss_of(got))
         return WOULD_BLOCK
 
-    def _gave(self, size: int, instance: str) -> None:
+    def _gave(self, content: memoryview, instance: str) -> None:
+        """Note what the stack has taken: the rest of a job that is cut was never sent."""
         self.sends += 1
-        offset = self.bytes_sent
+        offset, size = self.bytes_sent, len(content)
         self.bytes_sent = offset + size
-        self._write(BytesSent(self._name, self.incarnation, self.sends, offset, size, instance))
+        at = self._sent.append(content)
+        self._write(BytesSent(self._name, self.incarnation, self.sends, offset, size, instance, at))
 
     def unacknowledged(self) -> int | None:
         """Return how many bytes of ours the partner's stack has not acknowledged; None: nobody knows."""

@@ -177,7 +177,7 @@ class UdpEndpoint(Connection):
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
         if isinstance(got, int) and isinstance(end, Endpoint):
             self.peer = end
-            self._gave(got, instance)
+            self._gave(data[:got], instance)
         return got
 
     def where(self, to: RemoteAddress) -> str:

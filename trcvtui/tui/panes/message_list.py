@@ -5,7 +5,7 @@ Rule: a row is drawn from its bytes while it is in view; 10,000 rows cost what o
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
@@ -13,6 +13,7 @@ from textual.binding import Binding
 
 from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
+from trcvtui.history.records import NOW
 from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
 from trcvtui.tui.messages import MessageChosen
@@ -55,7 +56,10 @@ def all_pass(shown: MessageRow) -> bool:
 
 
 class MessageLines(LineView):
-    """Rows that pass the filter. The newest is followed until one is chosen."""
+    """Rows that pass the filter. The newest is followed until one is chosen.
+
+    A replay has those of the whole recording; its newest is that of the scan that is shown.
+    """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
     BINDINGS: ClassVar = [
@@ -104,22 +108,41 @@ class MessageLines(LineView):
     @property
     def _place(self) -> int:
         last = len(self._found) - 1
-        return last if self._at is None else min(last, bisect_left(self._found, self._at))
+        if self._at is not None:
+            return min(last, bisect_left(self._found, self._at))
+        return (
+            max(0, bisect_right(self._found, self._now, key=self._scan_of) - 1) if self._now < NOW else last
+        )
+
+    @property
+    def _now(self) -> int:
+        """Return the scan after which messages are still to come."""
+        position = self._view_model.position
+        return position.scan if position is not None else NOW
+
+    def _scan_of(self, number: int) -> int:
+        shown = self._row(number)
+        return shown.scan if shown is not None else 0
+
+    def follow(self) -> None:
+        self._at = None
 
     def show(self) -> None:
         self._catch_up()
         self._measure()
         self.resize_rows()
-        if self._at is None:
+        if self._at is None and self._now < NOW:
+            self.keep_in_view(self._place)
+        elif self._at is None:
             self.scroll_to(y=self.row_count(), animate=False)
         super().show()
 
     def _catch_up(self) -> None:
         view_model, known = self._view_model, self._known
         of = view_model.known_messages, view_model.selected
-        if of != self._of or view_model.declaration is not self._declared:
+        if of != self._of or view_model.message_type is not self._declared:
             self._at = self._at if of == self._of else None
-            self._of, self._declared, self._longest = of, view_model.declaration, {}
+            self._of, self._declared, self._longest = of, view_model.message_type, {}
             self._look_anew()
             self._text, self._passes = "", all_pass
             self.narrow(self._typed)
@@ -170,7 +193,10 @@ class MessageLines(LineView):
             return EMPTY
         is_chosen = y == self._place
         sign: Part = ("▸" if is_chosen else " ", "key")
-        return row(sign, *self._parts(shown), style=self.cursor_style(is_chosen))
+        parts = self._parts(shown)
+        if shown.scan > self._now:
+            parts = ((text, "faint") for text, _ in parts)
+        return row(sign, *parts, style=self.cursor_style(is_chosen))
 
     def _parts(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
@@ -189,7 +215,7 @@ class MessageLines(LineView):
     # -- moving ----------------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        if rows < 0 or self._at is not None:
+        if rows < 0 or self._place < len(self._found) - 1 or self._at is not None:
             self._choose(self._place + rows)
 
     def action_edge(self, direction: int) -> None:
@@ -249,6 +275,7 @@ class MessageLines(LineView):
             begin = known.rows[known.oldest - known.first :][:1]
             words.append(f"values from {begin[0].number} on" if begin else "all values gone")
         words.append(f"{known.left_out} left out" if known.left_out else "")
+        words.append(f"reading … {known.share:.0%}" if known.share < 1 else "")
         words.append("frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows")
         return " · ".join(filter(None, words))
 

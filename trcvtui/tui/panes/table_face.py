@@ -67,7 +67,7 @@ class TableFace(Face):
         size = shown.size if shown is not None and content is not None else 0
         content = content or b""
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
-        declared = self._view_model.declaration  # as high for each message: the table above is not to jump
+        declared = self._view_model.message_type  # as high for each message: the table above is not to jump
         rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
         if (rows := max(1, min(MOST_HEX_ROWS, rows))) != self._hex_rows:
             self._hex_rows = self._bytes.styles.height = rows
@@ -79,7 +79,7 @@ class TableFace(Face):
         """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
         from trcvtui.report.message_table import MessageType, csv_of  # read when first asked for
 
-        name, declared = self._view_model.selected, self._view_model.declaration
+        name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
         position = self._view_model.position
         begun_ns = position.first_ns if position is not None else None
@@ -93,7 +93,9 @@ class TableFace(Face):
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
         shown = self._chosen
-        return (self._view_model.selected, shown.number, shown.content or b"") if shown is not None else None
+        if shown is None or self._view_model.message_type is None:
+            return None
+        return self._view_model.selected, shown.number, shown.content or b""
 
     def byte_in_job(self) -> int:
         return -1 if self._bytes.cursor is None else self._bytes.cursor

@@ -21,6 +21,7 @@ class KnownMessages:
         self.first = self.count = 0  # number of rows[0] among all of the instance; how many it has had
         self.rows: list[MessageRow] = []
         self.left_out = 0  # that came faster than they can cross to the screen
+        self.share = 1.0  # of a recording that has been read for them
         self.is_behind = False  # more rows wait than came with the last picture
         self._emptied = 0  # up to this number, content was forgotten
 
@@ -44,7 +45,7 @@ class KnownMessages:
         """Take the next rows, of a frozen view those up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return
-        self.count = news.count
+        self.count, self.share = news.count, news.share
         self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count
         rows = [row for row in news.rows[max(0, self.stop - news.first) :] if row.scan <= until]
         if news.first > self.stop:

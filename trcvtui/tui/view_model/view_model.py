@@ -183,7 +183,7 @@ class ViewModel:
             self._take_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
-        self.known_messages.take(picture.messages, NOW if self.frozen_at is None else self.frozen_at)
+        self.known_messages.take(picture.messages, self._messages_until)
         self.answers = {answer.number: answer for answer in picture.answers}
         if picture.fired is None and (self.is_frozen or self._asks_again(picture)):
             self._take_waves(picture)
@@ -248,7 +248,9 @@ class ViewModel:
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
         self.lines.clear()
-        self.waves, self.known_messages = WaveformCache(), KnownMessages()
+        self.waves = WaveformCache()
+        if self.position is None:  # a replay has those of the whole recording, at each of its benches
+            self.known_messages = KnownMessages()
         self.thaw()
         self.history, self.afterglow, self.stream_index = History(), Afterglow(), new_index()
 
@@ -298,7 +300,7 @@ class ViewModel:
         past, recordings = self.past_wanted, self.recordings_wanted
         until = NOW if self.frozen_at is None else self.frozen_at
         past = replace(past, scan=until) if past is not None else None
-        messages = *self.known_messages.asked(self.selected), until
+        messages = *self.known_messages.asked(self.selected), self._messages_until
         return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted, messages
         )
@@ -325,6 +327,10 @@ class ViewModel:
     @property
     def unsaved(self) -> int:
         return self.live.unsaved if self.live else 0
+
+    @property
+    def _messages_until(self) -> int:
+        return NOW if self.frozen_at is None or self.position is not None else self.frozen_at
 
     @property
     def position(self) -> Position | None:
@@ -410,6 +416,10 @@ class ViewModel:
     def declaration(self) -> DataDecl | None:
         instance = self.instance
         return self.project.data_decl(instance.data) if instance and instance.data else None
+
+    @property
+    def message_type(self) -> DataDecl | None:
+        return self.project.received_data(self.selected)
 
     @property
     def data(self) -> bytes:

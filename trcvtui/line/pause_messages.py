@@ -1,0 +1,46 @@
+"""The messages that conversations say to ad-hoc shadows: cut by pauses, as `trcvtui messages` cuts them."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from trcvtui.capture.reassembly import ConversationEvent, WireDirection
+from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
+from trcvtui.history.messages import KeptRows
+from trcvtui.line.shadows import ShadowPlan, ends_of
+from trcvtui.net.received_ring import ReceivedRings
+
+
+class PauseMessages(KeptRows):
+    """Rows by shadow; their scan is 0 until the run of the shadows is known."""
+
+    def __init__(self, plan: ShadowPlan, first_ns: int) -> None:
+        self._rings = ReceivedRings()
+        super().__init__(self._rings.get, after=-1)
+        self._plan, self._first_ns = plan, first_ns
+        self._cutters = MessageCutters(self._made)
+        self._numbers = Counter[str]()
+
+    def hear(self, event: ConversationEvent) -> None:
+        self._cutters.take(event)
+
+    def end(self, ns: int) -> None:
+        self._cutters.end(ns)
+
+    def _made(self, direction: WireDirection) -> MessageCutter | None:
+        plan, conversation = self._plan, direction.conversation
+        is_plc = ends_of(plan.guesses[conversation.number], conversation)[0] is direction
+        heard = {part.connect for part in plan.parts[conversation.number] if part.plays_plc == is_plc}
+        names = [each.name for each in plan.project.instances if each.connect in heard]
+        if not names:
+            return None
+
+        def take(ns: int, content: bytes, size: int, reason: str, begins: bool) -> None:
+            for name in names:
+                self._numbers[name] += 1
+                at = self._rings.ring(name).append(content + bytes(size - len(content)))
+                pieces = [(at, size)]
+                t_ns = ns - self._first_ns
+                self.add(name, self._numbers[name], 0, t_ns, size, name, pieces, reason, len(content))
+
+        return MessageCutter(0, take)

@@ -76,8 +76,8 @@ class CurveView(LineView, inherit_bindings=False):
         Binding("minus", "zoom(2)", show=False),
         Binding("left", "step(-1)", show=False),
         Binding("right", "step(1)", show=False),
-        Binding("home,g", "step(-1000000)", show=False),
-        Binding("end,G", "follow", show=False),
+        Binding("home,g", "step(-1_000_000_000)", show=False),
+        Binding("end,G", "step(1_000_000_000)", show=False),
         Binding("p", "other", show=False),
     ]
 
@@ -117,14 +117,17 @@ class CurveView(LineView, inherit_bindings=False):
 
     def _about(self) -> Iterator[str]:
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
-        yield self.instance
-        yield count(known.count, "message")
+        yield f"{self.instance} · {count(known.count, 'message')}"
         yield f"{known.left_out} left out" if known.left_out else ""
         gone = known.oldest - known.first
-        if known.oldest and known.rows:
-            yield f"values from {known.rows[gone].number} on" if gone < len(known.rows) else "bytes are gone"
+        if gone:
+            yield (
+                f"values from {known.rows[gone].number} on"
+                if gone < len(known.rows)
+                else "no values any more"
+            )
         yield f"frozen in scan {frozen}" if frozen is not None else ""
-        yield "" if self.window.end is None else "stands: end follows again"
+        yield "stands: end follows again" if self.window.end is not None else ""
 
     def _lack(self) -> str:
         """Return why there is no curve, "" where there is one."""
@@ -213,27 +216,21 @@ class CurveView(LineView, inherit_bindings=False):
         self.window.move(steps)
         self.show()
 
-    def action_follow(self) -> None:
-        self.window.end = None
-        self.show()
-
     def action_other(self) -> None:
         """Draw the next number of the type beside the member; after the last one none."""
         declared = self._view_model.declaration
-        layout = declared.layout if declared is not None else None
-        own = _leaf_at(layout, self.path)
-        if layout is None or own is None:
-            return
-        shown = _leaf_at(layout, self.other) if self.other is not None else None
-        first = layout.number_of(shown.path) + 1 if shown is not None else 0
-        leaves = (layout.leaf(number) for number in range(first, layout.leaf_count))
-        self.other = next((leaf.path for leaf in leaves if leaf != own and is_number(layout, leaf)), None)
+        if declared is not None:
+            layout = declared.layout
+            leaves = [leaf for leaf in layout.leaves(0, layout.leaf_count) if is_number(layout, leaf)]
+            paths = [None, *(leaf.path for leaf in leaves if leaf.path != self.path)]
+            place = paths.index(self.other) if self.other in paths else 0
+            self.other = paths[(place + 1) % len(paths)]
         self.show()
 
 
-def _leaf_at(layout: Layout | None, path: str) -> Leaf | None:
+def _leaf_at(layout: Layout, path: str) -> Leaf | None:
     with suppress(UserError):
-        return layout.leaf(layout.number_of(path)) if layout is not None else None
+        return layout.leaf(layout.number_of(path))
     return None
 
 

@@ -21,6 +21,7 @@ from benchmarks import (
     lateness,
     ledger_cost,
     live_line,
+    message_curve,
     message_rows,
     recording_on,
     replayed,
@@ -136,6 +137,12 @@ TARGETS: Final = (
     Target("M11", "beside one attack 8 good connections lose < 5 % of DONEs; no overrun", attacked.measure, (
         Aim("*: DONE beside / alone", ">= 0.95", "0.997 to 1.003"),
         Aim("*: overruns", "<= 0", "0"),
+    )),
+    Target("M12", "10,000 messages: key to paint in the table, a picture of a curve", message_curve.measure, (
+        Aim("key to paint in the table p50", "<= 30 ms", "16 ms", PAINT),
+        Aim("key to paint in the table p99", "<= 80 ms", "", PAINT),
+        Aim("a picture of a curve p50", "<= 10 ms", "4 ms"),
+        Aim("a picture of a curve p99", ""),
     )),
     Target("R1", "a run on record scans nearly as quickly, and all of it is kept", recording_on.measure, (
         Aim("scan p99, recorded / not recorded", "<= 1.7", "1.37"),

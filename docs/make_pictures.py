@@ -115,8 +115,19 @@ FOUND: Final[Play] = (
     100, Look("The next report: 230.5 V, 12.5 A.", 5),
 )  # fmt: skip
 
+NIGHT: Final[Play] = (
+    1100, keys("1"), Look("A checkweigher reports all night, and one package is far too heavy. When?", 3),
+    keys("6"), Look("Key 6: behind each number its last messages.", 4),
+    keys("5", "D"), 25, Look("Key D: the messages as a table. New ones come at its end.", 4),
+    keys("slash"), Typed("weight > 55"), 25, Look("/ weight > 55: these two, with scan, time and STATUS.", 5),
+    keys("enter", "up", "6", "down", "down"), Look("Pane 6 has the members of the chosen message.", 3),
+    keys("enter"), 200, Look("Enter: the weight over time. It drifts, and falls when the scale is wiped.", 6),
+    keys("p", "p"), 100, Look("Key p: another member on the same time axis, with an axis of its own.", 5),
+)  # fmt: skip
+
 # The pictures of README.md and docs/stories.md.
 TOLD: Final = (
+    Picture("night", "", (), STORIES / "weight_overnight.toml", NIGHT, FRONT),
     Picture("found", "", (), STORIES / "byte_order_swapped.toml", FOUND, FRONT),
     Picture("four-bytes-short", "", (), STORIES / "four_bytes_short.toml", (600, keys("6", "v", "3")), WIDE),
     Picture("byte-order-swapped", "", (), STORIES / "byte_order_swapped.toml", (330, keys("3")), WIDE),
@@ -151,6 +162,11 @@ SHOWN: Final = (
             (*DEMO, keys("6", "M", "down", "down", "down"))),
     Picture("members-job", "6 with `v`: the unfinished job through the UDT, as far as its bytes go", ("udt",),
             STORIES / "four_bytes_short.toml", (600, keys("6", "v", "M"))),
+    Picture("messages", "5 with `D`: the messages as a table, filtered; the members of the chosen one",
+            ("messages", "udt"), STORIES / "weight_overnight.toml",
+            (1600, keys("5", "D", "slash"), Typed("weight > 52"), keys("enter", "up", "up")), WIDE),
+    Picture("curve", "6 with `enter`: a member over time, a second one with `p`", ("curve",),
+            STORIES / "weight_overnight.toml", (1600, keys("6", "down", "down", "enter", "p", "p")), PANE),
     Picture("peer", "7 Peer: a message composed, its cut points placed", ("peer",), demo_path(),
             (*DEMO, keys("7", "M", "i"), Typed("05 0D 01 02 0A FF 10 20"),
              keys("escape", "x", "right", "right", "space", "right", "right", "right", "space"))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import shlex
 import subprocess
@@ -114,7 +115,7 @@ def test_the_stories_of_a_night_and_of_a_capture_hold(
         for block in re.findall(r"```console\n(.*?)```", section, re.DOTALL)
         for line in block.splitlines()
     ]
-    assert len(lines) == 6
+    assert len(lines) == 8
     told = {}
     for line in lines:
         is_judged = " doctor " in line  # 1: it has found something
@@ -125,3 +126,6 @@ def test_the_stories_of_a_night_and_of_a_capture_hold(
     assert "TRCV_C_1  7008" in told["watch"]
     assert told["doctor"].splitlines()[1].startswith("  frame-short ")
     assert b"TRCV_C_1" in (tmp_path / "night.html").read_bytes()
+    with (tmp_path / "night.csv").open(encoding="utf-8", newline="") as file:
+        weights = [float(each["weight"]) for each in csv.DictReader(file)]
+    assert (len(weights), min(weights), max(weights)) == (118, 50.0, 62.5)

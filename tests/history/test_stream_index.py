@@ -7,6 +7,7 @@ import pytest
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.diagnosis.card import notes_of
+from trcvtui.history.records import NOW
 from trcvtui.history.stream_index import KEPT_STREAMS, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import Event, PeerSent
@@ -150,3 +151,16 @@ def test_a_message_that_is_shorter_than_the_frame_is_named() -> None:
         "P1's message 1, 17 B, is wholly here and ends 7 bytes before the frame does"
     ]
     assert notes_of(receiving(have=12, need=24), ledger) == [], "its end is still on the way"
+
+
+def test_it_knows_from_when_to_when_a_connect_had_lost_its_partner() -> None:
+    index = StreamIndex(kept_messages=KEPT, kept_recvs=KEPT)
+    kinds = EventKind
+    for t_ns, what, detail in (
+        (1, kinds.LISTENING, ""), (2, kinds.CONNECTED, ""), (5, kinds.LOST, ""), (6, kinds.STOPPED, ""),
+        (7, kinds.LISTENING, ""), (9, kinds.CONNECTED, ""), (12, kinds.RESET, ""),
+        (14, kinds.LISTENING, "UDP"), (20, kinds.DISCONNECTED, ""),
+    ):  # fmt: skip
+        index.take([(t_ns, t_ns, ConnectionChanged("C1", 1, what, detail=detail))])
+    assert index.down_times("C1") == [(5, 9), (12, 14), (20, NOW)]
+    assert index.down_times("C2") == []

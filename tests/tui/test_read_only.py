@@ -32,7 +32,9 @@ async def test_a_read_only_screen_commands_nothing(size: tuple[int, int]) -> Non
         assert looker.lines == ["expect TRCV_C_1 EN_R=1"], "to look is allowed"
 
 
-READ_ONLY_SCREENS = {"MainScreen", "HelpScreen", "DescriptionScreen", "CommandPalette", "Screen"}
+READ_ONLY_SCREENS = {
+    "MainScreen", "HelpScreen", "DescriptionScreen", "CurveScreen", "CommandPalette", "Screen",
+}  # fmt: skip
 
 
 async def test_no_key_and_no_command_of_the_palette_does_more_than_look(

@@ -22,6 +22,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import Found
 from trcvtui.tui.copy_formats import YankScreen, subject_of
+from trcvtui.tui.curve import CurveScreen
 from trcvtui.tui.doctor import DoctorScreen
 from trcvtui.tui.fleet.app import FleetHelpScreen, FleetScreen
 from trcvtui.tui.fleet.card import FleetCardScreen
@@ -101,6 +102,7 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),
     DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
     DoctorScreen: lambda looker: DoctorScreen(looker.app.view_model),
+    CurveScreen: lambda looker: CurveScreen(looker.app.view_model, "speed"),
     FramingScreen: lambda looker: FramingScreen(looker.app.view_model),
     LabScreen: lambda looker: LabScreen(looker.app.view_model, Lab(looker.app.view_model), lambda line: None),
     ScenariosScreen: lambda looker: ScenariosScreen(

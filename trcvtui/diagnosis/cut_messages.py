@@ -46,10 +46,14 @@ class MessageCutter:
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
             self.end(ns)
+        if self._rest and record and not self._held and len(data) % record == 0:
+            self._rest = 0  # records begin anew with it
         if self._rest:
             part, data = data[: self._rest], data[self._rest :]
             self._rest -= len(part)
             self._hold(ns, part, largest)
+            if record and self._rest > MOST_HELD and not self._is_full:
+                self._rest = 0  # where a segment ends, so does a message
             if not self._rest or len(self._held) >= MOST_HELD:
                 self._give(len(self._held), HOLE, begins=False)
             if not data:

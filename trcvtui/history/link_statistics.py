@@ -27,7 +27,7 @@ from trcvtui.history.records import (
     ScanStamp,
     Sizes,
 )
-from trcvtui.history.stream_index import KEPT_SIZES, StreamIndex
+from trcvtui.history.stream_index import ENDINGS, KEPT_SIZES, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
@@ -36,16 +36,6 @@ from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 KEPT_ERRORS: Final = 8
 IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
 
-ENDINGS: Final = frozenset(
-    {
-        EventKind.PARTNER_CLOSED,
-        EventKind.LOST,
-        EventKind.DISCONNECTED,
-        EventKind.RESET,
-        EventKind.STOPPED,
-        EventKind.REPLACED,
-    }
-)
 TURNED_AWAY: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND_CLIENT: "second_client"}
 
 

@@ -16,7 +16,7 @@ from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
-from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
+from trcvtui.history.records import NOW, PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, Stamped
 
@@ -26,6 +26,17 @@ KEPT_STREAMS: Final = 256  # of peers
 KEPT_LINKS: Final = 1024
 KEPT_SIZES: Final = 40
 KEPT_GAPS: Final = 8
+KEPT_DOWN: Final = 1000  # times of one CONNECT
+ENDINGS: Final = frozenset(
+    {
+        EventKind.PARTNER_CLOSED,
+        EventKind.LOST,
+        EventKind.DISCONNECTED,
+        EventKind.RESET,
+        EventKind.STOPPED,
+        EventKind.REPLACED,
+    }
+)
 
 Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
@@ -166,6 +177,7 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
+        self._down: dict[str, deque[tuple[int, int]]] = {}
         self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
@@ -220,6 +232,11 @@ class StreamIndex:
         sent.add((offset, size, message, peer, t_ns), self._kept_messages)
 
     def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+        down = self._down.setdefault(event.connection, deque(maxlen=KEPT_DOWN))
+        if event.what in ENDINGS and (not down or down[-1][1] < NOW):
+            down.append((t_ns, NOW))
+        elif down and (event.what is EventKind.CONNECTED or event.detail == "UDP"):
+            down[-1] = down[-1][0], min(t_ns, down[-1][1])
         if event.what is not EventKind.CONNECTED:
             return
         ends = event.peer, event.local
@@ -341,6 +358,10 @@ class StreamIndex:
         """Return the recv calls of the newest job with DONE; none where not all of them are known."""
         delivered = self._readings[instance].delivered
         return delivered[4] if delivered is not None and delivered[3] is not None else []
+
+    def down_times(self, connect: str) -> list[tuple[int, int]]:
+        """Return from when to when, in ns, a CONNECT had lost what it was connected to; NOW: it still has."""
+        return [*self._down.get(connect, ())]
 
     def cut_reads(self, instance: str) -> list[RecvSpan]:
         """Return the recv calls of the newest job without DONE; none where not all of them are known."""

@@ -18,9 +18,9 @@ from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.diagnosis.advice import Advice, because
 from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import evidence_now
-from trcvtui.history.link_statistics import ENDINGS, LinkStatistics
+from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
-from trcvtui.history.stream_index import StreamIndex
+from trcvtui.history.stream_index import ENDINGS, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge

@@ -22,6 +22,7 @@ from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import SCENARIOS, MainScreen
+from trcvtui.tui.messages import CurveWanted
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -30,6 +31,7 @@ from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
+    from trcvtui.tui.curve import CurveScreen
     from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
     from trcvtui.tui.framings import FramingScreen
     from trcvtui.tui.lab.lab import Lab
@@ -57,10 +59,11 @@ def may_open(screen: object) -> bool:
     """Return whether a read-only screen may open a screen above the panes: it shows, and opens no file."""
     from textual.command import CommandPalette
 
+    from trcvtui.tui.curve import CurveScreen
     from trcvtui.tui.forms.description import DescriptionScreen
     from trcvtui.tui.widgets.help import HelpScreen
 
-    return isinstance(screen, MainScreen | HelpScreen | DescriptionScreen | CommandPalette)
+    return isinstance(screen, MainScreen | HelpScreen | DescriptionScreen | CurveScreen | CommandPalette)
 
 
 class BenchApp(TerminalApp):
@@ -92,7 +95,8 @@ class BenchApp(TerminalApp):
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
-        self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
+        # A dialog that pictures feed, while it is open.
+        self.card: FramingScreen | DoctorScreen | CurveScreen | None = None
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
@@ -394,6 +398,16 @@ class BenchApp(TerminalApp):
             self.main.action_prompt(place.line)
         else:
             self.main.go_to_place(place)
+
+    def on_curve_wanted(self, message: CurveWanted) -> None:
+        from trcvtui.tui.curve import CurveScreen  # read when first asked for
+
+        if self.screen is self.main:
+            self.card = CurveScreen(self.view_model, message.path)
+            self.push_screen(self.card, self._curve_left)
+
+    def _curve_left(self, nothing: None) -> None:
+        self.card = None
 
     # -- the project --------------------------------------------------------------------------------
 

@@ -54,6 +54,13 @@ class FieldSelected(Message):
 
 
 @dataclass
+class CurveWanted(Message):
+    """The member of this path shall be drawn over time."""
+
+    path: str
+
+
+@dataclass
 class EdgeSelected(Message):
     """A STATUS edge of the past was chosen, in the history or over time; None: back to now."""
 

@@ -201,7 +201,7 @@ class MessageLines(LineView):
     def _parts(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
             yield pad(column.text(shown), width, right=True), "warn" if shown.reason else column.style
-        content = (shown.content or b"")[: shown.have]
+        content = shown.content or b""
         if shown.reason:
             yield f"  {shown.reason}", "warn"
         elif self._declared is not None:

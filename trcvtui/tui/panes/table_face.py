@@ -63,8 +63,9 @@ class TableFace(Face):
         if shown != self._chosen:
             self._chosen = shown
             self.post_message(PastSelected())
-        content = (shown.content or b"")[: shown.have] if shown is not None else b""
-        size = shown.size if shown is not None and shown.content is not None else 0
+        content = shown.content if shown is not None else None
+        size = shown.size if shown is not None and content is not None else 0
+        content = content or b""
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
         declared = self._view_model.message_type  # as high for each message: the table above is not to jump
         rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
@@ -94,7 +95,7 @@ class TableFace(Face):
         shown = self._chosen
         if shown is None or self._view_model.message_type is None:
             return None
-        return self._view_model.selected, shown.number, (shown.content or b"")[: shown.have]
+        return self._view_model.selected, shown.number, shown.content or b""
 
     def byte_in_job(self) -> int:
         return -1 if self._bytes.cursor is None else self._bytes.cursor

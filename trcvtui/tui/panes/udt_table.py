@@ -9,11 +9,14 @@ from __future__ import annotations
 from typing import ClassVar, Final
 
 from textual import events
+from textual.binding import Binding
 
 from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import cells, clip, pad
-from trcvtui.tui.messages import FieldSelected, KeyClicked
+from trcvtui.tui.messages import CurveWanted, FieldSelected, KeyClicked
+from trcvtui.tui.view_model.member_numbers import MemberNumbers, is_number
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.curves import sparkline
 from trcvtui.tui.widgets.hex_view import HOLE, NOT_CAPTURED
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.layout.coding import Value
@@ -25,12 +28,19 @@ from trcvtui.udt.types import type_text
 
 OFFSET: Final = 6
 TYPE: Final = 11
+VALUE: Final = 13  # columns that are left to a value, where there are more than its sparkline needs
+LEAST_SPARKS, MOST_SPARKS = 8, 60  # messages of a sparkline
+SPARKS: Final = "busy"
+MOST_KEPT: Final = 1024  # members whose numbers are kept
 
 
 class UdtTable(LineView):
     """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
 
-    KEYS: ClassVar = (("↑↓", "member"), ("D", "messages"), ("v", "DATA | job"))
+    KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("D", "messages"), ("v", "DATA | job"))
+    BINDINGS: ClassVar = [
+        Binding("enter", "curve", "curve: values of the member over time, its trend as a graph", show=False)
+    ]
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="udt")
@@ -44,6 +54,11 @@ class UdtTable(LineView):
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
         self._holes: tuple[range, ...] = ()
+        self._sparks: dict[int, tuple[MemberNumbers, int, str]] = {}  # by leaf; up to which message
+        self._sparks_of: tuple[
+            object, ...
+        ] = ()  # what they are about: all of them begin anew with another one
+        self._sparks_stop = 0  # the message that follows the last one of each sparkline
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -91,6 +106,7 @@ class UdtTable(LineView):
         stop = min(self._page[1] + 1, declared.layout.leaf_count)
         self._leaves = declared.layout.leaves(top, stop)
         self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
+        self._choose_sparks(declared)
         index, selected = self._view_model.stream_index, self._view_model.selected
         self._holes = index.holes(selected, self.of_job) if self.past is None else ()
 
@@ -126,7 +142,7 @@ class UdtTable(LineView):
         shared, own = _split(leaf.path, before)
         if cells(shared) + cells(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
-        return [
+        parts: list[Part] = [
             ("▸" if chosen else " ", "key"),
             (f"{leaf.offset:>{OFFSET - 2}} ", "dim"),
             (shared, "faint"),
@@ -135,6 +151,12 @@ class UdtTable(LineView):
             *self._value(index, leaf),
             (self._padding(index), "faint"),
         ]
+        used = sum(cells(text) for text, _ in parts)
+        most = max(LEAST_SPARKS, self.line_width - OFFSET - name_width - TYPE - VALUE)
+        room = min(most, self.line_width - used - 1)
+        sparks = self._sparkline(self._page[0] + index, leaf)[-room:] if room >= LEAST_SPARKS else ""
+        gap = self.line_width - used - len(sparks)
+        return [*parts, (" " * gap, ""), (sparks, SPARKS)] if sparks else parts
 
     def _value(self, index: int, leaf: Leaf) -> list[Part]:
         value, content = self._values[index], self._bytes()
@@ -144,6 +166,44 @@ class UdtTable(LineView):
             return [(value_text(leaf, value, content[leaf.offset : leaf.offset + leaf.size]), "printable")]
         present = max(0, min(leaf.size, len(content) - leaf.offset))
         return [(f"{present} of {leaf.size} B" if present else "-", "ghost")]
+
+    # -- over time ----------------------------------------------------------------------------------
+
+    def _choose_sparks(self, declared: DataDecl) -> None:
+        """Find the messages of the sparklines: up to the one whose bytes are shown."""
+        known = self._view_model.known_messages
+        about = known, known.instance, declared
+        if about != self._sparks_of or len(self._sparks) > MOST_KEPT:
+            self._sparks_of = about
+            self._sparks.clear()
+        stop = known.stop
+        if self.past is not None:
+            number = self.past[0]
+            places = range(len(known.rows) - 1, -1, -1)
+            stop = next((known.first + at + 1 for at in places if known.rows[at].number == number), 0)
+        self._sparks_stop = 0 if self.of_job or known.instance != self._view_model.selected else stop
+
+    def _sparkline(self, number: int, leaf: Leaf) -> str:
+        """Return the member in the newest messages; drawn anew when another one has come."""
+        known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
+        if declared is None or not stop or not is_number(declared.layout, leaf):
+            return ""
+        numbers, drawn_stop, drawn = self._sparks.get(number) or (
+            MemberNumbers(declared.layout, leaf, MOST_SPARKS),
+            0,
+            "",
+        )
+        if drawn_stop != stop:
+            some = numbers.follow(known, stop)
+            drawn = sparkline(some) if len(some) > 1 else ""
+            self._sparks[number] = numbers, stop, drawn
+        return drawn
+
+    def action_curve(self) -> None:
+        """Ask for the curve of the member under the cursor."""
+        declared, number = self._view_model.declaration, self.cursor or 0
+        is_there = declared is not None and number < declared.layout.leaf_count
+        self.post_message(CurveWanted(declared.layout.leaf(number).path if declared and is_there else ""))
 
     def _padding(self, index: int) -> str:
         """Return how many bytes of padding follow the leaf at `index` of the page."""
@@ -186,6 +246,9 @@ class UdtTable(LineView):
             self.post_message(KeyClicked("members"))
         elif place is not None and place[1] < self.row_count():
             self._choose(place[1])
+            sparks, style = self.row_at(place[1]).parts[-1]
+            if style == SPARKS and place[0] >= self.line_width - len(sparks):
+                self.action_curve()
 
     def _choose(self, number: int) -> None:
         if self._view_model.declaration is None:

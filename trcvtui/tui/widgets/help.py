@@ -68,7 +68,7 @@ BYTES: Final = (
     ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
-    ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
+    ("enter", "in the members: the curve, a member over time; in the history: explain that edge"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
     ("end, n N [ ]", "in the table: follow the newest; the next message, the one before"),
@@ -80,6 +80,12 @@ BYTES: Final = (
     ("n N", "after a search: the next hit, the hit before, until another pane is chosen"),
     ("d, u", "the job before, or the marked message, where it differs; fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),
+)
+CURVE: Final = (
+    ("enter", "in the members, or a click on the small curve behind a number; esc leaves"),
+    ("+ -", "less, more time in view"),
+    ("← →, home end", "back and forth in time; the first message; follow the newest again"),
+    ("p", "another number of the type on the same time axis, with an axis of its own; after the last none"),
 )
 TIMING: Final = (
     ("← →, shift", "scan by scan; edge by edge of any pin"),
@@ -163,6 +169,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Everywhere", EVERYWHERE),
     ("Block", PINS),
     ("Bytes and past", BYTES),
+    ("Curve", CURVE),
     ("Timing", TIMING),
     ("Peer", PEER),
     ("Line", LINE),
@@ -187,6 +194,7 @@ SIGNS: Final = (
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
     ("▕", "before a byte: a message of the peer begins here"),
     ("▁ ▔ █ ┃ ░", "over time: 0, 1, 1 for one scan, a pulse or more in the column, not known"),
+    ("▁ █ ×", "behind a number: the last 60 messages; no number there. Below a curve: ▲ ERROR, × cut"),
     ("··", "a byte that the running job still waits for"),
     ("▸ ▶ • ✓ ✗", "a step of a scenario: the next, running, done, held, failed"),
 )

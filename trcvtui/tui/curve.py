@@ -1,0 +1,293 @@
+"""The curve: a member over the messages that are known, a second one on the same time axis, ERRORs below."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import accumulate, groupby
+from typing import ClassVar, Final, NamedTuple
+
+from textual.binding import Binding
+
+from trcvtui.errors import UserError
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.tui.view_model.member_numbers import MemberNumbers, Number, is_number
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.curves import Curve, Spans, braille, curve
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.value_text import value_text
+from trcvtui.wording import count, stamp, utc_text
+
+AXIS: Final = 11  # columns beside a curve
+BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
+LEAST_WIDTH, LEAST_HEIGHT = 32, 8
+SHORTEST_NS: Final = 1_000_000  # that a window may be
+STEPS: Final = 8  # of a window: an arrow goes one
+STYLES: Final = "busy", "warn"  # of the first member, of the second one
+ERROR, CUT = "▲", "×"  # the greater one wins
+
+
+class TimeWindow:
+    """The part of the time in view; without `span` all of it, without `end` what comes is followed."""
+
+    def __init__(self) -> None:
+        self.span: int | None = None
+        self.end: int | None = None
+        self.whole = 0, SHORTEST_NS
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        first, last = self.whole
+        span = min(self.span or last - first, last - first)
+        end = last if self.end is None else max(first + span, min(self.end, last))
+        return end - span, end
+
+    def zoom(self, by: float) -> None:
+        """Take so many times as much time into view; its middle stays, or its end where that is followed."""
+        begin, end = self.ends
+        span = max(SHORTEST_NS, int((end - begin) * by))
+        self.span = span if span < self.whole[1] - self.whole[0] else None
+        self.end = self.end and (begin + end + span) // 2
+
+    def move(self, steps: int) -> None:
+        begin, end = self.ends
+        end += steps * ((end - begin) // STEPS)
+        self.end = end if end < self.whole[1] else None
+
+
+class MemberTrace(NamedTuple):
+    """A member of the picture: its number after the newest message, and its curve, None: none in view."""
+
+    leaf: Leaf
+    style: str
+    now: Number | None
+    curve: Curve | None
+
+
+class CurveView(LineView, inherit_bindings=False):
+    """`path` is the member, `other` the second one; they are looked up anew when the type has changed."""
+
+    BINDINGS: ClassVar = [
+        Binding("plus", "zoom(0.5)", show=False),
+        Binding("minus", "zoom(2)", show=False),
+        Binding("left", "step(-1)", show=False),
+        Binding("right", "step(1)", show=False),
+        Binding("home,g", "step(-1000000)", show=False),
+        Binding("end,G", "follow", show=False),
+        Binding("p", "other", show=False),
+    ]
+
+    def __init__(self, view_model: ViewModel, path: str) -> None:
+        super().__init__(id="curve")
+        self._view_model = view_model
+        self.instance, self.path = view_model.selected, path
+        self.other: str | None = None
+        self.window = TimeWindow()
+        self._numbers: dict[str, MemberNumbers] = {}
+        self._numbers_of: tuple[object, ...] = ()
+        self._gaps: Spans = []
+        self._rows: list[Row] = []
+        self._drawn: tuple[object, ...] = ()  # what the rows were made from
+
+    def row_count(self) -> int:
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        return self._rows[y]
+
+    def show(self) -> None:
+        view, known = self._view_model, self._view_model.known_messages
+        edges = view.waves.of(self.instance).edges
+        self._gaps = view.stream_index.down_times(view.instance.connect) if view.instance else []
+        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.declaration
+        look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
+        drawn = *state, *look, view.frozen_at, self._gaps, edges[-1].seq if edges else 0
+        if drawn != self._drawn and self.container_size.height:
+            self._drawn = drawn
+            self.set_title(None, self.path or "curve", " · ".join(filter(None, self._about())))
+            lack = self._lack()
+            self._rows = [row((lack, "warn"))] if lack else self._picture()
+        super().show()
+
+    # -- words ------------------------------------------------------------------------------------------
+
+    def _about(self) -> Iterator[str]:
+        known, frozen = self._view_model.known_messages, self._view_model.frozen_at
+        yield self.instance
+        yield count(known.count, "message")
+        yield f"{known.left_out} left out" if known.left_out else ""
+        gone = known.oldest - known.first
+        if known.oldest and known.rows:
+            yield f"values from {known.rows[gone].number} on" if gone < len(known.rows) else "bytes are gone"
+        yield f"frozen in scan {frozen}" if frozen is not None else ""
+        yield "" if self.window.end is None else "stands: end follows again"
+
+    def _lack(self) -> str:
+        """Return why there is no curve, "" where there is one."""
+        view, known = self._view_model, self._view_model.known_messages
+        if self.instance != view.selected or view.instance is None:
+            return f"{self.instance} is not there any more" if self.instance else "there is no instance"
+        declared = view.declaration
+        if declared is None:
+            return f"{self.instance} has no DATA: its messages have no values"
+        leaf = _leaf_at(declared.layout, self.path)
+        if leaf is None:
+            return f"{declared.type_name} has no member {self.path} any more"
+        if not is_number(declared.layout, leaf):
+            return f"{self.path or declared.name} is no number: it has no curve"
+        if known.instance != self.instance or not known.rows:
+            return "no message has ended yet"
+        small = self.line_width < LEAST_WIDTH or self.container_size.height < LEAST_HEIGHT
+        return "too small for a curve" if small else ""
+
+    # -- the picture --------------------------------------------------------------------------------------
+
+    def _picture(self) -> list[Row]:
+        declared, known = self._view_model.declaration, self._view_model.known_messages
+        assert declared is not None
+        if self._numbers_of != (known, declared):
+            self._numbers_of, self._numbers = (known, declared), {}
+        times = list(accumulate((each.t_ns for each in known.rows), max))  # a capture may go back in time
+        gone = known.oldest - known.first
+        self.window.whole = min(times[min(gone, len(times) - 1)], times[-1] - SHORTEST_NS), times[-1]
+        found = [_leaf_at(declared.layout, path) for path in (self.path, self.other) if path is not None]
+        leaves = [leaf for leaf in found if leaf is not None]
+        width = self.line_width - AXIS * len(leaves)
+        height = self.container_size.height - BELOW - len(leaves)
+        traces = []
+        for leaf, style in zip(leaves, STYLES, strict=False):
+            kept = self._numbers.setdefault(leaf.path, MemberNumbers(declared.layout, leaf))
+            numbers = kept.follow(known, known.stop)
+            now = next((number for number in reversed(numbers[gone:]) if number is not None), None)
+            drawn = curve(times, numbers, self.window.ends, width, height, self._gaps)
+            traces.append(MemberTrace(leaf, style, now, drawn))
+        begin, end = self.window.ends
+        begins, ends = self._clock(begin), self._clock(end)
+        in_view = bisect_right(times, end) - bisect_left(times, begin)
+        return [
+            *_curves(traces, width, height),
+            row((" " * (AXIS - 1), ""), ("└" + "─" * width, "faint")),
+            row((" " * AXIS, ""), *self._marks(width)),
+            row(
+                (" " * AXIS, ""),
+                (begins, "dim"),
+                (" " * (width - len(begins) - len(ends)), ""),
+                (ends, "dim"),
+            ),
+            *(_figures(trace, in_view) for trace in traces),
+        ]
+
+    def _marks(self, width: int) -> Iterator[Part]:
+        """Yield a sign below each column in which an ERROR came, or a message was cut."""
+        begin, end = self.window.ends
+        signs = {each.t_ns: CUT for each in self._view_model.known_messages.rows if each.reason}
+        for line in self._view_model.waves.of(self.instance).edges:
+            edge = line.event
+            if isinstance(edge, StatusEdge) and edge.outputs.error and not edge.cause.is_expected:
+                signs[line.t_ns] = ERROR
+        columns = dict[int, str]()
+        for t_ns, sign in signs.items():
+            if begin <= t_ns <= end:
+                column = min(width - 1, (t_ns - begin) * width // (end - begin))
+                columns[column] = max(sign, columns.get(column, ""))
+        for sign, some in groupby(columns.get(column, " ") for column in range(width)):
+            yield "".join(some), "error" if sign == ERROR else "warn"
+
+    def _clock(self, t_ns: int) -> str:
+        position = self._view_model.position
+        if position is None or position.first_ns is None:
+            return f"{stamp(t_ns)} s"
+        return utc_text(position.first_ns + t_ns)[:-4]
+
+    # -- keys -----------------------------------------------------------------------------------------------
+
+    def action_zoom(self, by: float) -> None:
+        self.window.zoom(by)
+        self.show()
+
+    def action_step(self, steps: int) -> None:
+        self.window.move(steps)
+        self.show()
+
+    def action_follow(self) -> None:
+        self.window.end = None
+        self.show()
+
+    def action_other(self) -> None:
+        """Draw the next number of the type beside the member; after the last one none."""
+        declared = self._view_model.declaration
+        layout = declared.layout if declared is not None else None
+        own = _leaf_at(layout, self.path)
+        if layout is None or own is None:
+            return
+        shown = _leaf_at(layout, self.other) if self.other is not None else None
+        first = layout.number_of(shown.path) + 1 if shown is not None else 0
+        leaves = (layout.leaf(number) for number in range(first, layout.leaf_count))
+        self.other = next((leaf.path for leaf in leaves if leaf != own and is_number(layout, leaf)), None)
+        self.show()
+
+
+def _leaf_at(layout: Layout | None, path: str) -> Leaf | None:
+    with suppress(UserError):
+        return layout.leaf(layout.number_of(path)) if layout is not None else None
+    return None
+
+
+def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[Row]:
+    """Yield the rows of the curves: where they meet, the colour is that of the first one."""
+    first, other = traces[0], traces[-1]
+    drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
+    for y in range(height):
+        both = list(zip(drawn[0][y], drawn[-1][y], strict=True))
+        # Blanks are parts of their own: what draws a picture as SVG may make them narrow.
+        styles = groupby(both, lambda cells: first.style if cells[0] else other.style if cells[1] else "")
+        parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
+        label = _label(first, y, height)
+        ends = [(" ", ""), (_label(other, y, height), other.style)] if len(traces) > 1 else []
+        yield row(
+            (" " * (AXIS - 2 - len(label)), ""),
+            (f"{label} ", first.style),
+            ("┤" if label else "│", "faint"),
+            *parts,
+            *ends,
+        )
+
+
+def _label(trace: MemberTrace, y: int, height: int) -> str:
+    """Return what stands beside row `y`: the ends of the axis; of a single number that, in the middle."""
+    low, high = trace.curve.axis if trace.curve is not None else (None, None)
+    number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
+    text = f"{number:.6g}" if isinstance(number, float) else "" if number is None else str(int(number))
+    return text if number is None or len(text) <= AXIS - 2 else f"{number:.2e}"
+
+
+def _figures(trace: MemberTrace, in_view: int) -> Row:
+    """Return the row with the figures of a member."""
+    parts: list[Part] = [(f"{trace.leaf.path or 'value'} ", trace.style)]
+    parts.append((f"now {value_text(trace.leaf, trace.now) if trace.now is not None else '-'}", "strong"))
+    if trace.curve is None:
+        return row(*parts, (" · no number in view", "warn"))
+    least, most = (value_text(trace.leaf, number) for number in (trace.curve.least, trace.curve.most))
+    told = f" · min {least} · max {most}"
+    return row(
+        *parts, (told, ""), (f" · {count(in_view, 'message')} in view · {ERROR} ERROR {CUT} cut", "dim")
+    )
+
+
+class CurveScreen(ListDialog[None]):
+    """Escape closes it; its keys are its own, whatever screen is below."""
+
+    DEFAULT_CSS = "CurveScreen CurveView { width: 100%; height: 100%; border-subtitle-color: $foreground; }"
+
+    def __init__(self, view_model: ViewModel, path: str) -> None:
+        self.view = CurveView(view_model, path)
+        self.view.border_subtitle = "+ - zoom · ←→ move · end follow · p second · esc"
+        super().__init__(self.view, None)
+
+    def show(self) -> None:
+        if self.is_mounted:
+            self.view.show()

@@ -1,0 +1,56 @@
+"""The number of one member in each message that is known: decoded once, when the message comes."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from trcvtui.history.messages import HOLE, MessageRow
+from trcvtui.tui.view_model.known_messages import KnownMessages
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.values import decode_leaf
+
+Number = int | float
+
+
+def is_number(layout: Layout, leaf: Leaf) -> bool:
+    """Return whether a member has a place on an axis: no text, no date, no time."""
+    return not isinstance(decode_leaf(layout, leaf, bytes(leaf.size)), str)
+
+
+def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
+    """Return the number that a message has brought to DATA; None: it has not touched it; NaN: not known."""
+    is_cut = row.reason not in ("", HOLE)
+    if is_cut or row.size < leaf.offset + leaf.size:
+        return None
+    part = (row.content or b"")[leaf.offset : leaf.offset + leaf.size]
+    value = decode_leaf(layout, leaf, part) if len(part) == leaf.size else math.nan
+    return math.nan if isinstance(value, str) else value
+
+
+class MemberNumbers:
+    """Those of the newest messages, at most `most` of them; NaN where the bytes are gone."""
+
+    def __init__(self, layout: Layout, leaf: Leaf, most: int = sys.maxsize) -> None:
+        self.layout, self.leaf = layout, leaf
+        self.first = 0  # the index of the first one among all messages of the instance
+        self.numbers: list[Number | None] = []
+        self._most = most
+
+    def follow(self, known: KnownMessages, stop: int) -> list[Number | None]:
+        """Return the numbers before message `stop`, the newest last."""
+        first = max(known.first, stop - self._most)
+        low, high = max(first, self.first), min(stop, self.first + len(self.numbers))
+        if low > high:
+            low = high = first
+        kept = self.numbers[low - self.first : high - self.first]
+        self.numbers = [*self._decode(known, first, low), *kept, *self._decode(known, high, stop)]
+        self.first = first
+        gone = max(0, min(known.oldest, stop) - first)
+        self.numbers[:gone] = [math.nan] * gone
+        return self.numbers
+
+    def _decode(self, known: KnownMessages, first: int, stop: int) -> list[Number | None]:
+        rows = known.rows[first - known.first : stop - known.first]
+        return [number_in(self.layout, self.leaf, row) for row in rows]

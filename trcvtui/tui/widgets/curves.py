@@ -1,0 +1,124 @@
+"""Numbers over time in cells: a line of blocks, and a curve of braille; no peak is lost.
+
+A message that brings no number has None: what was there before stays. NaN and the infinities end a curve
+until the next number.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from operator import itemgetter
+from typing import Final, NamedTuple
+
+from trcvtui.tui.view_model.member_numbers import Number
+
+Numbers = Sequence[Number | None]
+Spans = Sequence[tuple[int, int]]  # from, to: ns
+
+BEGIN: Final = itemgetter(0)
+BLOCKS: Final = "▁▂▃▄▅▆▇█"
+NO_NUMBER: Final = "×"
+FIRST_BRAILLE: Final = 0x2800
+# The dots of a braille cell by its column, from the top: their bits in the code of the character.
+DOTS: Final = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+
+
+def finite(numbers: Iterable[Number | None]) -> list[Number]:
+    """Return the numbers that have a place on an axis."""
+    return [number for number in numbers if number is not None and math.isfinite(number)]
+
+
+def limits(numbers: Sequence[Number]) -> tuple[Number, Number]:
+    """Return the ends of the axis: a BOOL has always both."""
+    if all(isinstance(number, bool) for number in numbers):
+        return 0, 1
+    return min(numbers), max(numbers)
+
+
+def place(number: Number, low: Number, high: Number) -> float:
+    """Return where a number stands between two others, 0 to 1."""
+    span = high - low
+    if not span:
+        return 0.5
+    if math.isinf(span):  # as that from -1e308 to 1e308
+        number, low, span = number / 2, low / 2, high / 2 - low / 2
+    return (number - low) / span
+
+
+def sparkline(numbers: Numbers) -> str:
+    """Return a column for each message, low where all are alike; "" where none has a number."""
+    known = finite(numbers)
+    if not known:
+        return ""
+    low, high = limits(known)
+    top = len(BLOCKS) - 1 if low != high else 0
+    return "".join(
+        NO_NUMBER if each is None or not math.isfinite(each) else BLOCKS[round(place(each, low, high) * top)]
+        for each in numbers
+    )
+
+
+class Curve(NamedTuple):
+    """Cells from the top down, each as the bits of its dots; the ends of the axis and of the values."""
+
+    cells: list[list[int]]
+    axis: tuple[Number, Number]
+    least: Number
+    most: Number
+
+
+def curve(
+    times: Sequence[int], numbers: Numbers, window: tuple[int, int], width: int, height: int, gaps: Spans = ()
+) -> Curve | None:
+    """Return the numbers over time, None where there are none in the window; `times` rise, `gaps` too.
+
+    A number is held until the next one, but not in a gap. Each column of dots reaches from its smallest to
+    its largest value.
+    """
+    columns = _columns(times, numbers, window, 2 * width, gaps)
+    known = [span for span in columns if span is not None]
+    if not known:
+        return None
+    least, most = min(low for low, _ in known), max(high for _, high in known)
+    axis = limits([*(low for low, _ in known), *(high for _, high in known)])
+    cells, top = [[0] * width for _ in range(height)], 4 * height - 1
+    for column, span in enumerate(columns):
+        if span is not None:
+            first, last = (top - round(place(number, *axis) * top) for number in reversed(span))
+            _fill(cells, column, first, last)
+    return Curve(cells, axis, least, most)
+
+
+def _columns(
+    times: Sequence[int], numbers: Numbers, window: tuple[int, int], count: int, gaps: Spans
+) -> list[tuple[Number, Number] | None]:
+    """Return the smallest and the largest number of each column of dots."""
+    first, last = window
+    at = bisect_left(times, first)
+    held = next((number for number in reversed(numbers[:at]) if number is not None), None)
+    found: list[tuple[Number, Number] | None] = []
+    begin = first
+    for column in range(count):
+        end = first + (last - first) * (column + 1) // count
+        stop = bisect_left(times, end, at) if column < count - 1 else bisect_right(times, last, at)
+        own = numbers[at:stop]
+        in_gap = bisect_right(gaps, begin, key=BEGIN) - 1
+        is_held = in_gap < 0 or gaps[in_gap][1] < end
+        some = finite((held, *own) if is_held else own)
+        found.append((min(some), max(some)) if some else None)
+        held = next((number for number in reversed(own) if number is not None), held)
+        at, begin = stop, end
+    return found
+
+
+def _fill(cells: list[list[int]], column: int, first: int, last: int) -> None:
+    """Set the dots of a column from row `first` to row `last` of dots."""
+    bits, x = DOTS[column % 2], column // 2
+    for y in range(first // 4, last // 4 + 1):
+        cells[y][x] |= sum(bits[max(first - 4 * y, 0) : last - 4 * y + 1])
+
+
+def braille(cell: int) -> str:
+    return chr(FIRST_BRAILLE + cell) if cell else " "

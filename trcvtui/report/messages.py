@@ -12,7 +12,6 @@ from typing import Final, NamedTuple, TextIO
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.table import block_row
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.plc_end import NOTHING_KNOWN, fits_nothing, guess_plc, parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, WireDirection
@@ -115,8 +114,7 @@ class _Rows:
         names, only = [each.name for each in project.instances], self.asked.instance
         if only is not None and only not in names:
             raise mistake("--instance", shown(only), expected_name(only, names, "instance"), "unknown")
-        moving = [each for each in project.instances if _moves_messages(each.block)]
-        of = {each.name: project.received_data(each.name) for each in moving if only in (None, each.name)}
+        of = {name: project.received_data(name) for name in names if only in (None, name)}
         filters = {name: partial(read_filter, project=project, instance=name) for name in of}
         types = [MessageType(name, data) for name, data in of.items() if data is not None]
         self._begin(types, OF_AN_INSTANCE, begun_ns, filters)
@@ -156,8 +154,9 @@ class _Rows:
             with suppress(UserError):
                 self._filters[name] = _nothing
                 self._filters[name] = read_filter(self.asked.where or "", project, name)
-        was, now = before.received_data, project.received_data
-        return frozenset(each.name for each in project.instances if now(each.name) is not was(each.name))
+        names = [each.name for each in project.instances]
+        pairs = ((name, project.received_data(name), before.received_data(name)) for name in names)
+        return frozenset(name for name, now, then in pairs if now is not then)
 
     def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
@@ -173,11 +172,6 @@ class _Rows:
 
 def _nothing(row: MessageRow) -> bool:
     return False
-
-
-def _moves_messages(block: str) -> bool:
-    row = block_row(block)
-    return row.moves_bytes or row.on_buffer
 
 
 # -- benches -------------------------------------------------------------------------------------------------

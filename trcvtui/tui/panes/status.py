@@ -183,6 +183,7 @@ if TYPE_CHECKING:
     from trcvtui.diagnosis.data_view import Offer
 
 LABEL: Final = 7
+BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
 PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=\w+)?`")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
@@ -192,7 +193,8 @@ class StatusCard(TextView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        return (("D", "messages"), *((("esc", "now"),) if self._past is not None else ()))
+        messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
+        return (*messages, ("esc", "now")) if self._past is not None else messages
 
     def __init__(
         self, view_model: ViewModel, digit: int = 3, letter_of: Callable[[str], str] = lambda pin: ""

@@ -133,7 +133,7 @@ class CurveView(LineView, inherit_bindings=False):
             return f"{self.instance} is not there any more" if self.instance else "there is no instance"
         declared = view.message_type
         if declared is None:
-            return f"{self.instance} has no DATA: its messages have no values"
+            return f"{self.instance} receives into no DATA: its messages have no values"
         leaf = _leaf_at(declared.layout, self.path)
         if leaf is None:
             return f"{declared.type_name} has no member {self.path} any more"

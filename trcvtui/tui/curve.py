@@ -103,7 +103,7 @@ class CurveView(LineView, inherit_bindings=False):
         view, known = self._view_model, self._view_model.known_messages
         edges = view.waves.of(self.instance).edges
         self._gaps = view.stream_index.down_times(view.instance.connect) if view.instance else []
-        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.declaration
+        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.message_type
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
         drawn = *state, *look, view.frozen_at, self._gaps, edges[-1].seq if edges else 0
         if drawn != self._drawn and self.container_size.height:
@@ -134,9 +134,9 @@ class CurveView(LineView, inherit_bindings=False):
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
             return f"{self.instance} is not there any more" if self.instance else "there is no instance"
-        declared = view.declaration
+        declared = view.message_type
         if declared is None:
-            return f"{self.instance} has no DATA: its messages have no values"
+            return f"{self.instance} receives into no DATA: its messages have no values"
         leaf = _leaf_at(declared.layout, self.path)
         if leaf is None:
             return f"{declared.type_name} has no member {self.path} any more"
@@ -150,7 +150,7 @@ class CurveView(LineView, inherit_bindings=False):
     # -- the picture --------------------------------------------------------------------------------------
 
     def _picture(self) -> list[Row]:
-        declared, known = self._view_model.declaration, self._view_model.known_messages
+        declared, known = self._view_model.message_type, self._view_model.known_messages
         assert declared is not None
         if self._numbers_of != (known, declared):
             self._numbers_of, self._numbers = (known, declared), {}
@@ -218,7 +218,7 @@ class CurveView(LineView, inherit_bindings=False):
 
     def action_other(self) -> None:
         """Draw the next number of the type beside the member; after the last one none."""
-        declared = self._view_model.declaration
+        declared = self._view_model.message_type
         if declared is not None:
             layout = declared.layout
             leaves = [leaf for leaf in layout.leaves(0, layout.leaf_count) if is_number(layout, leaf)]

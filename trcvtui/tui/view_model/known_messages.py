@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Final
 
 from trcvtui.history.messages import ROWS, MessageRow, MessagesDelta
@@ -28,6 +29,10 @@ class KnownMessages:
     @property
     def stop(self) -> int:
         return self.first + len(self.rows)
+
+    def stop_at(self, scan: int) -> int:
+        """Return the number after the last row up to a scan."""
+        return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property
     def oldest(self) -> int:

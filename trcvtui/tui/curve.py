@@ -25,6 +25,7 @@ from trcvtui.wording import count, stamp, utc_text
 AXIS: Final = 11  # columns beside a curve
 BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
 LEAST_WIDTH, LEAST_HEIGHT = 32, 8
+WITH_UTC: Final = 90  # columns
 SHORTEST_NS: Final = 1_000_000  # that a window may be
 STEPS: Final = 8  # of a window: an arrow goes one
 STYLES: Final = "busy", "warn"  # of the first member, of the second one
@@ -201,10 +202,10 @@ class CurveView(LineView, inherit_bindings=False):
             yield "".join(some), "error" if sign == ERROR else "warn"
 
     def _clock(self, t_ns: int) -> str:
-        position = self._view_model.position
-        if position is None or position.first_ns is None:
+        begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
+        if begun_ns is None or self.line_width < WITH_UTC:
             return f"{stamp(t_ns)} s"
-        return utc_text(position.first_ns + t_ns)[:-4]
+        return f"{stamp(t_ns)} s · {utc_text(begun_ns + t_ns)[:-4]}"
 
     # -- keys -----------------------------------------------------------------------------------------------
 

@@ -8,9 +8,10 @@ from tests.history.test_received import ADDED_AGAIN, frames
 from tests.properties.test_history import Generator, history_bench
 from trcvtui.history import messages
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.messages import MessageRow, MessageRows
+from trcvtui.history.messages import KeptRows, MessageRow, MessageRows
 from trcvtui.history.records import NOW
 from trcvtui.history.stream_reader import StreamReader
+from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.plc.ledger import KEPT_LINES, BenchNote
 from trcvtui.tui.view_model.known_messages import KnownMessages
 
@@ -26,7 +27,7 @@ def talking() -> tuple[Generator, MessageRows]:
     return told, MessageRows(bench, ledger, reader.streams)
 
 
-def crossed(rows: MessageRows, known: KnownMessages, until: int = NOW) -> int:
+def crossed(rows: KeptRows, known: KnownMessages, until: int = NOW) -> int:
     """Let the screen ask until nothing is new; return how many pictures that took."""
     for pictures in range(1, 1000):
         known.take(rows.news(*known.asked("X"), until), until)
@@ -129,3 +130,15 @@ def test_after_lines_were_overwritten_no_row_and_no_gap_is_guessed() -> None:
     told.scan(3)
     frames(told, 1)
     assert [(row.number, row.gap_ns) for row in rows.news("X", 0).rows] == [(1, None), (3, None)]
+
+
+def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
+    rings, known = ReceivedRings(), KnownMessages()
+    rows = KeptRows(rings.get)
+    for number, size in enumerate((0, 3, 0), 1):
+        rows.add("X", number, number, number, size, "U", [(rings.ring("U").append(bytes(size)), size)] * (size > 0), "", size)
+        crossed(rows, known)
+        assert (known.oldest, known.rows[-1].content) == (0, bytes(size))
+    rings.ring("U").most = 2
+    crossed(rows, known)
+    assert (known.oldest, [row.content for row in known.rows]) == (2, [None, None, b""])

@@ -6,13 +6,18 @@ import re
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 
+from tests.recording.test_record_command import PROJECT as TALKING
+from tests.replay.journals import InMemory, recorded
+from tests.replay.test_time_line import Stood
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_replay_screen import on_a_recording
 from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
-from trcvtui.history.messages import MessageRow
+from trcvtui.history.messages import HOLE, MessageRow
+from trcvtui.replay.time_line import TimeLine
 from trcvtui.tui.curve import CurveScreen, CurveView
 from trcvtui.tui.view_model import member_numbers
 from trcvtui.tui.view_model.member_numbers import Number
@@ -65,7 +70,11 @@ async def test_numbers_have_a_sparkline_up_to_the_bytes_that_are_shown_and_texts
         assert sparks(desk, "alarm") == ("█" * 10 if size == SMALL else ""), "its padding takes the room"
         assert sparks(desk, "id") and sparks(desk, "state") and not sparks(desk, "tag")
         table = desk.app.main.table
-        table.past = 3, bytes(24)  # the third job
+        rows = desk.app.view_model.known_messages.rows
+        table.past = 3, rows[2].content or b""
+        table.show()
+        assert sparks(desk, "speed") == "▁▅█"
+        rows[9] = rows[9]._replace(number=3)  # of the instance that was added again
         table.show()
         assert sparks(desk, "speed") == "▁▅█"
         table.past = None
@@ -125,8 +134,10 @@ async def test_the_curve_has_its_figures_moves_with_new_messages_and_stands_wher
         assert "now 200.0 · min 6.0 · max 8.0 · 2 m" in desk.text and "200.0" not in before
         await desk.press("end")
         assert "max 200.0" in desk.text and "stands" not in title(desk)
-        await desk.press("minus", "minus", "minus")
-        assert "min 0.0 · max 200.0 · 12 messages" in desk.text
+        await desk.press("left", "minus", "minus", "minus", "left")
+        assert "stands" not in title(desk), "the whole time goes on with each message"
+        await desk.do(*sent(300.0))
+        assert "min 0.0 · max 300.0 · 13 messages" in desk.text
         await desk.press("F")  # is no key of the curve
         assert not desk.app.view_model.is_frozen
 
@@ -188,6 +199,32 @@ async def test_a_lost_connection_is_a_gap_with_marks_below_it() -> None:
         assert len(gaps) > 20 and gaps == [*range(gaps[0], gaps[-1] + 1)]
         mark = signs.index("▲") - 11
         assert gaps[0] - 3 <= mark <= gaps[0], "the ERROR of the RST stands where the gap begins"
+
+
+async def test_what_a_hole_has_taken_is_not_said_to_be_a_nan() -> None:
+    async with at_the_desk(WIDE, *UP, *sent(*SPEEDS)) as desk:
+        rows = desk.app.view_model.known_messages.rows
+        rows[9] = rows[9]._replace(reason=HOLE, have=9, content=bytes(9))
+        await desk.press("6", *["down"] * 4, "enter")
+        assert "speed now ? · min" in desk.text
+
+
+async def test_the_curve_of_a_replay_has_the_gaps_and_marks_of_the_whole_recording(tmp_path: Path) -> None:
+    lost = TALKING.replace("random 1000", "random 12").replace("T#1s", "T#20ms").replace("1..1000", "1..12")
+    steps = "run 300\npeer P1 rst\nrun 200"
+    path = tmp_path / "lost.toml"
+    path.write_text(f"{lost}[scenario]\nname = 'lost'\nsteps = '''\n{steps}\n'''\n")
+    entries = recorded(path)[1]
+    async with on_a_recording(stood=Stood(line=TimeLine(InMemory(entries), "R"))) as looker:
+        pictures = []
+        for key in ("home", "end"):
+            await looker.go("9", key)
+            known = looker.app.view_model.known_messages
+            pictures.append((known.gaps, known.errors))
+            await looker.go("6", "home", "enter")
+            pictures.append("".join(looker.text.splitlines()[1:-1]))
+            await looker.go("escape")
+        assert pictures[:2] == pictures[2:] and pictures[0][0] and pictures[0][1]
 
 
 async def test_a_frozen_view_says_so_and_shows_no_later_message() -> None:

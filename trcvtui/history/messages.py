@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import FrameEnded, SendEnded, SendStarted
@@ -25,6 +26,7 @@ ROWS: Final = 10_000  # of an instance
 MOST_ROWS: Final = 100_000  # of all
 ROWS_A_PICTURE: Final = 256
 BYTES_A_PICTURE: Final = 65_536  # of its rows; one row alone may have as many
+MOST_ERRORS: Final = 1000  # whose times are kept, of an instance
 MOST_PIECES: Final = 256  # of a message: the bytes of one in more are not kept
 UNKNOWN: Final = -1  # STATUS, after lines of the ledger were overwritten
 HOLE: Final = "hole"
@@ -55,7 +57,8 @@ class MessageRow(NamedTuple):
 class MessagesDelta(Struct, frozen=True):
     """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
 
-    `share`: how much of a recording has been read for them.
+    `share`: how much of a recording has been read for them. `gaps`, `errors`: from when to when the connection
+    was down, when an ERROR came; in ns.
     """
 
     instance: str
@@ -65,6 +68,8 @@ class MessagesDelta(Struct, frozen=True):
     oldest: int = 0
     share: float = 1.0
     are_typed: bool = True  # False: cut by pauses, their members are not known
+    gaps: tuple[tuple[int, int], ...] = ()
+    errors: tuple[int, ...] = ()
 
 
 class _InstanceRows:
@@ -73,6 +78,7 @@ class _InstanceRows:
         self.count = 0
         self.last_ns: int | None = None
         self.oldest = 0  # the first row whose bytes are kept
+        self.errors = deque[int](maxlen=MOST_ERRORS)
 
     @property
     def first(self) -> int:
@@ -107,7 +113,8 @@ class KeptRows:
             if row.scan > until or (found and size > BYTES_A_PICTURE):
                 break
             found.append(row)
-        return MessagesDelta(instance, first, of.count, tuple(found), self._oldest(of))
+        oldest, errors = self._oldest(of), tuple(of.errors)
+        return MessagesDelta(instance, first, of.count, tuple(found), oldest, errors=errors)
 
     def take(self) -> Iterator[tuple[str, MessageRow]]:
         """Yield all rows with their instances, and forget them."""
@@ -129,14 +136,15 @@ class KeptRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _oldest(self, of: _InstanceRows) -> int:
+        """Return the first row after the last one whose bytes are gone; one of 0 bytes loses none."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)
             if ring is not None and row.size and row.position >= ring.begin:
-                of.oldest = number
-                return number
-        of.oldest = of.count
-        return of.count
+                break
+            if row.size:
+                of.oldest = number + 1
+        return of.oldest
 
     def add(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,
@@ -188,6 +196,11 @@ class MessageRows(KeptRows):
             StatusEdge: self._status_changed,
         })  # fmt: skip
         reader.lost.append(self._lose)
+
+    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
+        decl = self._bench.project.instance(instance)
+        down = self._streams.index.down_times(decl.connect) if decl is not None else ()
+        return replace(super().news(instance, since, until), gaps=tuple(down))
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, number, connect, _, _, size, done, reason = event
@@ -257,6 +270,8 @@ class MessageRows(KeptRows):
     def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status
         of = self._of.get(event.instance)
+        if of is not None and event.outputs.error and not event.cause.is_expected:
+            of.errors.append(t_ns)
         place = len(of.rows) - 1 if of is not None else -1
         while of is not None and place >= 0 and of.rows[place].scan == scan:
             of.rows[place] = of.rows[place]._replace(status=status)

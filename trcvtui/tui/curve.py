@@ -11,10 +11,9 @@ from typing import ClassVar, Final, NamedTuple
 from textual.binding import Binding
 
 from trcvtui.errors import UserError
-from trcvtui.plc.ledger import StatusEdge
-from trcvtui.tui.view_model.member_numbers import MemberNumbers, Number, is_number
+from trcvtui.tui.view_model.member_numbers import NOT_KNOWN, MemberNumbers, Number, is_number
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.curves import Curve, Spans, braille, curve
+from trcvtui.tui.widgets.curves import Curve, braille, curve
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.udt.layout.layout import Layout
@@ -51,13 +50,13 @@ class TimeWindow:
         """Take so many times as much time into view; its middle stays, or its end where that is followed."""
         begin, end = self.ends
         span = max(SHORTEST_NS, int((end - begin) * by))
-        self.span = span if span < self.whole[1] - self.whole[0] else None
-        self.end = self.end and (begin + end + span) // 2
+        is_whole = span >= self.whole[1] - self.whole[0]
+        self.span, self.end = (None, None) if is_whole else (span, self.end and (begin + end + span) // 2)
 
     def move(self, steps: int) -> None:
         begin, end = self.ends
         end += steps * ((end - begin) // STEPS)
-        self.end = end if end < self.whole[1] else None
+        self.end = end if self.span and end < self.whole[1] else None  # the whole has nowhere to go
 
 
 class MemberTrace(NamedTuple):
@@ -90,7 +89,6 @@ class CurveView(LineView, inherit_bindings=False):
         self.window = TimeWindow()
         self._numbers: dict[str, MemberNumbers] = {}
         self._numbers_of: tuple[object, ...] = ()
-        self._gaps: Spans = []
         self._rows: list[Row] = []
         self._drawn: tuple[object, ...] = ()  # what the rows were made from
 
@@ -102,11 +100,9 @@ class CurveView(LineView, inherit_bindings=False):
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
-        edges = view.waves.of(self.instance).edges
-        self._gaps = view.stream_index.down_times(view.instance.connect) if view.instance else []
         state = known, known.stop, known.oldest, view.selected, view.instance is None, view.message_type
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
-        drawn = *state, *look, view.frozen_at, self._gaps, edges[-1].seq if edges else 0
+        drawn = *state, *look, view.frozen_at, known.gaps, known.errors
         if drawn != self._drawn and self.container_size.height:
             self._drawn = drawn
             self.set_title(None, self.path or "curve", " · ".join(filter(None, self._about())))
@@ -167,7 +163,7 @@ class CurveView(LineView, inherit_bindings=False):
             kept = self._numbers.setdefault(leaf.path, MemberNumbers(declared.layout, leaf))
             numbers = kept.follow(known, known.stop)
             now = next((number for number in reversed(numbers[gone:]) if number is not None), None)
-            drawn = curve(times, numbers, self.window.ends, width, height, self._gaps)
+            drawn = curve(times, numbers, self.window.ends, width, height, known.gaps)
             traces.append(MemberTrace(leaf, style, now, drawn))
         begin, end = self.window.ends
         begins, ends = self._clock(begin), self._clock(end)
@@ -187,12 +183,8 @@ class CurveView(LineView, inherit_bindings=False):
 
     def _marks(self, width: int) -> Iterator[Part]:
         """Yield a sign below each column in which an ERROR came, or a message was cut."""
-        begin, end = self.window.ends
-        signs = {each.t_ns: CUT for each in self._view_model.known_messages.rows if each.reason}
-        for line in self._view_model.waves.of(self.instance).edges:
-            edge = line.event
-            if isinstance(edge, StatusEdge) and edge.outputs.error and not edge.cause.is_expected:
-                signs[line.t_ns] = ERROR
+        (begin, end), known = self.window.ends, self._view_model.known_messages
+        signs = {each.t_ns: CUT for each in known.rows if each.reason} | dict.fromkeys(known.errors, ERROR)
         columns = dict[int, str]()
         for t_ns, sign in signs.items():
             if begin <= t_ns <= end:
@@ -263,10 +255,16 @@ def _label(trace: MemberTrace, y: int, height: int) -> str:
     return text if number is None or len(text) <= AXIS - 2 else f"{number:.2e}"
 
 
+def _now(trace: MemberTrace) -> str:
+    if trace.now is None or trace.now is NOT_KNOWN:
+        return "-" if trace.now is None else "?"
+    return value_text(trace.leaf, trace.now)
+
+
 def _figures(trace: MemberTrace, in_view: int) -> Row:
     """Return the row with the figures of a member."""
     parts: list[Part] = [(f"{trace.leaf.path or 'value'} ", trace.style)]
-    parts.append((f"now {value_text(trace.leaf, trace.now) if trace.now is not None else '-'}", "strong"))
+    parts.append((f"now {_now(trace)}", "strong"))
     if trace.curve is None:
         return row(*parts, (" · no number in view", "warn"))
     least, most = (value_text(trace.leaf, number) for number in (trace.curve.least, trace.curve.most))

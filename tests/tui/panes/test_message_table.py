@@ -182,6 +182,10 @@ async def test_a_filter_acts_as_it_is_typed_and_what_cannot_be_read_leaves_the_l
         assert [line.split(",")[0] for line in file.read_text().splitlines()] == ["n", "6", "7", "8", "10"]
         await press(looker, "escape")
         assert len(numbers(looker)) == 10 and "with" not in title(looker)
+        await press(looker, "slash")
+        assert numbers(looker) == [6, 7, 8, 10], "what stands in the line is in force"
+        await press(looker, "escape")
+        assert len(numbers(looker)) == 10
 
 
 async def test_messages_that_lose_their_values_leave_a_filter_on_members() -> None:

@@ -153,8 +153,8 @@ class MessageLines(LineView):
             if self._at is not None:  # what is in view stays in view
                 self.scroll_to(y=max(0, self.scroll_offset.y - gone), animate=False)
         if self._oldest != known.oldest:  # a condition on members is false where there are none any more
-            self._oldest, old = known.oldest, bisect_left(self._found, known.oldest)
-            self._found[:old] = self._passing(self._found[:old])
+            first, stop = (bisect_left(self._found, each) for each in (self._oldest, known.oldest))
+            self._oldest, self._found[first:stop] = known.oldest, self._passing(self._found[first:stop])
         self._found += self._passing(range(max(self._looked, known.first), known.stop))
         self._looked = known.stop
 

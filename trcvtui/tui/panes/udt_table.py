@@ -180,9 +180,10 @@ class UdtTable(LineView):
         if self.past is None and view.position is not None:  # of a recording up to the scan that is shown
             stop = known.stop_at(view.position.scan)
         if self.past is not None:
-            number = self.past[0]
-            places = range(len(known.rows) - 1, -1, -1)
-            stop = next((known.first + at + 1 for at in places if known.rows[at].number == number), 0)
+            number, content = self.past  # of an instance that was added again, numbers begin again
+            rows = zip(range(known.stop, known.first, -1), reversed(known.rows), strict=True)
+            of_job = (at for at, row in rows if row.number == number and content.startswith(row.content or b""))
+            stop = next(of_job, 0)
         has_none = self.of_job or known.instance != view.selected or view.message_type is None
         self._sparks_stop = 0 if has_none else stop
 

@@ -24,6 +24,8 @@ class KnownMessages:
         self.left_out = 0  # that came faster than they can cross to the screen
         self.share = 1.0  # of a recording that has been read for them
         self.are_typed = True
+        self.gaps: tuple[tuple[int, int], ...] = ()  # without a connection, in ns
+        self.errors: tuple[int, ...] = ()  # when one came
         self.is_behind = False  # more rows wait than came with the last picture
         self._emptied = 0  # up to this number, content was forgotten
 
@@ -52,6 +54,7 @@ class KnownMessages:
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return
         self.count, self.share, self.are_typed = news.count, news.share, news.are_typed
+        self.gaps, self.errors = news.gaps, news.errors
         self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count
         rows = [row for row in news.rows[max(0, self.stop - news.first) :] if row.scan <= until]
         if news.first > self.stop:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import Final
 
 from trcvtui.history.messages import HOLE, MessageRow
 from trcvtui.tui.view_model.known_messages import KnownMessages
@@ -12,6 +13,7 @@ from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.values import decode_leaf
 
 Number = int | float
+NOT_KNOWN: Final = math.nan  # this very object, no NaN that a message has brought
 
 
 def is_number(layout: Layout, leaf: Leaf) -> bool:
@@ -20,17 +22,17 @@ def is_number(layout: Layout, leaf: Leaf) -> bool:
 
 
 def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
-    """Return the number that a message has brought to DATA; None: it has not touched it; NaN: not known."""
+    """Return the number that a message has brought to DATA; None: it has not touched it."""
     is_cut = row.reason not in ("", HOLE)
     if is_cut or row.size < leaf.offset + leaf.size:
         return None
     part = (row.content or b"")[leaf.offset : leaf.offset + leaf.size]
-    value = decode_leaf(layout, leaf, part) if len(part) == leaf.size else math.nan
-    return math.nan if isinstance(value, str) else value
+    value = decode_leaf(layout, leaf, part) if len(part) == leaf.size else NOT_KNOWN
+    return NOT_KNOWN if isinstance(value, str) else value
 
 
 class MemberNumbers:
-    """Those of the newest messages, at most `most` of them; NaN where the bytes are gone."""
+    """Those of the newest messages, at most `most` of them."""
 
     def __init__(self, layout: Layout, leaf: Leaf, most: int = sys.maxsize) -> None:
         self.layout, self.leaf = layout, leaf
@@ -48,7 +50,7 @@ class MemberNumbers:
         self.numbers = [*self._decode(known, first, low), *kept, *self._decode(known, high, stop)]
         self.first = first
         gone = max(0, min(known.oldest, stop) - first)
-        self.numbers[:gone] = [math.nan] * gone
+        self.numbers[:gone] = [NOT_KNOWN] * gone
         return self.numbers
 
     def _decode(self, known: KnownMessages, first: int, stop: int) -> list[Number | None]:

@@ -178,7 +178,9 @@ class FilterLine(TypedLine):
         self.move = move
 
     def open(self) -> None:
+        """Begin with the words that were left; they act again."""
         self.begin()
+        self._narrow(self._input.value)
 
     def clear(self) -> None:
         self._input.value = ""

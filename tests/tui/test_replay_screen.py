@@ -147,6 +147,9 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
         ):  # fmt: skip
             await looker.go(keys)
             assert (table.chosen(), looker.scan) == (row, scan), keys
+        await looker.go("9", "home")
+        await looker.go("5", "up")
+        assert (table.chosen(), looker.scan) == (None, 1), "all are still to come"
         known.share = 0.4
         assert "reading … 40%" in table.words()
         await looker.go("D", "9")

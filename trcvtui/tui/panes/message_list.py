@@ -99,7 +99,7 @@ class MessageLines(LineView):
         return [shown for number in self._found if (shown := self._row(number)) is not None]
 
     def chosen(self) -> MessageRow | None:
-        return self._row(self._found[self._place]) if self._found else None
+        return self._row(self._found[self._place]) if self._place >= 0 else None
 
     @property
     def is_followed(self) -> bool:
@@ -107,12 +107,11 @@ class MessageLines(LineView):
 
     @property
     def _place(self) -> int:
+        """Return which of the rows that pass is chosen, -1: none, as all are still to come."""
         last = len(self._found) - 1
         if self._at is not None:
             return min(last, bisect_left(self._found, self._at))
-        return (
-            max(0, bisect_right(self._found, self._now, key=self._scan_of) - 1) if self._now < NOW else last
-        )
+        return bisect_right(self._found, self._now, key=self._scan_of) - 1 if self._now < NOW else last
 
     @property
     def _now(self) -> int:
@@ -132,7 +131,7 @@ class MessageLines(LineView):
         self._measure()
         self.resize_rows()
         if self._at is None and self._now < NOW:
-            self.keep_in_view(self._place)
+            self.keep_in_view(max(0, self._place))
         elif self._at is None:
             self.scroll_to(y=self.row_count(), animate=False)
         super().show()
@@ -215,8 +214,9 @@ class MessageLines(LineView):
     # -- moving ----------------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        if rows < 0 or self._place < len(self._found) - 1 or self._at is not None:
-            self._choose(self._place + rows)
+        place = self._place
+        if place >= 0 if rows < 0 else place < len(self._found) - 1 or self._at is not None:
+            self._choose(place + rows)
 
     def action_edge(self, direction: int) -> None:
         if direction < 0:
@@ -236,7 +236,7 @@ class MessageLines(LineView):
             self.action_edge(1)
 
     def on_mouse_scroll_up(self) -> None:
-        if self._at is None:
+        if self._at is None and self._place >= 0:
             self._choose(self._place)
 
     def click(self, x: int, y: int) -> None:

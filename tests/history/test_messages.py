@@ -136,7 +136,17 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
     rings, known = ReceivedRings(), KnownMessages()
     rows = KeptRows(rings.get)
     for number, size in enumerate((0, 3, 0), 1):
-        rows.add("X", number, number, number, size, "U", [(rings.ring("U").append(bytes(size)), size)] * (size > 0), "", size)
+        rows.add(
+            "X",
+            number,
+            number,
+            number,
+            size,
+            "U",
+            [(rings.ring("U").append(bytes(size)), size)] * (size > 0),
+            "",
+            size,
+        )
         crossed(rows, known)
         assert (known.oldest, known.rows[-1].content) == (0, bytes(size))
     rings.ring("U").most = 2

@@ -57,8 +57,8 @@ class MessageRow(NamedTuple):
 class MessagesDelta(Struct, frozen=True):
     """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
 
-    `share`: how much of a recording has been read for them. `gaps`, `errors`: from when to when the connection
-    was down, when an ERROR came; in ns.
+    `share`: how much of a recording has been read for them. `gaps`, `errors`: from when to when, in ns, the
+    connection was down; when an ERROR came.
     """
 
     instance: str

@@ -100,37 +100,31 @@ class CurveView(LineView, inherit_bindings=False):
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
-        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.message_type
+        of = view.selected, view.instance is None, view.message_type, view.frozen_at
+        state = known, known.stop, known.oldest, known.gaps, known.errors
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
-        drawn = *state, *look, view.frozen_at, known.gaps, known.errors
+        drawn = *of, *state, *look
         if drawn != self._drawn and self.container_size.height:
             self._drawn = drawn
-            self.set_title(None, self.path or "curve", " · ".join(filter(None, self._about())))
+            self.set_title(None, self.path or "curve", self._about())
             lack = self._lack()
             self._rows = [row((lack, "warn"))] if lack else self._picture()
         super().show()
 
     # -- words ------------------------------------------------------------------------------------------
 
-    def _about(self) -> Iterator[str]:
+    def _about(self) -> str:
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
-        yield f"{self.instance} · {count(known.count, 'message')}"
-        yield f"{known.left_out} left out" if known.left_out else ""
-        gone = known.oldest - known.first
-        if gone:
-            yield (
-                f"values from {known.rows[gone].number} on"
-                if gone < len(known.rows)
-                else "no values any more"
-            )
-        yield f"frozen in scan {frozen}" if frozen is not None else ""
-        yield "stands: end follows again" if self.window.end is not None else ""
+        words = self.instance, count(known.count, "message"), *known.words()
+        state = f"frozen in scan {frozen}" if frozen is not None else ""
+        stands = "stands: end follows again" if self.window.end is not None else ""
+        return " · ".join(filter(None, (*words, state, stands)))
 
     def _lack(self) -> str:
         """Return why there is no curve, "" where there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
-            return f"{self.instance} is not there any more" if self.instance else "there is no instance"
+            return f"{self.instance or 'the instance'} is not there any more"
         declared = view.message_type
         if declared is None:
             return f"{self.instance} receives into no DATA: its messages have no values"
@@ -172,12 +166,7 @@ class CurveView(LineView, inherit_bindings=False):
             *_curves(traces, width, height),
             row((" " * (AXIS - 1), ""), ("└" + "─" * width, "faint")),
             row((" " * AXIS, ""), *self._marks(width)),
-            row(
-                (" " * AXIS, ""),
-                (begins, "dim"),
-                (" " * (width - len(begins) - len(ends)), ""),
-                (ends, "dim"),
-            ),
+            row((f"{'':{AXIS}}{begins}{ends:>{width - len(begins)}}", "dim")),
             *(_figures(trace, in_view) for trace in traces),
         ]
 
@@ -187,9 +176,8 @@ class CurveView(LineView, inherit_bindings=False):
         signs = {each.t_ns: CUT for each in known.rows if each.reason} | dict.fromkeys(known.errors, ERROR)
         columns = dict[int, str]()
         for t_ns, sign in signs.items():
-            if begin <= t_ns <= end:
-                column = min(width - 1, (t_ns - begin) * width // (end - begin))
-                columns[column] = max(sign, columns.get(column, ""))
+            column = min(width - 1, (t_ns - begin) * width // (end - begin)) if t_ns <= end else width
+            columns[column] = max(sign, columns.get(column, ""))
         for sign, some in groupby(columns.get(column, " ") for column in range(width)):
             yield "".join(some), "error" if sign == ERROR else "warn"
 
@@ -212,12 +200,11 @@ class CurveView(LineView, inherit_bindings=False):
     def action_other(self) -> None:
         """Draw the next number of the type beside the member; after the last one none."""
         declared = self._view_model.message_type
-        if declared is not None:
-            layout = declared.layout
-            leaves = [leaf for leaf in layout.leaves(0, layout.leaf_count) if is_number(layout, leaf)]
-            paths = [None, *(leaf.path for leaf in leaves if leaf.path != self.path)]
-            place = paths.index(self.other) if self.other in paths else 0
-            self.other = paths[(place + 1) % len(paths)]
+        leaves = declared.layout.leaves(0, declared.layout.leaf_count) if declared is not None else ()
+        numbers = [leaf.path for leaf in leaves if declared and is_number(declared.layout, leaf)]
+        paths = [None, *(path for path in numbers if path != self.path)]
+        place = paths.index(self.other) if self.other in paths else 0
+        self.other = paths[(place + 1) % len(paths)]
         self.show()
 
 
@@ -237,14 +224,9 @@ def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[
         styles = groupby(both, lambda cells: first.style if cells[0] else other.style if cells[1] else "")
         parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
         label = _label(first, y, height)
-        ends = [(" ", ""), (_label(other, y, height), other.style)] if len(traces) > 1 else []
-        yield row(
-            (" " * (AXIS - 2 - len(label)), ""),
-            (f"{label} ", first.style),
-            ("┤" if label else "│", "faint"),
-            *parts,
-            *ends,
-        )
+        ends = [(f" {_label(other, y, height)}", other.style)] if len(traces) > 1 else []
+        axis = (f"{label:>{AXIS - 2}} ", first.style), ("┤" if label else "│", "faint")
+        yield row(*axis, *parts, *ends)
 
 
 def _label(trace: MemberTrace, y: int, height: int) -> str:
@@ -255,22 +237,16 @@ def _label(trace: MemberTrace, y: int, height: int) -> str:
     return text if number is None or len(text) <= AXIS - 2 else f"{number:.2e}"
 
 
-def _now(trace: MemberTrace) -> str:
-    if trace.now is None or trace.now is NOT_KNOWN:
-        return "-" if trace.now is None else "?"
-    return value_text(trace.leaf, trace.now)
-
-
 def _figures(trace: MemberTrace, in_view: int) -> Row:
     """Return the row with the figures of a member."""
-    parts: list[Part] = [(f"{trace.leaf.path or 'value'} ", trace.style)]
-    parts.append((f"now {_now(trace)}", "strong"))
-    if trace.curve is None:
+    leaf, drawn = trace.leaf, trace.curve
+    now = "-" if trace.now is None else "?" if trace.now is NOT_KNOWN else value_text(leaf, trace.now)
+    parts = (f"{leaf.path or 'value'} ", trace.style), (f"now {now}", "strong")
+    if drawn is None:
         return row(*parts, (" · no number in view", "warn"))
-    least, most = (value_text(trace.leaf, number) for number in (trace.curve.least, trace.curve.most))
-    told = f" · min {least} · max {most}"
+    values = f" · min {value_text(leaf, drawn.least)} · max {value_text(leaf, drawn.most)}"
     return row(
-        *parts, (told, ""), (f" · {count(in_view, 'message')} in view · {ERROR} ERROR {CUT} cut", "dim")
+        *parts, (values, ""), (f" · {count(in_view, 'message')} in view · {ERROR} ERROR {CUT} cut", "dim")
     )
 
 

@@ -137,6 +137,11 @@ class DataFace(Face):
         wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.in_view()))
         self._view_model.past_wanted = None if instance.sends else wanted
 
+    @property
+    def _room(self) -> int:
+        """Return the rows of the whole pane."""
+        return self.parent.size.height if isinstance(self.parent, Widget) else 0
+
     def rest(self) -> None:
         self.job.display, self._job_rows = False, 0
 
@@ -179,27 +184,23 @@ class DataFace(Face):
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
-        has_room = byte is not None and self.room >= LEAST_ROWS
+        has_room = byte is not None and self._room >= LEAST_ROWS
         numbers = numbers_at(view.known_from(byte or 0), self.size.width - 2) if has_room else ""
         self._below.say(numbers, may_break=False)
         self.subtitle = self.note or self._with_hit(byte, text)
 
     def _origin(self, view: HexView, byte: int) -> str:
-        value = view.content[byte]
-        text = f"byte {byte} = 16#{value:02X} = {value}"
-        if view.is_hole(byte):
-            text = f"byte {byte}: {NOT_CAPTURED}"
+        value, is_hole = view.content[byte], view.is_hole(byte)
+        words = [f"byte {byte}: {NOT_CAPTURED}" if is_hole else f"byte {byte} = 16#{value:02X} = {value}"]
         origin = self._view_model.stream_index.origin(self._view_model.selected, view.of_job, byte)
-        if origin is None:
-            return text
-        text += f" · job {origin.job.number}"
-        if origin.recv is not None:
-            text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
-        if origin.message is not None and not view.is_hole(byte):
-            text += f" · {origin.message.peer} #{origin.message.number} byte {origin.message.first}"
-        if origin.recv is not None:
-            text += f" · {stamp(origin.recv.t_ns)} s"
-        return text
+        if origin is not None:
+            recv, message = origin.recv, origin.message
+            words.append(f"job {origin.job.number}")
+            words += [f"recv {recv.number}, scan {recv.scan}"] if recv is not None else []
+            if message is not None and not is_hole:
+                words.append(f"{message.peer} #{message.number} byte {message.first}")
+            words += [f"{stamp(recv.t_ns)} s"] if recv is not None else []
+        return " · ".join(words)
 
     # -- looking for bytes -------------------------------------------------------------------------------
 
@@ -220,10 +221,9 @@ class DataFace(Face):
         # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
         connection = self._view_model.connection
         is_up = connection is not None and connection.state == "connected"
-        if not instance.need and instance.pin("EN_R") and is_up:
+        wants_more = (instance.pin("EN_R") and is_up) or (instance.framer is not None and self._job_rows)
+        if not instance.need and wants_more:  # the next frame, too
             return
-        if not instance.need and instance.framer is not None and self._job_rows:
-            return  # the next frame will want it
         need = 0 if instance.sends else instance.need
         self.job.rows_kept = -(-need // self.job.per_row)
         rows = min(MOST_JOB_ROWS - self._below.display, self.job.rows_kept)
@@ -234,7 +234,7 @@ class DataFace(Face):
 
     def _stand_together(self) -> None:
         rows = max(1, self.data.row_count())
-        wanted = rows if rows + 2 + self._job_rows <= self.room else None
+        wanted = rows if rows + 2 + self._job_rows <= self._room else None
         if wanted != self._data_rows:
             self._data_rows = wanted
             self.data.styles.height = "1fr" if wanted is None else wanted

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Final
 
 from textual.containers import Vertical
-from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -69,19 +68,12 @@ class Face(Vertical):
     def show_field(self, field: range, goes_there: bool) -> None:
         """Mark the bytes of a member."""
 
-    @property
-    def room(self) -> int:
-        """Return the rows of the whole pane."""
-        return self.parent.size.height if isinstance(self.parent, Widget) else 0
-
     def _select_offset(self, goal: Goal, select: Callable[[int], None], kept: range, lack: str = "") -> None:
-        self.note = ""
-        if goal.number in kept:
+        is_here, is_older = goal.number in kept, lack and goal.number < kept.start
+        why = lack if is_older else f"not here: bytes {kept.start} to {kept.stop - 1} are"
+        self.note = "" if is_here else f"{goal.about} is {why}"
+        if is_here:
             select(goal.number)
-        else:
-            is_older = lack and goal.number < kept.start
-            why = lack if is_older else f"not here: bytes {kept.start} to {kept.stop - 1} are"
-            self.note = f"{goal.about} is {why}"
 
     def _with_hit(self, place: int | None, text: str) -> str:
         hit = self.hit[1] if self.is_searched and place == self.hit[0] else ""

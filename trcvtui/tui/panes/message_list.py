@@ -270,13 +270,8 @@ class MessageLines(LineView):
         known = self._known
         size = f"{len(known.rows)} of {known.count}" if len(known.rows) != known.count else f"{known.count}"
         passing = f"{len(self._found)} of {size} with {self._text}" if self._text else size
-        words = [self._wrong, f"{self._view_model.selected}, {passing}"]
-        if known.oldest > known.first:
-            begin = known.rows[known.oldest - known.first :][:1]
-            words.append(f"values from {begin[0].number} on" if begin else "all values gone")
-        words.append(f"{known.left_out} left out" if known.left_out else "")
-        words.append(f"reading … {known.share:.0%}" if known.share < 1 else "")
-        words.append("frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows")
+        state = "frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows"
+        words = self._wrong, f"{self._view_model.selected}, {passing}", *known.words(), state
         return " · ".join(filter(None, words))
 
 

@@ -45,7 +45,7 @@ class Received(Vertical):
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
+        self._find = FindLine(lambda: self.action_find_next(True, again=False), self._back_to_bytes)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
@@ -53,7 +53,7 @@ class Received(Vertical):
         self.table = TableFace(view_model, self._below)
         self._faces = self.now, self.past, self.table
         self._turn_to(self.now)
-        self._title = self._subtitle = ""
+        self._titles: tuple[Content, str] | None = None
 
     def compose(self) -> Iterator[Widget]:
         yield self._find
@@ -84,21 +84,15 @@ class Received(Vertical):
             face.ask(instance)
         shown = self.now if instance is None and self.is_past else face
         shown.show()
-        self._show_title()
-        if shown.subtitle != self._subtitle:
-            self._subtitle = shown.subtitle
-            self.border_subtitle = Content(shown.subtitle)
+        name, detail = self.face.head(instance)
+        title = pane_title(5, name, clip(detail, max(60, self.size.width - len(name) - 9)))
+        if (title, shown.subtitle) != self._titles:
+            self._titles = title, shown.subtitle
+            self.border_title, self.border_subtitle = title, Content(shown.subtitle)
 
     def on_resize(self) -> None:
         """Other widths hold other numbers of bytes in a line, and more of a title."""
-        self._title = ""
         self.show()
-
-    def _show_title(self) -> None:
-        name, detail = self.face.head(self._view_model.instance)
-        if f"{name} {detail}" != self._title or not self.border_title:
-            self._title = f"{name} {detail}"
-            self.border_title = pane_title(5, name, clip(detail, max(60, self.size.width - len(name) - 9)))
 
     # -- keys --------------------------------------------------------------------------------------------
 
@@ -170,9 +164,9 @@ class Received(Vertical):
         """Open the line for what is to be looked for; n and N go to the hits until another pane is chosen."""
         if self.is_table:
             await self.table.open_filter()
-            return
-        self._let_search(True)
-        await self._find.open()
+        else:
+            self._let_search(True)
+            await self._find.open()
 
     def end_search(self) -> None:
         if self.face.is_searched:
@@ -188,10 +182,7 @@ class Received(Vertical):
     def _back_to_bytes(self) -> None:
         self.screen.set_focus(self.face.first)
 
-    def action_find_next(self, is_forward: bool) -> None:
-        self._go_on(is_forward, again=True)
-
-    def _go_on(self, is_forward: bool, again: bool) -> None:
+    def action_find_next(self, is_forward: bool, again: bool = True) -> None:
         wanted, face = self._find.wanted, self.face
         if isinstance(face, TableFace):
             face.messages.action_move(1 if is_forward else -1)

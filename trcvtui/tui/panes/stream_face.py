@@ -49,10 +49,8 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
 
 def _job_words(job: JobSpan, byte: int) -> str:
     """Return whose byte it is, and of which part of a frame."""
-    if not job.instance:
-        return "no job"
-    if not job.done and not job.number:
-        return job.instance
+    if not job.instance or (not job.done and not job.number):
+        return job.instance or "no job"
     if not job.is_frame:
         return f"{job.instance} job {job.number} byte {byte}"
     is_suffix = byte - job.first >= job.size - job.suffix
@@ -120,36 +118,33 @@ class StreamFace(Face):
     def ask(self, instance: InstanceSnapshot) -> None:
         if self._view_model.is_frozen:
             self.stream.follows = False
-        self._view_model.past_wanted = self.stream.request(instance.connect, self._job_wanted())
-
-    def _job_wanted(self) -> int | None:
-        """Return where the job lies whose bytes are to come, None where they are here."""
         job = self.job_here()
-        known = self.past_job is not None and job is not None and self.past_job[0] == job.position
-        return None if job is None or job.is_open or known else job.position
+        is_here = job is None or job.is_open or self._has_bytes_of(job)
+        wanted = job.position if job is not None and not is_here else None  # the job whose bytes are to come
+        self._view_model.past_wanted = self.stream.request(instance.connect, wanted)
+
+    def _has_bytes_of(self, job: JobSpan) -> bool:
+        return self.past_job is not None and self.past_job[0] == job.position
 
     def show(self) -> None:
         self.stream.compare(self.stream.marked, self.message_here())
         self.stream.show()
-        text = self._search_text() or self.note or self._past_origin()
-        place = self.stream.cursor
-        numbers = "" if place is None else numbers_at(self.stream.known_from(place), self.size.width - 4)
-        self.subtitle = numbers
+        text, place = self._search_text() or self.note or self._past_origin(), self.stream.cursor
+        width = self.size.width - 4
+        self.subtitle = "" if place is None else numbers_at(self.stream.known_from(place), width)
         self._below.say(text, may_break=True)
 
     def _search_text(self) -> str:
         window = self._view_model.past
         sought = window.sought if window is not None else None
-        if self.stream.seek is None:
-            if self.seeks_drop and sought is not None:
-                self.seeks_drop = False
-                self.note = NO_DROP if sought.position is None else ""
-            wanted = self._find.wanted
-            if sought is not None and sought.position is None and wanted is not None:
-                self.note = f"{wanted.about}: not found there"
-            return ""
-        self.note = ""
-        return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+        if self.stream.seek is not None:
+            self.note = ""
+            return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+        if self.seeks_drop and sought is not None:
+            self.seeks_drop, self.note = False, NO_DROP if sought.position is None else ""
+        if sought is not None and sought.position is None and (wanted := self._find.wanted) is not None:
+            self.note = f"{wanted.about}: not found there"
+        return ""
 
     def _past_origin(self) -> str:
         if self.stream.cursor is None:
@@ -196,11 +191,10 @@ class StreamFace(Face):
 
         Of bytes that were dropped the number is 0.
         """
-        job = self.job_here() if self.is_seen else None
-        here = job is not None and self.past_job is not None and self.past_job[0] == job.position
-        if job is None or self.past_job is None or not here or len(self.past_job[1]) < job.whole:
+        job, known = self.job_here() if self.is_seen else None, self.past_job
+        if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None
-        return job.instance, job.number * job.done, self.past_job[1]
+        return job.instance, job.number * job.done, known[1]
 
     def lack(self) -> str:
         if self.stream.cursor is None:
@@ -214,8 +208,7 @@ class StreamFace(Face):
 
     def byte_in_job(self) -> int:
         """Return the place of the stream's cursor in its job, -1 where there is none."""
-        job = self.job_here()
-        here = self.stream.cursor
+        job, here = self.job_here(), self.stream.cursor
         return -1 if job is None or here is None else here - job.position + job.first
 
     def show_field(self, field: range, goes_there: bool) -> None:

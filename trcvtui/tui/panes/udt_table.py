@@ -55,9 +55,7 @@ class UdtTable(LineView):
         self._values: tuple[Value | None, ...] = ()
         self._holes: tuple[range, ...] = ()
         self._sparks: dict[int, tuple[MemberNumbers, int, str]] = {}  # by leaf; up to which message
-        self._sparks_of: tuple[
-            object, ...
-        ] = ()  # what they are about: all of them begin anew with another one
+        self._sparks_of: tuple[object, ...] = ()  # what they are about
         self._sparks_stop = 0  # the message that follows the last one of each sparkline
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -176,13 +174,14 @@ class UdtTable(LineView):
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT:
             self._sparks_of = about
             self._sparks.clear()
-        view, stop = self._view_model, known.stop
-        if self.past is None and view.position is not None:  # of a recording up to the scan that is shown
-            stop = known.stop_at(view.position.scan)
+        view = self._view_model
+        stop = known.stop if view.position is None else known.stop_at(view.position.scan)
         if self.past is not None:
             number, content = self.past  # of an instance that was added again, numbers begin again
             rows = zip(range(known.stop, known.first, -1), reversed(known.rows), strict=True)
-            of_job = (at for at, row in rows if row.number == number and content.startswith(row.content or b""))
+            of_job = (
+                at for at, row in rows if row.number == number and content.startswith(row.content or b"")
+            )
             stop = next(of_job, 0)
         has_none = self.of_job or known.instance != view.selected or view.message_type is None
         self._sparks_stop = 0 if has_none else stop
@@ -192,16 +191,11 @@ class UdtTable(LineView):
         known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
         if declared is None or not stop or not is_number(declared.layout, leaf):
             return ""
-        numbers, drawn_stop, drawn = self._sparks.get(number) or (
-            MemberNumbers(declared.layout, leaf, MOST_SPARKS),
-            0,
-            "",
-        )
-        if drawn_stop != stop:
-            some = numbers.follow(known, stop)
-            drawn = sparkline(some) if len(some) > 1 else ""
-            self._sparks[number] = numbers, stop, drawn
-        return drawn
+        kept = self._sparks.get(number) or (MemberNumbers(declared.layout, leaf, MOST_SPARKS), 0, "")
+        if kept[1] != stop:
+            some = kept[0].follow(known, stop)
+            self._sparks[number] = kept = kept[0], stop, sparkline(some) if len(some) > 1 else ""
+        return kept[2]
 
     def action_curve(self) -> None:
         """Ask for the curve of the member under the cursor."""

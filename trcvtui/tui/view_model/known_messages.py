@@ -42,6 +42,14 @@ class KnownMessages:
         """Return the number of the first row with values."""
         return max(self.first, self._emptied)
 
+    def words(self) -> list[str]:
+        """Return what is to be known of the rows as a whole."""
+        with_values = self.rows[self.oldest - self.first :][:1]
+        begin = f"values from {with_values[0].number} on" if with_values else "all values gone"
+        reading, left_out = f"reading … {self.share:.0%}", f"{self.left_out} left out"
+        said = (begin, self.oldest > self.first), (left_out, self.left_out), (reading, self.share < 1)
+        return [text for text, is_so in said if is_so]
+
     def asked(self, instance: str) -> tuple[str, int]:
         """Return what to ask the engine for: the rows of an instance after those that are known."""
         if instance != self.instance:

@@ -39,12 +39,9 @@ def limits(numbers: Sequence[Number]) -> tuple[Number, Number]:
 
 def place(number: Number, low: Number, high: Number) -> float:
     """Return where a number stands between two others, 0 to 1."""
-    span = high - low
-    if not span:
-        return 0.5
-    if math.isinf(span):  # as that from -1e308 to 1e308
-        number, low, span = number / 2, low / 2, high / 2 - low / 2
-    return (number - low) / span
+    if math.isinf(high - low):  # as that from -1e308 to 1e308
+        return place(number / 2, low / 2, high / 2)
+    return (number - low) / (high - low) if high > low else 0.5
 
 
 def sparkline(numbers: Numbers) -> str:

@@ -155,25 +155,21 @@ class KeptRows:
         of.last_ns = t_ns
         if scan <= self._after:
             return
-        if len(pieces) > MOST_PIECES:
-            pieces = []
-        others = tuple(pieces) if len(pieces) > 1 else ()
-        position = pieces[0][0] if pieces else -1
+        is_kept = 0 < len(pieces) <= MOST_PIECES
+        others = tuple(pieces) if is_kept and len(pieces) > 1 else ()
+        position = pieces[0][0] if is_kept else -1
         status = self._status.get(instance, UNKNOWN)
         of.rows.append(MessageRow(
             number, scan, t_ns, gap_ns, size, status, stream, position, reason, have, None, others
         ))  # fmt: skip
         of.count += 1
-        self._total += 1
-        if len(of.rows) > ROWS:
-            self._forget_oldest(of)
-        elif self._total > MOST_ROWS:
-            is_many = len(of.rows) > MOST_ROWS // len(self._of)
-            self._forget_oldest(of if is_many else max(self._of.values(), key=lambda each: len(each.rows)))
-
-    def _forget_oldest(self, of: _InstanceRows) -> None:
-        of.rows.popleft()
-        self._total -= 1
+        is_full = self._total >= MOST_ROWS
+        if is_full and len(of.rows) <= MOST_ROWS // len(self._of):
+            of = max(self._of.values(), key=lambda each: len(each.rows))
+        if is_full or len(of.rows) > ROWS:
+            of.rows.popleft()
+        else:
+            self._total += 1
 
 
 class MessageRows(KeptRows):

@@ -15,7 +15,7 @@ from trcvtui.tui.view_model.member_numbers import NOT_KNOWN, MemberNumbers, Numb
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.curves import Curve, braille, curve
 from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, row
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
@@ -68,7 +68,7 @@ class MemberTrace(NamedTuple):
     curve: Curve | None
 
 
-class CurveView(LineView, inherit_bindings=False):
+class CurveView(TextView, inherit_bindings=False):
     """`path` is the member, `other` the second one; they are looked up anew when the type has changed."""
 
     BINDINGS: ClassVar = [
@@ -89,14 +89,7 @@ class CurveView(LineView, inherit_bindings=False):
         self.window = TimeWindow()
         self._numbers: dict[str, MemberNumbers] = {}
         self._numbers_of: tuple[object, ...] = ()
-        self._rows: list[Row] = []
         self._drawn: tuple[object, ...] = ()  # what the rows were made from
-
-    def row_count(self) -> int:
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        return self._rows[y]
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages

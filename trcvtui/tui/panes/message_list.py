@@ -38,10 +38,9 @@ class MessageColumn(NamedTuple):
     style: str = "dim"
 
 
-SCAN: Final = MessageColumn("scan", 7, lambda shown: str(shown.scan))
 COLUMNS: Final = (
     MessageColumn("n", 5, lambda shown: str(shown.number)),
-    SCAN,
+    MessageColumn("scan", 7, lambda shown: str(shown.scan)),
     MessageColumn("t in s", 9, lambda shown: stamp(shown.t_ns)),
     MessageColumn("gap", 9, lambda shown: "" if shown.gap_ns is None else clip(duration(shown.gap_ns), 8)),
     MessageColumn("B", 6, lambda shown: str(shown.size), "strong"),
@@ -130,10 +129,8 @@ class MessageLines(LineView):
         self._catch_up()
         self._measure()
         self.resize_rows()
-        if self._at is None and self._now < NOW:
+        if self._at is None:
             self.keep_in_view(max(0, self._place))
-        elif self._at is None:
-            self.scroll_to(y=self.row_count(), animate=False)
         super().show()
 
     def _catch_up(self) -> None:
@@ -169,7 +166,7 @@ class MessageLines(LineView):
         self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
             for each in COLUMNS
-            if each is not SCAN or self.line_width >= WITH_SCAN
+            if each.name != "scan" or self.line_width >= WITH_SCAN
         ]
         room = self.line_width - 1 - sum(width for _, width in self.columns)
         layout, self.members = self._declared.layout if self._declared is not None else None, []
@@ -190,12 +187,9 @@ class MessageLines(LineView):
         shown = self._row(self._found[y]) if y < len(self._found) else None
         if shown is None:
             return EMPTY
-        is_chosen = y == self._place
-        sign: Part = ("▸" if is_chosen else " ", "key")
-        parts = self._parts(shown)
-        if shown.scan > self._now:
-            parts = ((text, "faint") for text, _ in parts)
-        return row(sign, *parts, style=self.cursor_style(is_chosen))
+        is_chosen, is_to_come = y == self._place, shown.scan > self._now
+        parts = ((text, "faint" if is_to_come else style) for text, style in self._parts(shown))
+        return row(("▸" if is_chosen else " ", "key"), *parts, style=self.cursor_style(is_chosen))
 
     def _parts(self, shown: MessageRow) -> Iterator[Part]:
         for column, width in self.columns:
@@ -267,8 +261,8 @@ class MessageLines(LineView):
 
     def words(self) -> str:
         """Return what is to be known of the rows as a whole, for the title."""
-        known = self._known
-        size = f"{len(known.rows)} of {known.count}" if len(known.rows) != known.count else f"{known.count}"
+        known, here = self._known, len(self._known.rows)
+        size = f"{here} of {known.count}" if here != known.count else f"{here}"
         passing = f"{len(self._found)} of {size} with {self._text}" if self._text else size
         state = "frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows"
         words = self._wrong, f"{self._view_model.selected}, {passing}", *known.words(), state

@@ -38,7 +38,6 @@ class TableFace(Face):
         self._bytes = MessageBytes("message", of_job=False)
         self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
-        self._hex_rows = 0
 
     def compose(self) -> Iterator[Widget]:
         yield self._head
@@ -73,8 +72,7 @@ class TableFace(Face):
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
         declared = self._view_model.message_type  # as high for each message: the table above is not to jump
         rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
-        if (rows := max(1, min(MOST_HEX_ROWS, rows))) != self._hex_rows:
-            self._hex_rows = self._bytes.styles.height = rows
+        self._bytes.styles.height = max(1, min(MOST_HEX_ROWS, rows))
         about = f"message {shown.number}, scan {shown.scan}, {shown.size} B" if shown is not None else ""
         self.subtitle = self.note or about
         self._below.say(self.lack(), may_break=False)

@@ -151,4 +151,4 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
         assert (known.oldest, known.rows[-1].content) == (0, bytes(size))
     rings.ring("U").most = 2
     crossed(rows, known)
-    assert (known.oldest, [row.content for row in known.rows]) == (2, [None, None, b""])
+    assert (known.oldest, [row.content for row in known.rows]) == (2, [b"", None, b""])

@@ -14,7 +14,7 @@ from trcvtui.history.records import HistoryRequest
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
-from trcvtui.tui.panes.face import NOT_KEPT, Face, OriginLine
+from trcvtui.tui.panes.face import Face, OriginLine
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import (
     CLOSES,
@@ -146,48 +146,40 @@ class DataFace(Face):
         self.job.display, self._job_rows = False, 0
 
     def show(self) -> None:
-        instance = self._view_model.instance
-        if instance is None:
-            self._show_nothing()
+        instance, partial = self._view_model.instance, self._view_model.partial
+        self._line.show()
+        if instance is None:  # its bytes go with it
+            for view in (self.data, self.job):
+                view.frame = None
+                view.show_bytes(b"", 0, frozenset())
+            self._show_origin()
             return
         self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
         declared = self._view_model.declaration
         if declared is not None:  # as high before its bytes have come: one layout, not two
             self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines
         self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
-        self._line.show()
         self._size_job(instance)
         self._stand_together()
-        grown = len(self._view_model.partial) > len(self.job.content)
-        self.job.show_bytes(self._view_model.partial, instance.need, *self._marks(True))
+        grown = len(partial) > len(self.job.content)
+        self.job.show_bytes(partial, instance.need, *self._marks(True))
         self._show_origin()
         if grown and not self.job.has_focus:
-            self.job.keep_in_view(max(0, len(self._view_model.partial) - 1) // self.job.per_row)
-
-    def _show_nothing(self) -> None:
-        """No instance is left: its bytes go with it."""
-        for view in (self.data, self.job):
-            view.frame = None
-            view.show_bytes(b"", 0, frozenset())
-        self._line.show()
-        self._show_origin()
+            self.job.keep_in_view((len(partial) - 1) // self.job.per_row)
 
     def _marks(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
         index, selected = self._view_model.stream_index, self._view_model.selected
         return index.message_starts(selected, of_job), index.holes(selected, of_job)
 
     def _show_origin(self) -> None:
-        if self._view_model.instance is not None and self._view_model.lacks_bytes:
-            self.subtitle = NOT_KEPT
-            self._below.say("", may_break=False)
-            return
+        lack = self.lack() if self._view_model.instance is not None else ""
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
-        has_room = byte is not None and self._room >= LEAST_ROWS
+        has_room = byte is not None and self._room >= LEAST_ROWS and not lack
         numbers = numbers_at(view.known_from(byte or 0), self.size.width - 2) if has_room else ""
         self._below.say(numbers, may_break=False)
-        self.subtitle = self.note or self._with_hit(byte, text)
+        self.subtitle = lack or self.note or self._with_hit(byte, text)
 
     def _origin(self, view: HexView, byte: int) -> str:
         value, is_hole = view.content[byte], view.is_hole(byte)

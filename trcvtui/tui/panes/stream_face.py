@@ -68,8 +68,7 @@ def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
 
 def field_at(project: Project, instance: str, byte: int) -> str:
     """Return the path of the member of an instance's DATA that holds a byte, "" for padding."""
-    data = next((decl.data for decl in project.instances if decl.name == instance), None)
-    declared = project.data_decl(data) if data else None
+    declared = project.received_data(instance)
     number = declared.layout.leaf_at(byte) if declared is not None else None
     return declared.layout.leaf(number).path if declared is not None and number is not None else ""
 

@@ -73,8 +73,9 @@ class KnownMessages:
             self._forget(news.oldest)
 
     def _forget(self, oldest: int) -> None:
-        for number in range(max(self._emptied, self.first), min(oldest, self.stop)):
-            self.rows[number - self.first] = self.rows[number - self.first]._replace(content=None)
+        for at in range(max(0, self._emptied - self.first), min(oldest, self.stop) - self.first):
+            row = self.rows[at]
+            self.rows[at] = row._replace(content=None) if row.size else row
         self._emptied = max(self._emptied, min(oldest, self.stop))
         if len(self.rows) > ROWS + SLACK:
             self.first += len(self.rows) - ROWS

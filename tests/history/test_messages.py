@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count, islice
+
 import pytest
 
 from tests.history.test_received import ADDED_AGAIN, frames
@@ -98,7 +100,7 @@ def test_rows_are_bounded_for_an_instance_and_for_all(monkeypatch: pytest.Monkey
     delta = rows.news("X", 0)
     assert (delta.first, delta.count, len(delta.rows)) == (25, 45, 20)
     crossed(rows, known)
-    assert (known.first, known.left_out, len(known.rows)) == (25, 20, 20)
+    assert (known.first, known.left_out, len(known.rows)) == (35, 30, 10)
     monkeypatch.setattr(messages, "MOST_ROWS", 10)
     frames(told, 1)
     assert len(rows.news("X", 0).rows) == 20, "one goes for each that comes"
@@ -152,3 +154,16 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
     rings.ring("U").most = 2
     crossed(rows, known)
     assert (known.oldest, [row.content for row in known.rows]) == (2, [b"", None, b""])
+
+
+def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in_a_row() -> None:
+    rings, known, numbers, here = ReceivedRings(), KnownMessages(), count(1), list[int]()
+    rows = KeptRows(rings.get)
+    for _ in range(100):
+        for number in islice(numbers, 2 * messages.ROWS_A_PICTURE):
+            rows.add("X", number, number, number, 1, "C", [(rings.ring("C").append(b"1"), 1)], "", 1)
+        known.take(rows.news(*known.asked("X")), NOW)
+        here.append(len(known.rows))
+    assert max(here[50:]) > messages.ROWS // 3 and sum(each == messages.ROWS_A_PICTURE for each in here) <= 5
+    assert [row.number for row in known.rows] == [*range(known.first + 1, known.stop + 1)]
+    assert known.left_out == known.first

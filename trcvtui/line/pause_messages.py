@@ -45,8 +45,7 @@ class PauseMessages(KeptRows):
             for name in names:
                 self._numbers[name] += 1
                 at = self._rings.ring(name).append(content + bytes(size - len(content)))
-                pieces = [(at, size)]
-                t_ns = ns - self._first_ns
-                self.add(name, self._numbers[name], 0, t_ns, size, name, pieces, reason, len(content))
+                number, t_ns = self._numbers[name], ns - self._first_ns
+                self.add(name, number, 0, t_ns, size, name, [(at, size)], reason, len(content))
 
         return MessageCutter(0, take)

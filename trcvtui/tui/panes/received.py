@@ -45,7 +45,7 @@ class Received(Vertical):
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self.action_find_next(True, again=False), self._back_to_bytes)
+        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
@@ -182,7 +182,10 @@ class Received(Vertical):
     def _back_to_bytes(self) -> None:
         self.screen.set_focus(self.face.first)
 
-    def action_find_next(self, is_forward: bool, again: bool = True) -> None:
+    def action_find_next(self, is_forward: bool) -> None:
+        self._go_on(is_forward, again=True)
+
+    def _go_on(self, is_forward: bool, again: bool) -> None:
         wanted, face = self._find.wanted, self.face
         if isinstance(face, TableFace):
             face.messages.action_move(1 if is_forward else -1)

@@ -70,7 +70,7 @@ HISTORY: Final = (
     ("!", "the ERROR before"),
 )
 RECEIVED: Final = (
-    ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
     ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),

@@ -63,7 +63,7 @@ async def test_a_key_of_the_only_peer_is_named_and_not_pressed_from_another_pane
 async def test_a_button_that_is_not_there_now_says_so_and_a_listening_peer_has_its_word() -> None:
     async with looking(SMALL) as looker:
         await looker.press("7", "d")
-        assert looker.lines == [] and looker.line("✗ d does nothing here: P1 has no such button now")
+        assert looker.lines == [] and looker.line("✗ d does nothing: P1 has no such button now")
         await looker.press("j")
         await looker.show(picture())
         assert looker.text.splitlines()[-1].startswith(" c listen  s send  i edit  m mode")

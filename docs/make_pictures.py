@@ -176,7 +176,7 @@ SHOWN: Final = (
              "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1", 400, keys("7", "e"))),
     Picture("peer-udt", "7 with `o`: the members of a UDT as fields, judged while they are typed",
             ("form",), demo_path(),
-            (*DEMO, keys("7", "M", "m", "m", "o"), Typed("7"), keys("tab"), Typed("1"), keys("tab", "tab"),
+            (*DEMO, keys("7", "M", "m", "escape", "m", "escape", "o"), Typed("7"), keys("tab"), Typed("1"), keys("tab", "tab"),
              Typed("1.25"), keys("tab"), Typed("LINE-1"))),
     Picture("timing", "8 Timing: pins and STATUS over scans; below, what a watch table would have shown",
             ("timing",), STORIES / "en_r_dropped.toml", (*DROPPED, keys("8", "M", "minus", "minus"))),

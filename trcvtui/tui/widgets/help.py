@@ -265,7 +265,8 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
         sections = [section for section in sections if section[1] is not PINS]
     if not here and not table:
         return sections
-    first = (f"Here: {title}" if title else "Here", (*here, *table))
+    more = [pair for pair in here if pair[0] not in dict(table)]
+    first = (f"Here: {title}" if title else "Here", (*more, *table))
     return [first, *(section for section in sections if section[0] != title)]
 
 

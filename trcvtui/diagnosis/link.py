@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Why
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DO
 from trcvtui.history.records import NOT_BUILT, Failures
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, duration, times
 
@@ -36,6 +41,19 @@ FAILED: Final = {
     "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine\n`ip -br address` lists them",
     "socket EMFILE": "the process has no descriptor left",
 }
+
+LISTENING: Final = "listening"
+
+
+def condition_word(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
+    """Return what stands beside a STATUS; a passive CONNECT whose listener is there listens."""
+    decl, cause = project.instance(name), shown.cause
+    connect = project.connect(decl.connect) if decl is not None else None
+    if shown.condition == Condition.ESTABLISHING and connect is not None and not connect.active:
+        if cause.local or cause.why is not Why.WAITING:
+            return LISTENING
+    return project.dialect.label(shown.condition)
+
 
 HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
 # What fails before the partner is called, or after it: in words, and no errno beside them.

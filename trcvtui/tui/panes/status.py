@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from trcvtui.diagnosis.link import condition_word
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
@@ -69,7 +70,7 @@ class StatusHistory(LineView):
         return f"{self._view_model.history.skipped} lines came too fast for this list"
 
     def _label(self, edge: StatusEdge, width: int) -> str:
-        condition = self._view_model.project.dialect.label(edge.condition)
+        condition = condition_word(self._view_model.project, edge.instance, edge)
         return f"{status_word(edge.outputs.status)} {clip(condition, width)}"
 
     @property
@@ -346,7 +347,7 @@ class StatusCard(TextView):
                 continue
             what = f" {pulse.rcvd_len} B" if pulse.rcvd_len else ""
             what = f" {status_word(pulse.status)}" if name == ERROR and pulse.status else what
-            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
+            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", style))
         if (
             instance.last_error_status is not None
             and not instance.last_is_expected

@@ -552,7 +552,7 @@ def _on_connect(project: Project, block: str) -> bool:
     return not row.on_buffer and (bool(row.datagrams) or not row.speaks_udp)
 
 
-def _connects(project: Project, block: str) -> tuple[str, ...]:
+def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
     own = () if block_row(block).speaks_udp else (NEW,)  # of UDP it is by its description
     return (*own, *names_of("connect", project))
 
@@ -637,7 +637,7 @@ _INSTANCE: Final = TableRow(
         Key("block", TEXT, "The block.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
-            ask=Hint("of a UDP description", _connects, free_connect, _on_connect),
+            ask=Hint("of a UDP description", _connect_choices, free_connect, _on_connect),
             refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
         *_links(),
         replace(_ADDR_OF_INSTANCE, is_needed=True,

@@ -17,7 +17,11 @@ def free_connect(project: Project, block: str) -> str:
 
 
 def free_config(project: Project, block: str) -> str:
-    return "" if free_connect(project, block) else _free([c.name for c in project.udp_configs], project, block_row(block))
+    return (
+        ""
+        if free_connect(project, block)
+        else _free([c.name for c in project.udp_configs], project, block_row(block))
+    )
 
 
 def free_buffer(project: Project, block: str) -> str:
@@ -37,7 +41,9 @@ def free_data(project: Project, block: str) -> str:
 
 def _free(names: list[str], project: Project, row: BlockRow) -> str:
     rows = [(each.connect, block_row(each.block)) for each in project.instances]
-    is_free = (name for name in reversed(names) if not any(at == name and _is_in_the_way(row, r) for at, r in rows))
+    is_free = (
+        name for name in reversed(names) if not any(at == name and _is_in_the_way(row, r) for at, r in rows)
+    )
     return next(is_free, NEW)
 
 

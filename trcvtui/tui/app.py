@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from functools import partial
+from math import inf
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 FRAME_S: Final = 1 / 20
 REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
 AT_WORK_S: Final = 1.0  # after one of these
+MOST_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
 ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
@@ -106,6 +108,7 @@ class BenchApp(TerminalApp):
         self._worked_at = monotonic()  # the last key, paste or mouse event
         self._due_at = 0.0  # when a picture is asked for at rest
         self._before: BenchUpdate | None = None  # the newest picture when one was asked for
+        self._addition: tuple[str, str, float] | None = None  # kind and name; until when keys wait for it
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
@@ -177,6 +180,7 @@ class BenchApp(TerminalApp):
                 if self._starts:
                     self.main.prompt.tell(f"engine {self._engines} runs")
                 self._show(before)
+                self._select_added()
                 self._obey_again()
         except EngineStopped as stopped:
             if stopped.ends_screen:
@@ -268,6 +272,7 @@ class BenchApp(TerminalApp):
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         self.main.end(f"{why}; {'' if self.only_looks else 'R starts the engine anew, '}q quits")
+        self._select_added()
         self._obey_again()
 
     def action_restart(self) -> None:
@@ -418,8 +423,39 @@ class BenchApp(TerminalApp):
             self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._added)
 
     def _added(self, line: str | None) -> None:
+        """Send the line. Keys wait until what it adds is there: they are for that."""
         if line:
             self.submit(line)
+            _, kind, name, *_ = line.split()
+            if kind in ("instance", "peer") and not self.last_words:
+                self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_WAIT_S), True
+
+    def _select_added(self) -> None:
+        """Select what the form has added when it is there; no key waits longer than MOST_WAIT_S for it."""
+        if self._addition is None:
+            return
+        view, (kind, name, until) = self.view_model, self._addition
+        is_peer = kind == "peer"
+        is_known = any(
+            each.name == name for each in (view.project.peers if is_peer else view.project.instances)
+        )
+        is_there = any(each.name == name for each in (view.peers if is_peer else view.instances))
+        is_late = (
+            bool(self.last_words) or monotonic() > until or (is_known and view.live and view.live.holding)
+        )
+        if is_there or (is_known and is_late):
+            self._addition = None
+            if is_peer:
+                view.peer = name
+                self.main.on_peer_selected()
+            elif not view.is_frozen:
+                view.selected = name
+                self.main.follow_selected()
+                self.main.action_pane(1)
+        elif is_late:
+            self._addition = kind, name, inf
+        if is_there or is_late:
+            self.call_after_refresh(self.obey_kept)
 
     async def action_quit(self) -> None:
         """End the bench; what would be lost or cut is told first, what is lost again after another key."""

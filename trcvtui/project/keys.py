@@ -66,14 +66,7 @@ from trcvtui.project.project import (
     Task,
     WatchDecl,
 )
-from trcvtui.project.proposals import (
-    NEW,
-    free_addr,
-    free_buffer,
-    free_config,
-    free_connect,
-    free_data,
-)
+from trcvtui.project.proposals import NEW, free
 from trcvtui.project.tables import (
     ADDRESS,
     ADDRESSES,
@@ -527,13 +520,13 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
 
 def _links() -> Iterable[Key]:
     yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
-              ask=Hint("of a UDP block", _new_or("udp_config"), free_config, _speaks_udp),
+              ask=Hint("of a UDP block", _new_or("udp_config"), free("udp_config"), _speaks_udp),
               refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
               only=_on_config)  # fmt: skip
     for pin in buffer_pins():
         yield Key(
             pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
-            ask=Hint("a ComBuffer", _new_or("combuffer"), free_buffer, _has_buffer(pin)),
+            ask=Hint("a ComBuffer", _new_or("combuffer"), free("combuffer"), _has_buffer(pin)),
             refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
             only=_on_link(pin),
         )  # fmt: skip
@@ -637,15 +630,15 @@ _INSTANCE: Final = TableRow(
         Key("block", TEXT, "The block.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
-            ask=Hint("of a UDP description", _connect_choices, free_connect, _on_connect),
+            ask=Hint("of a UDP description", _connect_choices, free("connect"), _on_connect),
             refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
         *_links(),
         replace(_ADDR_OF_INSTANCE, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
-        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _new_or("addr"), free_addr, _may_be_on_udp),
+        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _new_or("addr"), free("addr"), _may_be_on_udp),
                 writes=lambda i: None),
         Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
-            ask=Hint("a DATA variable", _new_or("data"), free_data,
+            ask=Hint("a DATA variable", _new_or("data"), free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
         *_marks(),

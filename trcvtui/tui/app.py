@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from asyncio import to_thread
 from collections.abc import Iterable
 from functools import partial
 from math import inf
@@ -101,6 +102,7 @@ class BenchApp(TerminalApp):
         self.card: FramingScreen | DoctorScreen | CurveScreen | None = None
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
+        self.remembers = False  # the project, as one of those that were opened last
         self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
         self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
@@ -123,6 +125,10 @@ class BenchApp(TerminalApp):
         await self.main.prepare()
 
     def tell_first(self) -> None:
+        if self.remembers:
+            from trcvtui.tui.recent_projects import remember  # after the first frame
+
+            self.run_worker(to_thread(remember, self._home))
         if self.only_looks:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self.problems:
@@ -501,7 +507,9 @@ class BenchApp(TerminalApp):
             yield from above.commands()
         else:
             for command in commands(
-                PaletteReach(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
+                PaletteReach(
+                    self.view_model, self.main, self.submit, self.action_add, self.action_lab, self.only_looks
+                )
             ):
                 yield self._with_the_users_key(command)
         for name, theme in OWN_THEMES.items():
@@ -528,13 +536,19 @@ def _is_for_replay(screen: object) -> bool:
 
 
 def run_app(
-    driver: Driver, project: Project, theme: str | None = None, read_only: bool = False, replay: bool = False
+    driver: Driver,
+    project: Project,
+    theme: str | None = None,
+    read_only: bool = False,
+    replay: bool = False,
+    remembers: bool = False,
 ) -> int:
     """Open the screen on a bench or a replay; return 0, or 1 when the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         close_files("this screen is read-only")
     app = BenchApp(driver, project, settings, read_only, replay)
+    app.remembers = remembers and not read_only
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")

@@ -149,6 +149,7 @@ class MainScreen(FullScreen[None]):
         Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("E", "change", show=False, id="change"),
         Binding("ctrl+z", "undo", show=False, id="undo"),
+        Binding("ctrl+s", "save", show=False, id="save"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("L", "app.lab", show=False, id="lab"),
         Binding("question_mark,f1", "help", show=False, id="help"),
@@ -600,6 +601,20 @@ class MainScreen(FullScreen[None]):
             self.action_prompt("undo")
         else:
             self.prompt.complain("no edit of the project is there to be taken back")
+
+    def action_save(self) -> None:
+        self._submit("save project")
+
+    def yank_line(self, line: str) -> None:
+        """Print a line of a shell, and put it where what is yanked goes."""
+        from trcvtui.tui.clipboard_and_files import take
+        from trcvtui.tui.copy_formats import Format
+
+        def tell(told: str) -> None:
+            self.prompt.tell(f"{line} · {told}")
+
+        if not self._is_refused():
+            self.run_worker(take(self.app, Format("", "it", lambda of: line), line, tell, tell))
 
     def action_mark(self) -> None:
         self._submit("mark")

@@ -72,6 +72,14 @@ class CheckSnapshot(Struct, frozen=True):
     echo: CheckTally
 
 
+class SentMessage(Struct, frozen=True, array_like=True):
+    """A message that a peer has sent: its number (from 1), size, and what it begins with."""
+
+    number: int
+    size: int
+    begin: bytes
+
+
 class PeerSnapshot(Struct, frozen=True):
     """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
 
@@ -92,3 +100,4 @@ class PeerSnapshot(Struct, frozen=True):
     link: str = ""  # the CONNECT that it talks to, "" where none is known
     silent: bool = False  # that wire is down
     check: CheckSnapshot | None = None
+    last_sent: tuple[SentMessage, ...] = ()  # the newest first

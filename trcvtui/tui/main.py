@@ -285,6 +285,7 @@ class MainScreen(FullScreen[None]):
             return False
         try:
             self.prompt.did(line, obey_line(line, self.timing))
+            self.history.code = self.timing.code
         except UserError as wrong:
             self.prompt.did(line, "", wrong.lines()[0])
         return True
@@ -464,8 +465,14 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     async def action_pin(self, letter: str) -> None:
-        if missing := self.block.press(letter):
+        place = "" if self._takes_pins() else self.block.place_of_pin(letter)
+        if place:
+            self.prompt.complain(place)
+        elif missing := self.block.press(letter):
             await self.run_action(f"app.press_from_afar({letter!r}, {missing!r})")
+
+    def _takes_pins(self) -> bool:
+        return self.focused in (self.instances, self.block, self.status)
 
     async def on_key(self, event: events.Key) -> None:
         """Take a key that neither the pane with the focus nor the screen knows."""

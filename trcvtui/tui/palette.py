@@ -42,6 +42,8 @@ FIRST: Final = (
 # Where the cursor goes by a key; it is not asked for by name.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
 BY_WORD: Final = 3.0  # the score of each letter, as in a title that has them side by side
+WRITES: Final = frozenset(("toggle_pin", "write"))  # to the PLC, a file; all of pane 7 writes or prepares it
+PEER: Final = 7
 BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 
 
@@ -104,16 +106,15 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 
 
 async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
-    """Do what a key means in the only pane that has it; else say what is missing, and which panes have it."""
+    """Do what a key that only looks means in the only pane that has it; else say which panes have it."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
-    if len(found) == 1 and not is_pin and (found[0].digit != 7 or main.peer.takes_from_afar(key)):
-        # A button acts where it is; what is seen in its pane alone is done there.
-        main.peer.action_button(key) if found[0].action == "button" else await _press(main, found[0])
+    if len(found) == 1 and found[0].digit != PEER and found[0].action not in WRITES:
+        await _press(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
-    of_a_peer = digits == ["7"] or (not found and any(button.letter == key for button in BUTTONS))
-    if of_a_peer and not is_pin and not main.peer.has_peers:
+    is_of_peer = digits == [str(PEER)] or (not found and any(button.letter == key for button in BUTTONS))
+    if is_of_peer and not is_pin and not main.peer.has_peers:
         missing = NO_PEER
     elif digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"

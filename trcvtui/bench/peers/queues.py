@@ -21,10 +21,11 @@ from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.snapshots.bench import ReplySnapshot
+from trcvtui.snapshots.bench import ReplySnapshot, SentMessage
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger
+LAST_SENT, SENT_SHOWN = 5, 32  # messages in a snapshot, and bytes of each
 
 
 class Inbox:
@@ -91,6 +92,10 @@ class _Sending:
         self._piece = 0
         self.rest = self._pieces[0]
         self.is_fresh = True  # nothing of the running message has gone yet
+
+    @property
+    def begin(self) -> bytes:
+        return b"".join(piece[:SENT_SHOWN] for piece in self._pieces[:SENT_SHOWN])[:SENT_SHOWN]
 
     def comes_next(self, now: int) -> None:
         self.due = self.began = max(self.due, now + self._pause_ns)
@@ -162,6 +167,11 @@ class Outbox:
         """Return the size of the message that the due bytes begin, 0 when they go on with one."""
         first = self._sendings[0]
         return len(first.send.payload) if first.is_fresh else 0
+
+    @property
+    def begin(self) -> bytes:
+        """Return what the message begins with whose bytes are due."""
+        return self._sendings[0].begin
 
     def taken(self, count: int, now: int) -> None:
         """Count bytes of the due chunk as sent."""
@@ -334,6 +344,7 @@ class PeerQueues:
         self.outbox = Outbox()
         self.replies = Replies()
         self.messages = self.bytes_sent = 0
+        self.last_sent: deque[SentMessage] = deque(maxlen=LAST_SENT)
         self.landing = memoryview(bytearray(READ_BYTES))  # a transport reads into it
         self._name = name
         self._journal = journal
@@ -355,6 +366,7 @@ class PeerQueues:
         size = self.outbox.message_begins
         if size:
             self.messages += 1
+            self.last_sent.appendleft(SentMessage(self.messages, size, self.outbox.begin))
             self._journal(PeerSent(self._name, self.messages, local, remote, offset, size))
         self.bytes_sent += count
 

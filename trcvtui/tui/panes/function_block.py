@@ -455,6 +455,11 @@ class FunctionBlock(LineView):
         missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
         return f"{instance.block} has no {missing}" if instance is not None else "no instance is here"
 
+    def place_of_pin(self, letter: str) -> str:
+        """Say where the letter of a drawn pin works, "" where no pin has it."""
+        pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
+        return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
+
     def letter_of(self, name: str) -> str:
         """Return the letter of an input, "" where it has none."""
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")

@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot
+from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot, SentMessage
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
@@ -42,8 +42,8 @@ class PeerList(LineView):
     """The cursor is the peer that the composer and the buttons speak for."""
 
     KEYS: ClassVar = (
-        ("tab", "payload"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"), ("w", "keep"),
-        ("p", "library"), ("E", "change"),
+        ("s", "send"), ("i", "edit"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"),
+        ("w", "keep"), ("p", "library"), ("E", "change"),
     )  # fmt: skip
     BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
@@ -52,13 +52,19 @@ class PeerList(LineView):
         super().__init__(id="peers")
         self._view_model = view_model
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        peer = self._view_model.peer_snapshot
+        if not self._view_model.project.peers:
+            return (("A", "add"),)
+        return (("c", "connect" if peer is None or peer.active else "listen"), *self.KEYS)
+
     def row_count(self) -> int:
         return max(1, len(self._view_model.project.peers))
 
     def row_at(self, y: int) -> Row:
         peers = self._view_model.peers
         if not self._view_model.project.peers:
-            return row(("no peer in this project: the partner is a real device", "dim"))
+            return row((NO_PEER, "dim"))
         if y >= len(peers):
             return row((f"  {self._view_model.project.peers[y].name}", "dim"))
         return self._row(peers[y])
@@ -161,7 +167,14 @@ class PeerNotes(TextView, can_focus=False):
         if peer is None:
             return []
         check = [row(check_text(peer.check))] if peer.check is not None else []
-        return [*check, *self._trial(peer), *self._replies(peer)]
+        rules = self._replies(peer) if peer.replies else []
+        hint = [] if peer.replies else [row((NO_RULES, "faint"))]
+        return [*check, *self._trial(peer), *rules, *map(self._sent, peer.last_sent), *hint]
+
+    def _sent(self, sent: SentMessage) -> Row:
+        """Return a message that went out, by a key, a line, `every` or a rule."""
+        shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
+        return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._view_model.picture.trial if self._view_model.picture else None
@@ -173,8 +186,6 @@ class PeerNotes(TextView, can_focus=False):
         ]
 
     def _replies(self, peer: PeerSnapshot) -> list[Row]:
-        if not peer.replies:
-            return [row((NO_RULES, "faint"))]
         rows = []
         for number, reply in enumerate(peer.replies, 1):
             missed = f" missed {reply.missed}" if reply.missed else ""
@@ -388,19 +399,20 @@ class PeerPanel(Vertical):
     def has_peers(self) -> bool:
         return bool(self._view_model.project.peers)
 
-    def takes_from_afar(self, letter: str) -> bool:
-        """Return whether a key of this pane means one thing from everywhere, and no harm."""
-        harms = any(b.letter == letter and b.harms for b in self._buttons_now())
-        return len(self._view_model.project.peers) == 1 and not harms
-
     def action_button(self, letter: str) -> None:
+        if self._lacks_peer():
+            return
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
-        if button is not None and not self._lacks_peer():
+        if button is not None:
             self._do(button)
+        else:
+            self._actions.complain(f"{letter} does nothing here: {self._view_model.peer} has no such button now")
 
     def action_mode(self) -> None:
+        """Write the payload in the next way; what is typed now goes into it."""
         if not self._lacks_peer():
             self.composer.next_mode()
+            self.composer.edit()
 
     def action_cuts(self) -> None:
         if self._lacks_peer():

@@ -8,7 +8,7 @@ from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from trcvtui.diagnosis.link import condition_word
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
 from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wrapped
@@ -22,20 +22,23 @@ WORD: Final = 14  # at least; wider where a condition or a lamp is
 LAMP: Final = 7
 LEAST_CONDITION, MOST_CONDITION = 19, 32  # columns; `waiting for a frame` is never cut
 CURSOR: Final = "▸"
+HISTORY_DIGIT: Final = 4  # of the bench
 LEAST_WHY: Final = 10  # characters; less would say nothing
 
 
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("esc", "now"))
+    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("n N", "next, before"), ("esc", "now"))
     BINDINGS: ClassVar = [
         ("exclamation_mark", "error_before", "the ERROR before"),
         ("slash", "ask_code", "find a code"),
+        ("n", "hit(1)", "the code of / before, else the ERROR before"),
+        ("N", "hit(-1)", "the next code of /, else the next ERROR"),
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 4) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = HISTORY_DIGIT) -> None:
         super().__init__(id="history")
         self._digit = digit
         self._view_model = view_model
@@ -43,6 +46,11 @@ class StatusHistory(LineView):
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._longest, self._lamp = WORD, LAMP
+        self.code: int | None = None  # that `find` looks for, until escape
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave n to the screen of the scenarios: the next step."""
+        return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
@@ -128,19 +136,29 @@ class StatusHistory(LineView):
 
     def action_error_before(self) -> None:
         """Choose the next older ERROR; after the oldest comes the newest."""
-        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
-        errors = [
-            y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.outputs.error
-        ]
-        if errors:
-            self._choose(next((y for y in errors if y > here), errors[0]))
+        self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
+
+    def action_hit(self, step: int) -> None:
+        """Choose the next older edge to the code of `find`, else ERROR; -1: the next newer one."""
+        if self.code is None:
+            self._choose_where(lambda outputs: outputs.error, "ERROR", step)
         else:
-            self._actions.complain(f"no ERROR in what is known of {self._view_model.selected}")
+            self._choose_where(lambda outputs: outputs.status == self.code, f"{self.code:04X}", step)
+
+    def _choose_where(self, holds: Callable[[Outputs], bool], what: str, step: int) -> None:
+        edges = [(y, line.event) for y, line in enumerate(self._edges)][::step]
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        found = [y for y, edge in edges if isinstance(edge, StatusEdge) and holds(edge.outputs)]
+        if found:
+            self._choose(next((y for y in found if (y - here) * step > 0), found[0]))
+        else:
+            self._actions.complain(f"no {what} in what is known of {self._view_model.selected}")
 
     def action_ask_code(self) -> None:
         self._actions.open_prompt("find ")
 
     def action_now(self) -> None:
+        self.code = None
         self._choose(-1)
 
     def click(self, x: int, y: int) -> None:
@@ -163,7 +181,7 @@ class StatusHistory(LineView):
         self.show()
 
     def forget(self) -> None:
-        self._chosen = None
+        self._chosen = self.code = None
         self._edges, self._longest, self._lamp = [], WORD, LAMP
         self.scroll_to(y=0, animate=False)
 

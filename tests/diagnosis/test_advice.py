@@ -192,7 +192,10 @@ def test_a_partner_that_does_not_read_is_named() -> None:
         told.do("pulse S REQ", "run 3")
     told.do("run 2")
     answer = told.of("S")
-    assert (set(rules_of(answer)), answer.do[0].text) == ({"stalled_peer", "does_not_read"}, "`peer P1 resume`")
+    assert (set(rules_of(answer)), answer.do[0].text) == (
+        {"stalled_peer", "does_not_read"},
+        "`peer P1 resume`",
+    )
 
 
 CUT = ("peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
@@ -266,7 +269,9 @@ def test_each_error_has_something_to_look_at_on_its_card() -> None:
 def test_a_rule_is_one_row_and_one_of_what_moves_replaces_the_general_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made_up = rows(Condition.PARTNER_CLOSED, lambda e: do("the machine is away", f"{e.instance}: look after it"))
+    made_up = rows(
+        Condition.PARTNER_CLOSED, lambda e: do("the machine is away", f"{e.instance}: look after it")
+    )
     of_datagrams = rows(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Moves.DATAGRAMS)
     monkeypatch.setattr(advice, "RULES", (*RULES, *made_up, *of_datagrams))
     told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)

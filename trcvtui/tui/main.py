@@ -177,7 +177,7 @@ class MainScreen(FullScreen[None]):
         self.block.proposed = self.status.proposed
         self.timing = Timing(view_model, actions)
         self.history = StatusHistory(view_model, actions)
-        self.received = Received(view_model)
+        self.received = Received(view_model, lambda note: self.prompt.foretell(note))
         self.table = UdtTable(view_model)
         self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")

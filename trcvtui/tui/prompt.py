@@ -256,6 +256,10 @@ class Prompt(Vertical):
     def waits(self) -> bool:
         return self._echo.waits
 
+    def foretell(self, note: str) -> None:
+        """Show what is known of a line that is typed elsewhere."""
+        self._echo.foretell(note)
+
     def tell(self, text: str) -> None:
         self._echo.say("", told=text)
 

@@ -165,17 +165,20 @@ class MainScreen(FullScreen[None]):
         self._submit = submit
         self._pane = 3
         self._past = 4  # history or timing, where one place is for both
-        actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
+        actions = PaneActions(
+            submit, self.action_prompt, lambda text: self.prompt.complain(text), self.open_lines
+        )
         self.instances = InstanceList(view_model, self.follow_selected)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
         )
         self.tabs = TabLine()
         self.block = FunctionBlock(view_model, actions)
-        self.status = StatusCard(view_model, letter_of=self.block.letter_of)
+        self.status = StatusCard(view_model, actions, letter_of=self.block.letter_of)
+        self.block.proposed = self.status.proposed
         self.timing = Timing(view_model, actions)
         self.history = StatusHistory(view_model, actions)
-        self.received = Received(view_model)
+        self.received = Received(view_model, lambda note: self.prompt.foretell(note))
         self.table = UdtTable(view_model)
         self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")
@@ -652,6 +655,10 @@ class MainScreen(FullScreen[None]):
 
     def action_prompt(self, text: str = "") -> None:
         self.prompt.open(text)
+
+    def open_lines(self, lines: tuple[str, ...]) -> None:
+        if not self._is_refused():
+            self.prompt.open(lines[0], lines)
 
     def action_calm(self) -> None:
         if self.has_class(ZOOM) or self.has_class(LIST):

@@ -16,11 +16,15 @@ if TYPE_CHECKING:
 
 
 class PaneActions(NamedTuple):
-    """Send a bench command line; open the prompt with the beginning of one; say what is missing."""
+    """Send a bench command line; open the prompt with the beginning of one; say what is missing.
+
+    `open_lines` opens it with the first of several; each further one goes after the ✓ of the one before.
+    """
 
     submit: Callable[[str], None]
     open_prompt: Callable[[str], None]
     complain: Callable[[str], None]
+    open_lines: Callable[[tuple[str, ...]], None]
 
 
 class PeerSelected(Message):

@@ -144,6 +144,9 @@ class Prompt(Vertical):
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
+        self._steps: tuple[
+            str, ...
+        ] = ()  # the line that is typed or waits for its ✓, and those that follow it
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
@@ -162,8 +165,12 @@ class Prompt(Vertical):
     def is_open(self) -> bool:
         return self._open_line.display
 
-    def open(self, text: str = "") -> None:
-        """Open the command line with a text to complete. The very next key is typed into it."""
+    def open(self, text: str = "", steps: tuple[str, ...] = ()) -> None:
+        """Open the command line with a text to complete. The very next key is typed into it.
+
+        `steps` begin with the text; if it is sent as it is, each further one goes after the ✓ before it.
+        """
+        self._steps = steps
         if self._input is None:
             return
         if not self.is_open:
@@ -192,7 +199,9 @@ class Prompt(Vertical):
             return
         line = self._input.value.strip()
         is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
-        self._echo.foretell(said_before(line, self._view_model.project) if is_told else "")
+        then = self._steps[1:] if self._steps[:1] == (line,) else ()
+        told = said_before(line, self._view_model.project) if is_told else ""
+        self._echo.foretell(" · ".join(filter(None, (told, *(f"then {step}" for step in then)))))
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
@@ -225,6 +234,7 @@ class Prompt(Vertical):
             del self._lines[:-KEPT_LINES]
 
     def sent(self, line: str, number: int) -> None:
+        self._steps = self._steps if self._steps[:1] == (line,) else ()
         self.remember(line)
         self._last = number
         self._echo.say(line, waits=True)
@@ -237,10 +247,18 @@ class Prompt(Vertical):
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)
+            if number == self._last:
+                self._steps = () if answer.error else self._steps[1:]
+                if self._steps:
+                    self._submit(self._steps[0])
 
     @property
     def waits(self) -> bool:
         return self._echo.waits
+
+    def foretell(self, note: str) -> None:
+        """Show what is known of a line that is typed elsewhere."""
+        self._echo.foretell(note)
 
     def tell(self, text: str) -> None:
         self._echo.say("", told=text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
@@ -224,6 +225,7 @@ class FunctionBlock(LineView):
         self._cursor = 0
         self._told: list[Row] = []  # below the box of a block on a ComBuffer
         self._hover: int | None = None
+        self.proposed: Callable[[str], str] = lambda pin: ""  # the value of a number that a remedy names
 
     def keys(self) -> tuple[tuple[str, str], ...]:
         """Return the letters of the pins of this very block."""
@@ -478,7 +480,7 @@ class FunctionBlock(LineView):
                 f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
             )
         elif not pin.is_bool:
-            self._actions.open_prompt(f"set {instance.name} {pin.name}=")
+            self._actions.open_prompt(f"set {instance.name} {pin.name}={self.proposed(pin.name)}")
         elif pin.edge:
             self._actions.submit(f"pulse {instance.name} {pin.name}")
         else:

@@ -406,7 +406,9 @@ class PeerPanel(Vertical):
         if button is not None:
             self._do(button)
         else:
-            self._actions.complain(f"{letter} does nothing here: {self._view_model.peer} has no such button now")
+            self._actions.complain(
+                f"{letter} does nothing here: {self._view_model.peer} has no such button now"
+            )
 
     def action_mode(self) -> None:
         """Write the payload in the next way; what is typed now goes into it."""

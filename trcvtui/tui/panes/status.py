@@ -29,7 +29,13 @@ LEAST_WHY: Final = 10  # characters; less would say nothing
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("n N", "next, before"), ("esc", "now"))
+    KEYS: ClassVar = (
+        ("↑↓", "explain an edge"),
+        ("!", "ERROR"),
+        ("/", "code"),
+        ("n N", "next, before"),
+        ("esc", "now"),
+    )
     BINDINGS: ClassVar = [
         ("exclamation_mark", "error_before", "the ERROR before"),
         ("slash", "ask_code", "find a code"),
@@ -200,31 +206,76 @@ def _lamp(edge: StatusEdge) -> str:
 if TYPE_CHECKING:
     from trcvtui.diagnosis.advice import Advice
     from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.job import DoLine
 
 LABEL: Final = 7
 BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
-PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=\w+)?`")
+PIN_COMMAND: Final = re.compile(r"(?:pulse|set) (\S+) (\w+)(=\w+)?")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 
 class StatusCard(TextView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
+    BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
+
     def keys(self) -> tuple[tuple[str, str], ...]:
         messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
-        return (*messages, ("esc", "now")) if self._past is not None else messages
+        if self._past is not None:
+            return (*messages, ("esc", "now"))
+        return (*((("enter", "do"),) if any(do.lines for do in self._do) else ()), *messages)
 
     def __init__(
-        self, view_model: ViewModel, digit: int = 3, letter_of: Callable[[str], str] = lambda pin: ""
+        self,
+        view_model: ViewModel,
+        actions: PaneActions,
+        digit: int = 3,
+        letter_of: Callable[[str], str] = lambda pin: "",
     ) -> None:
         """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
         super().__init__(id="status")
         self._letter_of = letter_of
         self._digit = digit
         self._view_model = view_model
+        self._actions = actions
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
+        self._do: tuple[DoLine, ...] = ()
+        self._do_rows = range(0)
+
+    def _lines(self) -> tuple[str, ...]:
+        """Return the bench lines of the first remedy that was tried, or needs no trial."""
+        from trcvtui.diagnosis.dry_run import may_run  # read when a remedy is asked for
+
+        instance, project = self._view_model.instance, self._view_model.project
+        if instance is None or self._past is not None:
+            return ()
+        return next((do.lines for do in self._do if may_run(do, instance, project)), ())
+
+    def proposed(self, pin: str) -> str:
+        """Return the value that the remedy gives a number of the selected instance, "": none."""
+        pins = (PIN_COMMAND.fullmatch(line) for line in self._lines())
+        mine = (self._view_model.selected, pin)
+        return next((found[3][1:] for found in pins if found and found.group(1, 2) == mine and found[3]), "")
+
+    def action_remedy(self) -> None:
+        """Type the bench lines of the remedy, or say why there is none."""
+        lines, some = self._lines(), [do.lines[0] for do in self._do if do.lines]
+        if lines:
+            self._actions.open_lines(lines)
+        elif self._past is not None:
+            self._actions.complain("this is the past: esc leads back to now, and to what to do")
+        elif some:
+            self._actions.complain(
+                f"`{some[0]}` did not help in a trial, or had none: J tries it on what came"
+            )
+        else:
+            self._actions.complain("no bench line does what stands here")
+
+    def click(self, x: int, y: int) -> None:
+        if y in self._do_rows:
+            self.action_remedy()
 
     def offer(self) -> Offer | None:
         return self._explainer.offer()
@@ -236,6 +287,7 @@ class StatusCard(TextView):
 
     def show(self) -> None:
         self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self._do, self._do_rows = (), range(0)
         self._rows = self._card()
         super().show()
 
@@ -298,7 +350,9 @@ class StatusCard(TextView):
         style = "warn" if shown.cause.injected else ""
         rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
         rows += self._paragraph("note", self._expected(shown), "dim")
-        rows += self._paragraph("do", told.do, "")
+        self._do, first = told.do, len(rows)
+        rows += self._paragraph("do", [self._with_keys(do) for do in told.do], "")
+        self._do_rows = range(first, len(rows))
         if told.code is not None:  # the last attempt's row says more than "connecting"
             found = self._view_model.project.dialect.row(told.code, shown.block) or found
         if found is not None:
@@ -336,16 +390,21 @@ class StatusCard(TextView):
         return rows
 
     def _sentence(self, text: str) -> str:
-        text = PIN_COMMAND.sub(self._key_of, text)
         first = A_WORD.match(text)
         if first is not None and first.group() not in self._names():
             text = text[:1].upper() + text[1:]
         return text if text.endswith((".", "?", "!", MARK)) else f"{text}."
 
-    def _key_of(self, command: re.Match[str]) -> str:
-        instance, pin, value = command.groups()
-        letter = self._letter_of(pin) if instance == self._view_model.selected and self._past is None else ""
-        return f"press `{letter}` ({pin}{value or ''})" if letter else command.group()
+    def _with_keys(self, do: DoLine) -> str:
+        """Return the sentence with the letter of a pin in place of each bench line that one does."""
+        text = do.text
+        for line in do.lines:
+            command = PIN_COMMAND.fullmatch(line)
+            if command is None or command[1] != self._view_model.selected or self._past is not None:
+                continue
+            if letter := self._letter_of(command[2]):
+                text = text.replace(f"`{line}`", f"press `{letter}` ({command[2]}{command[3] or ''})")
+        return text
 
     def _names(self) -> set[str]:
         """Return the names of the project: they are never written in another way."""

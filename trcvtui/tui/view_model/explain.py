@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from trcvtui.diagnosis.advice import Advice, advice_on, because
 from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.diagnosis.job import DoLine
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -39,19 +40,24 @@ class Explainer:
         verdict, remedy = self._verdict(instance.name)
         return replace(told, causes=(verdict, *told.causes), do=(remedy, *told.do)) if verdict else told
 
-    def _verdict(self, name: str) -> tuple[str, str]:
+    def _verdict(self, name: str) -> tuple[str, DoLine]:
         """Return the doctor's first finding and its remedy, "" where it has not looked or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
-            return "", ""
+            return "", DoLine("")
         from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
         from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
             remedy = f"{one.mends[0].text}. " if one.mends else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
-            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", f"{remedy}`J` shows the evidence"
-        return "", ""
+            steps = [mend for mend in one.mends if mend.is_tried] or [*one.mends[:1]]
+            lines = tuple([mend.command for mend in steps if mend.command])
+            # What was tried was all of it: where one has no line, the others alone may do harm.
+            lines = lines if all(mend.command or mend.set for mend in steps) else ()
+            do = DoLine(f"{remedy}`J` shows the evidence", lines, any(mend.is_tried for mend in steps))
+            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", do
+        return "", DoLine("")
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""

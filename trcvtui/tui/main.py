@@ -36,7 +36,7 @@ from trcvtui.udt.layout.rules import NO_CHOICE
 TABS, PAIR = "-tabs", "-pair"
 LEAST_BELOW: Final = 32  # rows below the list of instances
 LEAST_WIDTH, LEAST_HEIGHT, TINY, ROOMY, TALL = 128, 38, 16, 43, 54
-BROAD, HIGH = 180, 56  # from here on timing stands beside STATUS; has a row of its own
+BROAD, HIGH = 180, 56  # from here on STATUS stands beside timing and history; timing has a row of its own
 BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
 PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
 MOST_INSTANCES: Final = 10  # rows of the list, its frame included
@@ -77,12 +77,12 @@ def grid_rows(
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
     high = 10 if holds["-high"] else 0
-    strip = 0 if high or holds["-broad"] else 2  # a strip of timing below STATUS wants more than the block
+    strip = 0 if high else 2  # timing, and a strip of it below STATUS, wants more than the block
     spare = height - block - strip - high - peer
     half = (spare - (5 if high else 3)) // 2  # more for the bytes below it
     history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
-        return block, history, REST, peer
+        return block + strip, history, REST, peer
     if high:
         return block, high, history, REST, peer
     beside = 10 if timing else 6
@@ -436,6 +436,9 @@ class MainScreen(FullScreen[None]):
         self.set_class(seen in PAIRS, "-beside")
         for digit, pane in self._panes().items():
             pane.display = digit in seen
+        first, then = (self.timing, self.status) if self.has_class("-broad") else (self.status, self.timing)
+        if (order := self._grid.children).index(first) > order.index(then):  # a grid is filled in their order
+            self._grid.move_child(first, before=then)
         self.tabs.mark(self._pane, *seen)
         if (rows := self._wanted_rows()) != self._rows:
             self._grid.styles.grid_rows = self._rows = rows

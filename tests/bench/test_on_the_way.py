@@ -60,7 +60,7 @@ def test_a_connect_that_is_named_stays_without_data_as_before(tmp_path: Path) ->
     assert bench.bench.project.instance("R1").data is None  # type: ignore[union-attr]
 
 
-# What the form proposes beside TRCV_C on C1: `new`, but for the other direction, and on what others have built.
+# On what the form proposes C1, where TRCV_C is: for the other direction, and what works on what others built.
 SHARED = ("TSEND_C", "TDISCON", "T_RESET", "T_DIAG", "TSEND", "TRCV")
 
 

@@ -78,7 +78,8 @@ def test_a_second_instance_has_a_connect_and_data_of_its_own(tmp_path: Path, dia
             "new"
         }
         bench.do(line)
-    ports = [each.local.port for each in (*bench.bench.project.connects, *bench.bench.project.udp_configs)]
+    grown = bench.bench.project
+    ports = [each.local.port for each in grown.connects] + [each.local.port for each in grown.udp_configs]
     assert len(ports) == len(set(ports)) > 1
 
 

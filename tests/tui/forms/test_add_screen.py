@@ -229,6 +229,8 @@ def test_every_known_value_fits_its_field(project: Project) -> None:
         ("add peer P3 rem", "add peer P3 remote=@C1"),
         ("add connect C3 Act", "add connect C3 ActiveEstablished=false"),
         ("add instance N block=TRCV_C EN", "add instance N block=TRCV_C EN_R="),
+        ("add instance N block=USEND_C con", "add instance N block=USEND_C config=new"),
+        ("set instance TRCV_C_1 conn", "set instance TRCV_C_1 connect=C1"),
         ("add data rx2 ARR", "add data rx2 ARRAY[0.."),
         ("add message m t", "add message m text"),
         ("save p", "save project"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from trcvtui.blocks.table import block_row, buffer_pins, pointer_pins
+from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.commands.peer import (
     check_library,
     check_message,
@@ -67,10 +67,6 @@ OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAd
 RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
 SENT: Final = "ARRAY[0..15] OF BYTE"
 ADHOC: Final = "ADHOC"
-OF_ANY_BLOCK: Final = (
-    ("connect", "connect"), ("config", "udp_config"), ("addr", "addr"),
-    *((pin, "combuffer") for pin in buffer_pins()),
-)  # fmt: skip
 LISTEN: Final = ("connect", "udp_config")
 STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
 
@@ -100,12 +96,13 @@ def complete(
     """Return the keys of an instance with those that it lacks, and what is made for them."""
     made, block = list[Declaration](), _text(content.get("block"))
     is_known, row = block in project.dialect.blocks, block_row(block)
-    keys = link_of_block(block, content) if is_known else OF_ANY_BLOCK
-    kinds = {**dict(keys), **({"data": "data"} if row.data_pin or not is_known else {})}
-    asked = {k for k in kinds if _text(content.get(k)) == NEW and NEW not in names_of(kinds[k], project)}
+    keys = link_of_block(block, content) if is_known else ()
+    kinds = {**dict(keys), **({"data": "data"} if row.data_pin else {})}
+    called = {key for key, value in content.items() if _text(value) == NEW and key != "name"}
+    asked = {k for k in called if not is_known or (k in kinds and NEW not in names_of(kinds[k], project))}
     whole = {key: value for key, value in content.items() if key not in asked}
     missing = [(key, kind) for key, kind in keys if key not in whole]
-    if not is_known or (not missing and "data" not in asked):
+    if not missing and "data" not in asked & kinds.keys():
         return whole, ()
     of_connect = OF_CONNECT if any(kind in LISTEN for _, kind in missing) else ()
     own: dict[str, Any] = {key: whole.pop(key) for key in of_connect if key in whole}

@@ -441,14 +441,10 @@ class BenchApp(TerminalApp):
         if self._addition is None:
             return
         view, (kind, name, until) = self.view_model, self._addition
-        is_peer = kind == "peer"
-        is_known = any(
-            each.name == name for each in (view.project.peers if is_peer else view.project.instances)
-        )
-        is_there = any(each.name == name for each in (view.peers if is_peer else view.instances))
-        is_late = (
-            bool(self.last_words) or monotonic() > until or (is_known and view.live and view.live.holding)
-        )
+        is_peer, holds = kind == "peer", bool(view.live and view.live.holding)
+        of_kind = (view.project.peers, view.peers) if is_peer else (view.project.instances, view.instances)
+        is_known, is_there = (any(each.name == name for each in parts) for parts in of_kind)
+        is_late = bool(self.last_words) or monotonic() > until or (is_known and holds)
         if is_there or (is_known and is_late):
             self._addition = None
             if is_peer:
@@ -507,9 +503,7 @@ class BenchApp(TerminalApp):
             yield from above.commands()
         else:
             for command in commands(
-                PaletteReach(
-                    self.view_model, self.main, self.submit, self.action_add, self.action_lab, self.only_looks
-                )
+                PaletteReach(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)
         for name, theme in OWN_THEMES.items():

@@ -130,7 +130,6 @@ class PaletteReach(NamedTuple):
     submit: Callable[[str], None]
     add: Callable[[str], None]
     lab: Callable[[], None]
-    only_looks: bool
 
 
 # What else an action is looked for by: these words, where title or explanation has one of those.
@@ -198,7 +197,7 @@ def _all(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield from _of_screen(bench)
     yield from commands_of_keys(bench.main)
     yield from _of_taking(bench)
-    yield from () if bench.only_looks else _of_recent(bench.main)  # it reads a file
+    yield from _of_recent(bench.main)
 
 
 def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:

@@ -59,6 +59,7 @@ class AddScreen(FormDialog[str]):
     TAKES: ClassVar = "add"
     DEFAULT_CSS = """
     AddScreen #form { width: 76; max-height: 100%; }
+    AddScreen VerticalScroll { max-height: 70vh; }
     AddScreen .name { width: 23; }
     AddScreen .hint { width: 30; color: $text-muted; padding: 0 0 0 1; }
     AddScreen #form-line { height: auto; min-height: 3; color: $text-muted; margin: 1 0 0 0; }

@@ -175,7 +175,7 @@ async def test_help_of_the_block_lists_its_own_letters_and_none_of_another_block
 ) -> None:
     async with on_a_line(size) as shown:
         await shown.press("2", "question_mark")
-        assert "Here: Block" in shown.text and "t Timeout" in shown.words and "l LenPrefix" in shown.words
+        assert "Here: 2 Block" in shown.text and "t Timeout" in shown.words and "l LenPrefix" in shown.words
         assert "COM_RST" not in shown.text and "write LEN" not in shown.text
 
 

@@ -87,7 +87,9 @@ async def test_block_has_no_empty_rows_and_why_in_history_has_the_whole_width(si
     async with looking(size) as looker:
         main = looker.app.main
         assert main.block.size.height - main.block.row_count() in (0, 2)
-        assert main.history.outer_size.width == size[0] - (main.status.outer_size.width if size[0] > 180 else 0)
+        assert main.history.outer_size.width == size[0] - (
+            main.status.outer_size.width if size[0] > 180 else 0
+        )
         assert "…" not in looker.pane("history")
 
 

@@ -146,16 +146,23 @@ async def test_n_is_the_next_hit_after_a_search_was_left_until_another_pane_is_c
         await press(looker, "H", "n", "colon", "escape", "n")
         assert looker.lines == [], "without H, and after the prompt"
         await press(looker, "6", "5", "n")
-        assert (stream.patterns, looker.lines) == ((), ["set TRCV_C_1 EN_R=0"])
+        assert (stream.patterns, looker.lines) == ((), [])
 
 
 @pytest.mark.parametrize("typed", [[], ["equals_sign", "x"]], ids=["nothing", "no value"])
-async def test_n_asks_again_after_a_search_for_nothing_and_is_en_r_before_any(typed: list[str]) -> None:
+async def test_n_asks_again_after_a_search_for_nothing_and_is_the_next_done_before_any(
+    typed: list[str],
+) -> None:
     async with shifted(WIDE) as looker:
+        stream = looker.app.main.received.stream
         await press(looker, "n")
-        assert looker.lines == ["set TRCV_C_1 EN_R=0"]
+        newest = stream.cursor
+        await press(looker, "N")
+        before = stream.cursor
+        await press(looker, "n")
+        assert before is not None and newest is not None and before < newest == stream.cursor
         await press(looker, "slash", *typed, "escape", "n")
-        assert isinstance(looker.app.focused, FindInput) and looker.lines[1:] == []
+        assert isinstance(looker.app.focused, FindInput) and looker.lines == []
 
 
 async def test_bytes_are_found_and_compared_in_data_now_as_well() -> None:

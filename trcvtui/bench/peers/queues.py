@@ -163,15 +163,10 @@ class Outbox:
         return self._sendings[0].rest
 
     @property
-    def message_begins(self) -> int:
-        """Return the size of the message that the due bytes begin, 0 when they go on with one."""
+    def message_begins(self) -> tuple[int, bytes]:
+        """Return size and beginning of the message that the due bytes begin, 0 when they go on with one."""
         first = self._sendings[0]
-        return len(first.send.payload) if first.is_fresh else 0
-
-    @property
-    def begin(self) -> bytes:
-        """Return what the message begins with whose bytes are due."""
-        return self._sendings[0].begin
+        return (len(first.send.payload), first.begin) if first.is_fresh else (0, b"")
 
     def taken(self, count: int, now: int) -> None:
         """Count bytes of the due chunk as sent."""
@@ -363,10 +358,10 @@ class PeerQueues:
 
     def sent(self, count: int, local: str, remote: str, offset: int) -> None:
         """Count bytes of the due chunk as sent; the message that they begin is told with its place."""
-        size = self.outbox.message_begins
+        size, begin = self.outbox.message_begins
         if size:
             self.messages += 1
-            self.last_sent.appendleft(SentMessage(self.messages, size, self.outbox.begin))
+            self.last_sent.appendleft(SentMessage(self.messages, size, begin))
             self._journal(PeerSent(self._name, self.messages, local, remote, offset, size))
         self.bytes_sent += count
 

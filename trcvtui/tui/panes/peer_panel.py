@@ -150,6 +150,12 @@ def _tally(tally: CheckTally) -> str:
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 
 
+def _sent(sent: SentMessage) -> Row:
+    """Return a message that went out, by a key, a line, `every` or a rule."""
+    shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
+    return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
+
+
 NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
 
 
@@ -167,14 +173,8 @@ class PeerNotes(TextView, can_focus=False):
         if peer is None:
             return []
         check = [row(check_text(peer.check))] if peer.check is not None else []
-        rules = self._replies(peer) if peer.replies else []
-        hint = [] if peer.replies else [row((NO_RULES, "faint"))]
-        return [*check, *self._trial(peer), *rules, *map(self._sent, peer.last_sent), *hint]
-
-    def _sent(self, sent: SentMessage) -> Row:
-        """Return a message that went out, by a key, a line, `every` or a rule."""
-        shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
-        return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
+        replies, sent = self._replies(peer), [*map(_sent, peer.last_sent)]
+        return [*check, *self._trial(peer), *([*replies, *sent] if peer.replies else [*sent, *replies])]
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._view_model.picture.trial if self._view_model.picture else None
@@ -186,6 +186,8 @@ class PeerNotes(TextView, can_focus=False):
         ]
 
     def _replies(self, peer: PeerSnapshot) -> list[Row]:
+        if not peer.replies:
+            return [row((NO_RULES, "faint"))]
         rows = []
         for number, reply in enumerate(peer.replies, 1):
             missed = f" missed {reply.missed}" if reply.missed else ""
@@ -389,35 +391,29 @@ class PeerPanel(Vertical):
     def on_button_pointed(self) -> None:
         self._show_preview()
 
-    def _lacks_peer(self) -> bool:
+    def lacks_peer(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
         if not self._view_model.peer:
             self._actions.complain(NO_PEER)
         return not self._view_model.peer
 
-    @property
-    def has_peers(self) -> bool:
-        return bool(self._view_model.project.peers)
-
     def action_button(self, letter: str) -> None:
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
         if button is not None:
             self._do(button)
         else:
-            self._actions.complain(
-                f"{letter} does nothing here: {self._view_model.peer} has no such button now"
-            )
+            self._actions.complain(f"{letter} does nothing: {self._view_model.peer} has no such button now")
 
     def action_mode(self) -> None:
         """Write the payload in the next way; what is typed now goes into it."""
-        if not self._lacks_peer():
+        if not self.lacks_peer():
             self.composer.next_mode()
             self.composer.edit()
 
     def action_cuts(self) -> None:
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
@@ -429,7 +425,7 @@ class PeerPanel(Vertical):
     def action_library(self) -> None:
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
-        if not self._lacks_peer():
+        if not self.lacks_peer():
             self.app.push_screen(
                 MessagesScreen(self._view_model.peer, self._view_model.project), self._picked
             )
@@ -440,7 +436,7 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
@@ -453,7 +449,7 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
@@ -469,7 +465,7 @@ class PeerPanel(Vertical):
             self._show_preview()
 
     def action_payload(self) -> None:
-        if not self._lacks_peer():
+        if not self.lacks_peer():
             self.composer.edit()
 
 

@@ -29,13 +29,7 @@ LEAST_WHY: Final = 10  # characters; less would say nothing
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (
-        ("↑↓", "explain an edge"),
-        ("!", "ERROR"),
-        ("/", "code"),
-        ("n N", "next, before"),
-        ("esc", "now"),
-    )
+    KEYS: ClassVar = (("↑↓", "explain"), ("!", "ERROR"), ("/", "code"), ("n N", "more"), ("esc", "now"))
     BINDINGS: ClassVar = [
         ("exclamation_mark", "error_before", "the ERROR before"),
         ("slash", "ask_code", "find a code"),
@@ -146,10 +140,9 @@ class StatusHistory(LineView):
 
     def action_hit(self, step: int) -> None:
         """Choose the next older edge to the code of `find`, else ERROR; -1: the next newer one."""
-        if self.code is None:
-            self._choose_where(lambda outputs: outputs.error, "ERROR", step)
-        else:
-            self._choose_where(lambda outputs: outputs.status == self.code, f"{self.code:04X}", step)
+        code = self.code
+        what = "ERROR" if code is None else f"{code:04X}"
+        self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
 
     def _choose_where(self, holds: Callable[[Outputs], bool], what: str, step: int) -> None:
         edges = [(y, line.event) for y, line in enumerate(self._edges)][::step]

@@ -24,7 +24,7 @@ EVERYWHERE: Final = (
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
-    ("F", "freeze the view while the PLC runs on; again: live"),
+    ("F", "freeze the view while the PLC runs on, its keys act as before; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
@@ -41,8 +41,7 @@ EVERYWHERE: Final = (
     ("P", "a picture of the screen as SVG, its path is told"),
     ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
-    ("other keys", "a key that one pane alone has and that only looks works from everywhere"),
-    ("", "what writes to PLC or peer works in its own panes alone: the last line names them"),
+    ("other keys", "one that a single pane has works from everywhere, if it only looks; else go there first"),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),
@@ -53,8 +52,7 @@ LETTERS: Final = (  # of panes 1 to 3
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
 )
-OTHER_LETTERS: Final = ("a letter", "the pin that it stands before in pane 2; a click there does the same")
-PINS: Final = (*LETTERS, OTHER_LETTERS)
+PINS: Final = (*LETTERS, ("a letter", "the pin before which it stands in pane 2, also by a click"))
 INSTANCES: Final = (
     ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
     ("!", "the next one with an ERROR"),
@@ -71,7 +69,7 @@ HISTORY: Final = (
     ("!", "the ERROR before"),
 )
 RECEIVED: Final = (
-    ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
     ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
@@ -118,15 +116,12 @@ PEER: Final = (
     *PEER_ACTS,
     ("i, m", "edit the payload; the next way of hex, text, udt, and edit it; enter there: send it"),
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
-    ("o", "a UDT as a form: its members as fields"),
-    ("w", "the message under a name into the project's library"),
-    ("p", "pick a message or a sequence of the library"),
+    ("o w p", "a UDT as a form; the message under a name into the library; pick one of the library"),
     ("← → enter", "walk the buttons, press one"),
 )
 FEED: Final = (
     ("enter i", "type bytes for the simulated line"),
-    ("s → ←", "the same again; byte by byte; from the first byte"),
-    ("b", "the cable pulled"),
+    ("s → ← b", "the same again; byte by byte; from the first byte; the cable pulled"),
 )
 LINE: Final = (
     ("↑ ↓", "choose a conversation and one of its directions"),
@@ -271,7 +266,8 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
         sections = [section for section in sections if section[1] is not PINS]
     if not here and not table:
         return sections
-    first = (f"Here: {title}" if title else "Here", (*here, *table))
+    more = [pair for pair in here if pair[0] not in dict(table)]
+    first = (f"Here: {title}" if title else "Here", (*more, *table))
     return [first, *(section for section in sections if section[0] != title)]
 
 

@@ -138,15 +138,14 @@ class Prompt(Vertical):
         self._view_model = view_model
         self._submit = submit
         self._echo = EchoLine()
+        self.foretell = self._echo.foretell  # what is wrong with a line that is typed elsewhere
         self._open_line = Horizontal(id="open-line")
         self._input: PromptInput | None = None
         self._focus_before: Widget | None = None
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
-        self._steps: tuple[
-            str, ...
-        ] = ()  # the line that is typed or waits for its ✓, and those that follow it
+        self._steps: tuple[str, ...] = ()  # the line that was filled in, and those that go after its ✓
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
@@ -165,12 +164,12 @@ class Prompt(Vertical):
     def is_open(self) -> bool:
         return self._open_line.display
 
-    def open(self, text: str = "", steps: tuple[str, ...] = ()) -> None:
+    def open(self, text: str = "", *then: str) -> None:
         """Open the command line with a text to complete. The very next key is typed into it.
 
-        `steps` begin with the text; if it is sent as it is, each further one goes after the ✓ before it.
+        Each line of `then` goes after the ✓ of the one before, if the text is sent as it is.
         """
-        self._steps = steps
+        self._steps = text, *then
         if self._input is None:
             return
         if not self.is_open:
@@ -199,9 +198,9 @@ class Prompt(Vertical):
             return
         line = self._input.value.strip()
         is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
-        then = self._steps[1:] if self._steps[:1] == (line,) else ()
-        told = said_before(line, self._view_model.project) if is_told else ""
-        self._echo.foretell(" · ".join(filter(None, (told, *(f"then {step}" for step in then)))))
+        notes = [said_before(line, self._view_model.project)] if is_told else []
+        notes += [f"then {step}" for step in self._steps[1:] if self._steps[0] == line]
+        self._echo.foretell(" · ".join(filter(None, notes)))
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
@@ -255,10 +254,6 @@ class Prompt(Vertical):
     @property
     def waits(self) -> bool:
         return self._echo.waits
-
-    def foretell(self, note: str) -> None:
-        """Show what is known of a line that is typed elsewhere."""
-        self._echo.foretell(note)
 
     def tell(self, text: str) -> None:
         self._echo.say("", told=text)

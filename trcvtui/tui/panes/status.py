@@ -218,7 +218,7 @@ class StatusCard(TextView):
         self._do_rows = range(0)
 
     def _lines(self) -> tuple[str, ...]:
-        """Return the bench lines of the first remedy that was tried, or needs no trial; () of what is done."""
+        """Return the bench lines of the first remedy that is to do, and was tried or needs no trial."""
         instance = self._view_model.instance
         if instance is None or self._past is not None:
             return ()

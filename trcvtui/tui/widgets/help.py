@@ -65,6 +65,7 @@ PINS: Final = (
 )
 BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("enter", "in STATUS, or a click on `do`: types what it says, if that was tried or needs no trial"),
     ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
@@ -76,7 +77,7 @@ BYTES: Final = (
     ("y", "in the table: what passes the filter as CSV, to the clipboard and a file"),
     ("[ ]", "the DONE before, the next one"),
     ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
-    ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
+    ("/", 'find hex, else a text ("29" too), =number in either byte order; @offset, #job; esc: no marks'),
     ("n N", "after a search: the next hit, the hit before, until another pane is chosen"),
     ("d, u", "the job before, or the marked message, where it differs; fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),

@@ -198,7 +198,7 @@ class FilterLine(TypedLine):
         self._narrow(self._input.value)
 
 
-HINT = "29 00 · abc · =1234 · =1.5 · @offset · #job"
+HINT = "29 00 · abc · =1.5 · @offset · #job"
 _GOALS: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
 
 

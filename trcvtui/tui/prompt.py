@@ -145,7 +145,8 @@ class Prompt(Vertical):
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
-        self._steps: tuple[str, ...] = ()  # the line that was filled in, and those that go after its ✓
+        self._steps: tuple[str, ...] = ()  # the line that was filled in, then those that go after its ✓
+        self._after = -1  # the number of the line whose ✓ the next step waits for
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
@@ -169,7 +170,7 @@ class Prompt(Vertical):
 
         Each line of `then` goes after the ✓ of the one before, if the text is sent as it is.
         """
-        self._steps = text, *then
+        self._steps, self._after = (text, *then), -1
         if self._input is None:
             return
         if not self.is_open:
@@ -233,7 +234,8 @@ class Prompt(Vertical):
             del self._lines[:-KEPT_LINES]
 
     def sent(self, line: str, number: int) -> None:
-        self._steps = self._steps if self._steps[:1] == (line,) else ()
+        self._steps = self._steps[1:] if self._steps[:1] == (line,) else ()
+        self._after = number if self._steps else -1
         self.remember(line)
         self._last = number
         self._echo.say(line, waits=True)
@@ -246,10 +248,8 @@ class Prompt(Vertical):
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)
-            if number == self._last:
-                self._steps = () if answer.error else self._steps[1:]
-                if self._steps:
-                    self._submit(self._steps[0])
+            if number == self._after and not answer.error:
+                self._submit(self._steps[0])
 
     @property
     def waits(self) -> bool:

@@ -233,7 +233,7 @@ class StatusCard(TextView):
 
     def action_remedy(self) -> None:
         """Type the bench lines of the remedy, or say why there is none."""
-        untried = [do.lines[0] for do in self._do if do.needs_trial]
+        untried = [line for do in self._do if do.needs_trial for line in do.lines]
         if self._view_model.position is not None or getattr(self.app, "only_looks", False):
             self._actions.complain("`do` is a text here: this screen commands nothing")
         elif self._past is not None:
@@ -368,13 +368,14 @@ class StatusCard(TextView):
 
     def _with_keys(self, do: DoLine) -> str:
         """Return the sentence with the letter of a pin in place of each bench line that one does."""
-        text, past, selected = do.text, self._past, self._view_model.selected
-        for line in do.lines:
+        text = do.text
+        for line in do.lines if self._past is None else ():
             command = PIN_COMMAND.fullmatch(line)
-            letter = (
-                self._letter_of(command[2]) if command and command[1] == selected and past is None else ""
-            )
-            if command and letter:
+            if (
+                command
+                and command[1] == self._view_model.selected
+                and (letter := self._letter_of(command[2]))
+            ):
                 text = text.replace(f"`{line}`", f"press `{letter}` ({command[2]}{command[3] or ''})")
         return text
 

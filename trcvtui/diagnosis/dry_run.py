@@ -1,21 +1,16 @@
-"""A project run for three seconds on the simulated network: what its blocks refuse, and what mends that."""
+"""A project run for three seconds on the simulated network: what its blocks refuse before it really runs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
-from trcvtui.commands import words
-from trcvtui.commands.table import parse_line, parse_script
+from trcvtui.commands.table import parse_script
 from trcvtui.commands.words import Set
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
-from trcvtui.diagnosis.job import DoLine
 from trcvtui.diagnosis.symptoms import LINK_ERRORS, Symptom
-from trcvtui.errors import UserError
-from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.wording import SECOND
 
 if TYPE_CHECKING:
@@ -23,47 +18,12 @@ if TYPE_CHECKING:
 
 LENGTH_NS: Final = 3 * SECOND
 CONNECTED_NS: Final = SECOND  # what can be connected is, and EN_R rises
-# What needs no trial: it changes neither how many bytes a job takes nor what they mean.
-LEVELS: Final = frozenset({"CONT", "EN_R", "REQ"})
-ACTS: Final = (
-    words.Pulse, words.Download, words.PlcRun, words.FaultClear, words.PeerConnect, words.PeerListen,
-    words.PeerResume, words.PeerSend,
-)  # fmt: skip
 UNASKED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
 
 
-def may_run(do: DoLine, shown: InstanceSnapshot, project: Project) -> bool:
-    """Return whether the bench lines of a remedy may be offered: they were tried, or need no trial.
-
-    What needs one is tried here: the ERROR that shows has to go, and no other one to come.
-    """
-    try:
-        commands = [one for one in (parse_line(line, project, "do") for line in do.lines) if one is not None]
-        is_so = all(isinstance(one, Set) and {*one.pins} <= {*shown.inputs} for one in commands)
-        if is_so or do.is_tried or not any(map(_needs_trial, commands)):
-            return not is_so
-        pins = tuple([pin for pin in shown.inputs if pin[0] in ("LEN", "ADHOC")])
-        now = Set(shown.name, pins)
-        before, after = (
-            {(one.instance, one.status) for one in refusals(project, script)}
-            for script in ([now], [now, *commands])
-        )
-    except UserError:
-        return False
-    error = shown.name, f"{shown.outputs.status:04X}"
-    return shown.outputs.error and error in before and error not in after <= before
-
-
-def _needs_trial(command: words.BenchCommand) -> bool:
-    if isinstance(command, Set):
-        return not LEVELS.issuperset(dict(command.pins))
-    return not isinstance(command, ACTS)
-
-
-def refusals(project: Project, script: Sequence[words.BenchCommand] = ()) -> tuple[Symptom, ...]:
+def refusals(project: Project) -> tuple[Symptom, ...]:
     """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
 
-    `script` is done after that of the project.
     An ERROR of the link counts where the partner is in the project: nothing else listens on this network.
     """
     bench = Bench(project, "sim")
@@ -71,8 +31,6 @@ def refusals(project: Project, script: Sequence[words.BenchCommand] = ()) -> tup
     try:
         for step in parse_script(project.start, project, f"{project.path}: start"):
             bench.do(step.command)
-        for command in script:
-            bench.do(command)
         _raise(bench, "CONT", [each.name for each in project.instances])
         builders = [
             each for each in project.instances if block_row(each.block).runs_as is Condition.ESTABLISHING

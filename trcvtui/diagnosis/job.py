@@ -22,12 +22,12 @@ from trcvtui.wording import age, count
 class DoLine(NamedTuple):
     """What to do: a sentence, and the bench lines that do it, one after the other; (): there is none.
 
-    `is_tried`: the evidence was judged again with them, and nothing was left.
+    `needs_trial`: they change what a job takes or what it means, and were not tried on what came.
     """
 
     text: str
     lines: tuple[str, ...] = ()
-    is_tried: bool = False
+    needs_trial: bool = False
 
 
 class Sentence(NamedTuple):
@@ -41,11 +41,11 @@ Answer = str | Sentence  # a text alone is a cause, "": nothing
 Tell = Callable[[Evidence], Answer]
 
 
-def do(cause: str, text: str, *lines: str) -> Sentence:
+def do(cause: str, text: str, *lines: str, needs_trial: bool = False) -> Sentence:
     """Return a sentence with one thing to do; each `{}` in its text stands for a bench line."""
     for line in lines:
         text = text.replace("{}", f"`{line}`", 1)
-    return Sentence(cause, (DoLine(text, lines),))
+    return Sentence(cause, (DoLine(text, lines, needs_trial),))
 
 
 def as_sentence(answer: Answer) -> Sentence:
@@ -139,7 +139,7 @@ def wrong_length(e: Evidence) -> Answer:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
         cause = f"LEN is {e.cause.value}, {data}: {have - most} too many"
-        return do(cause, f"{way}, or enlarge DATA", *lines)
+        return do(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
     return do(f"LEN is 0 and {data}, {have - most} more than one job can have", f"set LEN to at most {most}")
 
 
@@ -158,10 +158,8 @@ def nobody_reads_here(e: Evidence) -> Answer:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
     text = f"{text}; they were dropped, and the next frame {_begins(e.facts)}"
-    if e.facts.drop_cuts is False:
-        return text
     lines = (f"pulse {e.instance} COM_RST",) if e.pin("COM_RST") is not None else ()
-    return do(text, "pulse COM_RST before EN_R=1", *lines)
+    return text if e.facts.drop_cuts is False else do(text, "pulse COM_RST before EN_R=1", *lines)
 
 
 def _begins(facts: Facts) -> str:

@@ -159,7 +159,7 @@ def too_short_a_sender(e: Evidence) -> Answer:
     pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
     has_len, has_reset = (e.pin(pin) is not None for pin, _ in pins)
     way = f"make both equal: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
-    return do(text, way, *(line for pin, line in pins if e.pin(pin) is not None))
+    return do(text, way, *(line for pin, line in pins if e.pin(pin) is not None), needs_trial=True)
 
 
 def several_messages_a_frame(e: Evidence) -> str:
@@ -241,7 +241,7 @@ def ad_hoc_hint(e: Evidence) -> Answer:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
-        now = do("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1")
+        now = do("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
         return do("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
     return do("", f"{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)")
 

@@ -165,9 +165,7 @@ class MainScreen(FullScreen[None]):
         self._submit = submit
         self._pane = 3
         self._past = 4  # history or timing, where one place is for both
-        actions = PaneActions(
-            submit, self.action_prompt, lambda text: self.prompt.complain(text), self.open_lines
-        )
+        actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.instances = InstanceList(view_model, self.follow_selected)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
@@ -656,12 +654,8 @@ class MainScreen(FullScreen[None]):
     def action_trigger(self) -> None:
         self.action_prompt("trigger ")
 
-    def action_prompt(self, text: str = "") -> None:
-        self.prompt.open(text)
-
-    def open_lines(self, lines: tuple[str, ...]) -> None:
-        if not self._is_refused():
-            self.prompt.open(lines[0], lines)
+    def action_prompt(self, text: str = "", *then: str) -> None:
+        self.prompt.open(text, *then)
 
     def action_calm(self) -> None:
         if self.has_class(ZOOM) or self.has_class(LIST):

@@ -16,15 +16,11 @@ if TYPE_CHECKING:
 
 
 class PaneActions(NamedTuple):
-    """Send a bench command line; open the prompt with the beginning of one; say what is missing.
-
-    `open_lines` opens it with the first of several; each further one goes after the ✓ of the one before.
-    """
+    """Send a bench command line; open the prompt with one, or with several; say what is missing."""
 
     submit: Callable[[str], None]
-    open_prompt: Callable[[str], None]
+    open_prompt: Callable[..., None]
     complain: Callable[[str], None]
-    open_lines: Callable[[tuple[str, ...]], None]
 
 
 class PeerSelected(Message):

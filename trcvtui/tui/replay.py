@@ -245,9 +245,6 @@ class ReplayScreen(MainScreen):
 
     action_undo = action_change
 
-    def open_lines(self, lines: tuple[str, ...]) -> None:
-        self.action_change()
-
 
 def may_open(screen: object) -> bool:
     """Return whether a replay may open a screen above the panes: none that is there to change something."""

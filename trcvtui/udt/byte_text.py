@@ -151,7 +151,7 @@ def wanted(text: str) -> Wanted:
     elif text[:1] == "=":
         found = _number(text[1:].strip())
     else:
-        found = _hex_or_text(text)
+        found = _hex(text) or _text(f'"{text}"')
     if not all(found.patterns):
         raise mistake(WHERE, "nothing", EXPECTED_SEARCH)
     if max(map(len, found.patterns)) > LONGEST:
@@ -159,11 +159,11 @@ def wanted(text: str) -> Wanted:
     return found
 
 
-def _hex_or_text(text: str) -> Wanted:
+def _hex(text: str) -> Wanted | None:
     try:
         content = parse_hex(text)
     except UserError:
-        return _text(f'"{text}"')
+        return None
     return Wanted((content,), f"hex {content[:16].hex(' ')}")
 
 

@@ -238,33 +238,31 @@ class StatusCard(TextView):
         self._do_rows = range(0)
 
     def _lines(self) -> tuple[str, ...]:
-        """Return the bench lines of the first remedy that was tried, or needs no trial."""
-        from trcvtui.diagnosis.dry_run import may_run  # read when a remedy is asked for
-
-        instance, project = self._view_model.instance, self._view_model.project
+        """Return the bench lines of the first remedy that is to do, and was tried or needs no trial."""
+        instance = self._view_model.instance
         if instance is None or self._past is not None:
             return ()
-        return next((do.lines for do in self._do if may_run(do, instance, project)), ())
+        done = [f"set {instance.name} {pin}={int(value)}" for pin, value in instance.inputs]
+        some = (do.lines for do in self._do if do.lines and not do.needs_trial)
+        return next((lines for lines in some if lines[0] not in done), ())
 
     def proposed(self, pin: str) -> str:
         """Return the value that the remedy gives a number of the selected instance, "": none."""
-        pins = (PIN_COMMAND.fullmatch(line) for line in self._lines())
-        mine = (self._view_model.selected, pin)
-        return next((found[3][1:] for found in pins if found and found.group(1, 2) == mine and found[3]), "")
+        begin = f"set {self._view_model.selected} {pin}="
+        return next((line.removeprefix(begin) for line in self._lines() if line.startswith(begin)), "")
 
     def action_remedy(self) -> None:
         """Type the bench lines of the remedy, or say why there is none."""
-        lines, some = self._lines(), [do.lines[0] for do in self._do if do.lines]
-        if lines:
-            self._actions.open_lines(lines)
+        untried = [line for do in self._do if do.needs_trial for line in do.lines]
+        if self._view_model.position is not None or getattr(self.app, "only_looks", False):
+            self._actions.complain("`do` is a text here: this screen commands nothing")
         elif self._past is not None:
             self._actions.complain("this is the past: esc leads back to now, and to what to do")
-        elif some:
-            self._actions.complain(
-                f"`{some[0]}` did not help in a trial, or had none: J tries it on what came"
-            )
+        elif lines := self._lines():
+            self._actions.open_prompt(*lines)
         else:
-            self._actions.complain("no bench line does what stands here")
+            wrong = "no bench line does what stands here"
+            self._actions.complain(f"{untried[0]} was not tried: J tries it" if untried else wrong)
 
     def click(self, x: int, y: int) -> None:
         if y in self._do_rows:
@@ -391,11 +389,13 @@ class StatusCard(TextView):
     def _with_keys(self, do: DoLine) -> str:
         """Return the sentence with the letter of a pin in place of each bench line that one does."""
         text = do.text
-        for line in do.lines:
+        for line in do.lines if self._past is None else ():
             command = PIN_COMMAND.fullmatch(line)
-            if command is None or command[1] != self._view_model.selected or self._past is not None:
-                continue
-            if letter := self._letter_of(command[2]):
+            if (
+                command
+                and command[1] == self._view_model.selected
+                and (letter := self._letter_of(command[2]))
+            ):
                 text = text.replace(f"`{line}`", f"press `{letter}` ({command[2]}{command[3] or ''})")
         return text
 

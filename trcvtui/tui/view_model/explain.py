@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.diagnosis.advice import Advice, advice_on, because
 from trcvtui.diagnosis.card import Card, DataBytes
@@ -15,6 +16,9 @@ from trcvtui.tui.view_model.view_model import ViewModel
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.data_view import Offer
+
+
+NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # it changes no job
 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
@@ -52,10 +56,11 @@ class Explainer:
             remedy = f"{one.mends[0].text}. " if one.mends else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
             steps = [mend for mend in one.mends if mend.is_tried] or [*one.mends[:1]]
-            lines = tuple([mend.command for mend in steps if mend.command])
-            # What was tried was all of it: where one has no line, the others alone may do harm.
-            lines = lines if all(mend.command or mend.set for mend in steps) else ()
-            do = DoLine(f"{remedy}`J` shows the evidence", lines, any(mend.is_tried for mend in steps))
+            # What was tried was all of it: where a part has no line, the others alone may do harm.
+            is_whole = all(mend.command or mend.set for mend in steps)
+            lines = tuple([mend.command for mend in steps if mend.command and is_whole])
+            needs_trial = not all(mend.is_tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
+            do = DoLine(f"{remedy}`J` shows the evidence", lines, needs_trial)
             return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", do
         return "", DoLine("")
 

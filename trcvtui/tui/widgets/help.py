@@ -62,6 +62,7 @@ BLOCK: Final = (
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     MOVES,
 )
+STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no trial; so does a click on `do`")
 HISTORY: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
@@ -72,7 +73,7 @@ RECEIVED: Final = (
     ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
-    ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
+    ("/", 'find hex, else a text ("29" too), =number in either byte order; @offset, #job; esc: no marks'),
     ("n N", "after /: the next hit, the hit before, until another pane is chosen; without: as ] and ["),
     ("[ ]", "the DONE before, the next one"),
     ("d u", "the job before, or the marked message, where it differs; fewer rulers"),
@@ -174,7 +175,7 @@ SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
     ("Panes 1 to 3: pins", (), PINS),
     ("1 Instances", ("instances",), (*INSTANCES, MOVES)),
     ("2 Block", ("block",), BLOCK),
-    ("3 STATUS", ("status",), (MOVES,)),
+    ("3 STATUS", ("status",), (STATUS, MOVES)),
     ("4 History", ("history",), HISTORY),
     ("5 Messages", ("messages",), TABLE),
     ("5 Received", ("received",), RECEIVED),

@@ -198,7 +198,7 @@ class FilterLine(TypedLine):
         self._narrow(self._input.value)
 
 
-HINT = "29 00 · abc · =1234 · =1.5 · @offset · #job"
+HINT = "29 00 · abc · =1.5 · @offset · #job"
 _GOALS: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
 
 
@@ -239,13 +239,9 @@ class FindLine(Horizontal):
     FindLine #find-about { width: auto; max-width: 60%; color: $text-muted; padding: 0 1; }
     """
 
-    def __init__(
-        self, find: Callable[[], None], left: Callable[[], None], tell: Callable[[str], None]
-    ) -> None:
+    def __init__(self, find: Callable[[], None], left: Callable[[], None], tell: Callable[[str], None]):
         super().__init__(id="find-line")
-        self._tell = tell
-        self._find = find
-        self._left = left
+        self._find, self._left, self._tell = find, left, tell
         self._field = FindInput(self.submit, self.close, placeholder=HINT)
         self._about = Static("", id="find-about", markup=False)
 

@@ -101,10 +101,9 @@ async def test_at_200x55_status_and_timing_are_whole_and_in_a_smaller_window_the
             assert pane.virtual_size.height <= pane.size.height, pane.id
         beside = main.timing.outer_size.width + main.block.outer_size.width
         assert main.history.outer_size.width == beside and main.status.region.x == beside
-        for size in ((140, 45), (200, 55)):
-            await looker.pilot.resize_terminal(*size)
+        for width, is_broad in ((140, False), (200, True)):
+            await looker.pilot.resize_terminal(width, 55)
             await looker.pictures()
-            is_broad = size[0] == 200
             assert (main.timing.region.x < main.status.region.x) == is_broad
 
 

@@ -217,7 +217,12 @@ class StatusCard(TextView):
         messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
         if self._past is not None:
             return (*messages, ("esc", "now"))
-        return (*((("enter", "do"),) if any(do.lines for do in self._do) else ()), *messages)
+        has_lines = any(do.lines for do in self._do) and not self._commands_nothing
+        return (*((("enter", "do"),) if has_lines else ()), *messages)
+
+    @property
+    def _commands_nothing(self) -> bool:
+        return self._view_model.position is not None or getattr(self.app, "only_looks", False)
 
     def __init__(
         self,
@@ -254,7 +259,7 @@ class StatusCard(TextView):
     def action_remedy(self) -> None:
         """Type the bench lines of the remedy, or say why there is none."""
         untried = [line for do in self._do if do.needs_trial for line in do.lines]
-        if self._view_model.position is not None or getattr(self.app, "only_looks", False):
+        if self._commands_nothing:
             self._actions.complain("`do` is a text here: this screen commands nothing")
         elif self._past is not None:
             self._actions.complain("this is the past: esc leads back to now, and to what to do")

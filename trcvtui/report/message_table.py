@@ -67,7 +67,7 @@ class MessageTable:
         begun_ns: int | None = None,
     ) -> None:
         chosen = _chosen(types, members)
-        is_one = len({(shape(one.layout), *_paths(one.layout)) for one in types}) == 1
+        is_one = len({_key(one.data) for one in types}) == 1
         if is_one:
             chosen = [tuple(dict.fromkeys(chain.from_iterable(chosen)))]
         self.left_out = max(0, sum(map(len, chosen)) - MOST_MEMBERS)
@@ -179,6 +179,16 @@ def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
             if place is not None:
                 numbers.update(dict.fromkeys(range(place[0], place[0] + place[1].leaves)))
     return [tuple(numbers) for numbers in chosen]
+
+
+def is_same_type(one: DataDecl | None, other: DataDecl | None) -> bool:
+    """Return whether all bytes of two DATA mean the same, by the same names."""
+    return one is other or (one is not None and other is not None and _key(one) == _key(other))
+
+
+def _key(data: DataDecl | Layout) -> object:
+    layout = data.layout if isinstance(data, DataDecl) else data
+    return shape(layout), *_paths(layout)
 
 
 def _paths(layout: Layout) -> list[str]:

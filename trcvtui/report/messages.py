@@ -29,7 +29,13 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
 from trcvtui.recording.journal import SIM_WALL_NS, RunBegins
 from trcvtui.recording.recording import Recording
-from trcvtui.report.message_table import OF_A_CONVERSATION, OF_AN_INSTANCE, MessageTable, MessageType
+from trcvtui.report.message_table import (
+    OF_A_CONVERSATION,
+    OF_AN_INSTANCE,
+    MessageTable,
+    MessageType,
+    is_same_type,
+)
 from trcvtui.udt.layout.layout import Layout
 
 GOOD, NO_ROW = 0, 1
@@ -52,6 +58,9 @@ class MessagesQuestion(NamedTuple):
     out: Path | None
     kernel: str
     time_ns: int | None
+
+
+_Readers = Mapping[str, Callable[..., Filter]]
 
 
 class _NoRow(Exception):
@@ -109,15 +118,17 @@ class _Rows:
         self.asked, self._out = asked, out
         self.table: MessageTable | None = None
         self._filters: dict[str, Filter | None] = {}
+        self.project: Project | None = None  # that of the columns
+        self.begun_ns = 0
 
     def begin_bench(self, project: Project, begun_ns: int) -> None:
         names, only = [each.name for each in project.instances], self.asked.instance
         if only is not None and only not in names:
             raise mistake("--instance", shown(only), expected_name(only, names, "instance"), "unknown")
+        self.project, self.begun_ns = project, begun_ns
         of = {name: project.received_data(name) for name in names if only in (None, name)}
-        filters = {name: partial(read_filter, project=project, instance=name) for name in of}
         types = [MessageType(name, data) for name, data in of.items() if data is not None]
-        self._begin(types, OF_AN_INSTANCE, begun_ns, filters)
+        self._begin(types, OF_AN_INSTANCE, begun_ns, self._readers(project))
 
     def begin_capture(self, begun_ns: int) -> None:
         if self.asked.instance is not None:
@@ -128,35 +139,35 @@ class _Rows:
         self._begin(some, OF_A_CONVERSATION, begun_ns, filters)
 
     def _begin(
-        self,
-        types: Sequence[MessageType],
-        labels: Sequence[str],
-        begun_ns: int,
-        filters: Mapping[str, Callable[..., Filter]],
+        self, types: Sequence[MessageType], labels: Sequence[str], begun_ns: int, filters: _Readers
     ) -> None:
-        where, wrong = self.asked.where, list[UserError]()
-        self._filters = dict.fromkeys(filters)
-        for name, read in filters.items() if where is not None else ():
-            try:
-                self._filters[name] = read(where, where="--where")
-            except UserError as refused:  # another one may have that name
-                del self._filters[name]
-                wrong.append(refused)
-        if not self._filters and wrong:
+        wrong = self._read_filters(filters)
+        if wrong and len(wrong) == len(filters):
             raise wrong[0]
         self.table = MessageTable(self._out, self.asked.form, types, labels, self.asked.members, begun_ns)
         if self.table.left_out:
             _say(f"{self.table.left_out} members have no column: --members names those that shall")
 
-    def change(self, before: Project, project: Project) -> frozenset[str]:
-        """Read filters anew for an edited project; return the instances with another DATA than before."""
-        for name in self._filters if self.asked.where is not None else ():
-            with suppress(UserError):
+    def _readers(self, project: Project) -> _Readers:
+        names = [each.name for each in project.instances if self.asked.instance in (None, each.name)]
+        return {name: partial(read_filter, project=project, instance=name) for name in names}
+
+    def _read_filters(self, filters: _Readers) -> list[UserError]:
+        where, wrong = self.asked.where, list[UserError]()
+        for name, read in filters.items():
+            try:
+                self._filters[name] = None if where is None else read(where, where="--where")
+            except UserError as refused:  # another one may have that name
                 self._filters[name] = _nothing
-                self._filters[name] = read_filter(self.asked.where or "", project, name)
-        names = [each.name for each in project.instances]
-        pairs = ((name, project.received_data(name), before.received_data(name)) for name in names)
-        return frozenset(name for name, now, then in pairs if now is not then)
+                wrong.append(refused)
+        return wrong
+
+    def change(self, project: Project) -> frozenset[str]:
+        """Read filters anew for another project; return the instances whose type has no columns."""
+        self._read_filters(self._readers(project))
+        first = self.project or project
+        pairs = ((name, project.received_data(name), first.received_data(name)) for name in self._filters)
+        return frozenset(name for name, now, then in pairs if not is_same_type(now, then))
 
     def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
@@ -185,13 +196,13 @@ class _BenchMessages:
         self._streams = StreamReader(bench, self.reader).streams
         self._messages = MessageRows(bench, self.reader, self._streams, after)
         self._rows, self._add_ns, self._bench = rows, add_ns, bench
-        self._begun = self._project = bench.project
+        self._project = rows.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
 
     def take(self) -> None:
         if self._bench.project is not self._project:
             self._project = self._bench.project
-            self._changed = self._rows.change(self._begun, self._project)
+            self._changed = self._rows.change(self._project)
         for name, row in self._messages.take():
             row = row._replace(t_ns=row.t_ns + self._add_ns)
             self._rows.take(name, (name,), row, name not in self._changed)
@@ -236,7 +247,7 @@ def _run_again(rows: _Rows, path: str) -> None:
     begun_ns = run.begins.wall_ns
     if rows.table is None:
         rows.begin_bench(run.bench.project, begun_ns)
-    found = _BenchMessages(run.bench, rows, after=keyframes.offset)
+    found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:

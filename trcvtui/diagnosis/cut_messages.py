@@ -47,7 +47,8 @@ class MessageCutter:
         if not self._held and not self._rest:
             if len(data) == record and (largest or not self._odd):
                 self._good += 1
-                self._decide()
+                if self._waiting:
+                    self._decide()
                 self._take(ns, data, record, "", True)  # nearly all of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):

@@ -30,6 +30,7 @@ OF_A_ROW: Final[Mapping[str, Callable[[MessageRow], int]]] = {
     "done": lambda row: not row.reason,
 }
 # What columns are called is known, too.
+_RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "", shows="rcvd_len")
 _COLUMNS: Final = (
     Pin("length", Direction.OUT, "UDINT", "", shows="rcvd_len"),
     Pin("status", Direction.OUT, "WORD", "", shows="status"),
@@ -52,7 +53,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
     """Return the same for messages of a type that is known without a project, or of none."""
-    return _filter(_read(text, where), "", (), layout)
+    return _filter(_read(text, where), "", (_RCVD_LEN,), layout)
 
 
 def _read(text: str, where: str) -> ConditionText:

@@ -142,6 +142,9 @@ class ConditionText(NamedTuple):
             code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
             read = lambda part: code.unpack(part)[0]  # noqa: E731
         value = read(leaf_bytes(layout, leaf, self.value, self.where))
+        if value != value and self.operator in ("=", "!="):  # NaN, equal to nothing: is it one?
+            number, value = read, True
+            read = lambda part: (now := number(part)) != now  # noqa: E731
         return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)
 
     def _check_order(self, what: str, has_none: bool) -> None:

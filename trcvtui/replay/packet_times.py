@@ -49,7 +49,7 @@ class PacketTimes:
 
     def _take(self, event: ConversationEvent) -> None:
         ns, talk, direction, kind, at, size, _ = event
-        if not talk.begins_with_syn or talk.sent is None:
+        if not talk.begins_with_syn:
             return
         if direction not in self._said:
             self._said[direction] = deque(maxlen=MOST_KEPT)

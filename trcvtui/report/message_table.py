@@ -174,7 +174,7 @@ def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
     for name in map(str.strip, re.split(r",(?![^\[]*\])", members)):
         found = [find_member(one.layout, name, *names_before(one.instance, one.data)) for one in types]
         if not any(found):
-            raise unknown_member("--members", name, types[0].layout if types else None)
+            raise unknown_member("--members", name, None, chain.from_iterable(_paths(one.layout) for one in types))
         for numbers, place in zip(chosen, found, strict=True):
             if place is not None:
                 numbers.update(dict.fromkeys(range(place[0], place[0] + place[1].leaves)))

@@ -143,13 +143,15 @@ class _Rows:
     ) -> None:
         wrong = self._read_filters(filters)
         if wrong and len(wrong) == len(filters):
-            raise wrong[0]
+            raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone
         self.table = MessageTable(self._out, self.asked.form, types, labels, self.asked.members, begun_ns)
         if self.table.left_out:
             _say(f"{self.table.left_out} members have no column: --members names those that shall")
 
     def _readers(self, project: Project) -> _Readers:
         names = [each.name for each in project.instances if self.asked.instance in (None, each.name)]
+        named = (self.asked.where or "").strip().partition(" ")[0]
+        names = [named] if named in names else names
         return {name: partial(read_filter, project=project, instance=name) for name in names}
 
     def _read_filters(self, filters: _Readers) -> list[UserError]:

@@ -120,7 +120,8 @@ class MessageCutter:
 
     def _hold(self, ns: int, data: bytes, largest: int) -> None:
         self._is_write = not self._held or self._is_full
-        self._is_full = self._is_write and (not largest or fills_segment(len(data), largest, 0))
+        is_read = self._record > 0 and not largest
+        self._is_full = self._is_write and (is_read or fills_segment(len(data), largest, 0))
         self._held += data
         self._ends.append((len(self._held), ns))
 

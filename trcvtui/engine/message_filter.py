@@ -41,7 +41,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
     """Return what tells whether a row of an instance is let through; raise UserError."""
     decl = project.instance(instance)
     assert decl is not None
-    comparison = _read(text, where)
+    comparison = read_comparison(text.strip(), where, FORM)
     named, _, rest = comparison.subject.partition(" ")
     if rest and project.instance(named) is not None:
         if named != instance:
@@ -53,11 +53,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
     """Return the same for messages of a type that is known without a project, or of none."""
-    return _filter(_read(text, where), "", (_RCVD_LEN,), layout)
-
-
-def _read(text: str, where: str) -> ConditionText:
-    return read_comparison(text.strip(), where, FORM)
+    return _filter(read_comparison(text.strip(), where, FORM), "", (_RCVD_LEN,), layout)
 
 
 def _filter(

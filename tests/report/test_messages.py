@@ -386,6 +386,25 @@ def test_a_mistake_is_one_line(run: Run, folder: Path) -> None:
     golden.agree("mistakes", "messages", said)
 
 
+SCL = 'TYPE "T"\nSTRUCT\n "my name" : Int;\n "a=b" : Real;\n "q,r" : Bool;\nEND_STRUCT;\nEND_TYPE'
+
+
+def test_names_in_quotes_may_have_blanks_commas_and_operators(run: Run, folder: Path) -> None:
+    (folder / "t.scl").write_text(SCL)
+    sent = [struct.pack(">hf?x", n, n / 2, n % 2) for n in range(4)]
+    (folder / "c.pcapng").write_bytes(capture(stream(*sent)))
+    asked = "c.pcapng", "--udt", "t.scl", "--layout", "s7-standard", "--members", 'my name, "q,r"'
+    for where, numbers in (
+        ("my name = 2", "3"),
+        ('"a=b" > 0.5', "34"),
+        ('"q,r"=1', "24"),
+        ('"a=b" != 1', "124"),
+    ):
+        found = rows(run, *asked, "--where", where)
+        assert "".join(row["n"] for row in found) == numbers
+        assert [*found[0]][-3:] == ["hex", "my name", "q,r"]
+
+
 def test_out_is_a_new_file_and_nothing_half_is_left(
     run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -71,7 +71,9 @@ def _filter(
     known = {pin.name.casefold(): pin for pin in (*_COLUMNS, *pins.values())} | pins
     pin = known.get(subject) or known.get(subject.casefold())
     if pin is None:
-        raise unknown_member(where, subject, layout, [*(each.name for each in _COLUMNS), *pins])
+        leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
+        names = [*(each.name for each in _COLUMNS), *pins, *(leaf.path for leaf in leaves if leaf.path)]
+        raise unknown_member(where, subject, names)
     of_row, compare = OF_A_ROW[pin.shows], COMPARE[comparison.operator]
     value = comparison.of_pin(instance, pin).value
     return lambda row: (now := of_row(row)) >= 0 and compare(now, value)
@@ -98,8 +100,6 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     return None
 
 
-def unknown_member(where: str, name: str, layout: Layout | None, others: Iterable[str] = ()) -> UserError:
+def unknown_member(where: str, name: str, names: Iterable[str]) -> UserError:
     """Return the mistake that a name is no member, with the nearest one."""
-    leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
-    names = [*others, *(leaf.path for leaf in leaves if leaf.path)]
     return mistake(where, shown(name), expected_name(name, names, "member"), "unknown")

@@ -39,7 +39,7 @@ COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
 RISES, OFF = "rises", "off"
 WITH_DONE: Final = "RCVD_LEN"
 FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
-_COMPARISON: Final = re.compile(r"([^=!<>]+?)\s*(!=|<=|>=|=|<|>)\s*(.+)", re.DOTALL)
+_COMPARISON: Final = re.compile(r'((?:"[^"]*"|"(?![^"]*")|[^=!<>"])+?)\s*(!=|<=|>=|=|<|>)\s*(.+)', re.DOTALL)
 _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
 

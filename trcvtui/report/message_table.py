@@ -39,6 +39,8 @@ SPACED: Final = 43_690  # bytes as hex with blanks, so that no program takes the
 MOST_HEX: Final = 65_535  # without: Python's csv reads no cell of more than 131,072 characters
 LOOKED_AT: Final = 256  # rows, for the width of the columns of text: a wider cell moves the rest of its line
 
+_MEMBER: Final = re.compile(r'(?:"[^"]*"|\[[^]]*\]|[^,])+')  # of `a, b.c[1,2], "a,b"`
+
 Cell = Callable[[Any, bytes], object]  # a value, and the bytes of its message
 
 
@@ -161,14 +163,15 @@ def csv_of(
 
 def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
     """Return the leaves of each type that become columns; raise UserError for a name that is no member."""
-    if not members:
+    names = [name.strip() for name in _MEMBER.findall(members) if name.strip()]
+    if not names:
         return [range(one.layout.leaf_count) for one in types]
     chosen = [dict[int, None]() for _ in types]
-    for name in map(str.strip, re.split(r",(?![^\[]*\])", members)):
+    for name in names:
         found = [find_member(one.layout, name, *names_before(one.instance, one.data)) for one in types]
         if not any(found):
             paths = chain.from_iterable(_paths(one.layout) for one in types)
-            raise unknown_member("--members", name, None, paths)
+            raise unknown_member("--members", name, paths)
         for numbers, place in zip(chosen, found, strict=True):
             if place is not None:
                 numbers.update(dict.fromkeys(range(place[0], place[0] + place[1].leaves)))

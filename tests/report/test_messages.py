@@ -229,13 +229,15 @@ def test_the_files_of_a_split_run_have_each_message_once_with_the_jobs_number(ru
     assert told(of_run, *times) == told(of_shadow, *times)[: len(of_run)], "of our own sender, too"
 
 
-def test_another_recording_has_its_own_times_and_no_columns_of_another_type(run: Run, folder: Path) -> None:
+def test_another_recording_has_its_own_times_and_no_columns_of_another_type(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     start, _, rest = SENDS.partition("[[data]]")
+    (folder / "b.toml").write_text(start + (folder / "p.toml").read_text() + "[[data]]" + rest)
     for name, kind in (("a", TYPE), ("b", TYPE), ("c", TYPE.replace("REAL", "DINT"))):
         (folder / "t.st").write_text(kind)
-        (folder / "b.toml").write_text(start + (folder / "p.toml").read_text() + "[[data]]" + rest)
-        record = ["record", "b.toml", "--kernel", "live", "--out", name, "--duration", "T#50ms"]
-        assert main(record) == 0
+        monkeypatch.setattr("trcvtui.recording.recorder.SIM_WALL_NS", 10**18 + ord(name) * 10**9)
+        assert main(["record", "b.toml", "--kernel", "sim", "--out", name, "--duration", "T#50ms"]) == 0
     files = [str(*(folder / name).iterdir()) for name in "abc"]
     alone = [told(rows(run, file), "n", "time", "hex") for file in files]
     found = rows(run, *files)

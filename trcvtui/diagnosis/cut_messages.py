@@ -37,7 +37,6 @@ class MessageCutter:
         self._rest = 0  # so many bytes belong to a message of which a hole has the beginning
         self._good = self._odd = 0  # segments that were one record; messages of another size
         self._waiting: list[tuple[bytes, list[tuple[int, int]]]] = []  # pieces of several records, their ends
-        self._waiting_size = 0
         self._last = 0, 0  # time and size of the newest segment
 
     def segment(self, ns: int, data: bytes, largest: int) -> None:
@@ -102,15 +101,14 @@ class MessageCutter:
 
     def end(self, ns: int, reason: str = "") -> None:
         """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
-        size, record, is_over = len(self._held), self._record, bool(reason)
+        size, record = len(self._held), self._record
         if not self._rest and record and size % record == 0 and (self._is_write or size == record):
             self._give_records()
-        if not record or ns - self._last[0] >= PAUSE_NS:
-            reason = ""
+        is_short = record and ns - self._last[0] < PAUSE_NS
         if self._held:
-            self._give(size, HOLE if self._rest else reason, begins=not self._rest)
+            self._give(size, HOLE if self._rest else reason if is_short else "", begins=not self._rest)
         self._rest = 0
-        if is_over:
+        if reason:
             self._decide()
 
     @property
@@ -132,15 +130,14 @@ class MessageCutter:
         if not at or not (self._is_regular or len(content) == record):
             return
         self._waiting.append((content[:at], ends))
-        self._waiting_size += at
         del self._held[:at]
         self._ends = [(end - at, ns) for end, ns in ends if end > at]
-        if self._good or self._odd or self._waiting_size > MOST_HELD:
+        if self._good or self._odd or sum([len(piece) for piece, _ in self._waiting]) > MOST_HELD:
             self._decide()
 
     def _decide(self) -> None:
         """Give what waits: as records, or where messages have another size as one."""
-        waiting, self._waiting, self._waiting_size = self._waiting, [], 0
+        waiting, self._waiting = self._waiting, []
         for content, ends in waiting:
             record = self._record if self._is_regular or len(content) == self._record else len(content)
             passed, (end, ns) = iter(ends), (0, 0)

@@ -85,8 +85,7 @@ class TableFace(Face):
 
         name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
-        position = self._view_model.position
-        begun_ns = position.first_ns if position is not None else None
+        begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
         return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
 
     # -- the chosen message ----------------------------------------------------------------------------

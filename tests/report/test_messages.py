@@ -223,6 +223,43 @@ def test_the_files_of_a_split_run_have_each_message_once_with_the_jobs_number(ru
     assert int(first["n"]) > 1
 
 
+CHANGES = """
+[[peer]]
+name = "P"
+active = true
+remote = "@C1"
+[scenario]
+name = "a type changes"
+steps = '''
+set R1 EN_R=0
+run 9
+peer P connect
+wait R1 STATUS=7004
+set R1 EN_R=1
+run 9
+peer P send hex 01 00 00 00 00 00 C0 3F 01 00 00 00
+run 9
+set R1 EN_R=0
+run 3
+resize rx ARRAY[0..3] OF INT
+set R1 EN_R=1
+run 9
+peer P send hex 01 00 02 00 03 00 04 00
+run 9
+'''
+"""
+
+
+def test_after_a_change_of_the_type_its_old_columns_are_empty(run: Run, folder: Path) -> None:
+    (folder / "s.toml").write_text((folder / "p.toml").read_text() + CHANGES)
+    assert main(["scenario", "s.toml", "--record", "s.pcapng"]) == 0
+    found = told(rows(run, "s.pcapng"), "length", "hex", "state", "count")
+    assert [(row[0], *row[2:]) for row in found] == [("12", "1", "1"), ("8", "", "")]
+    assert found[1][1] == "01 00 02 00 03 00 04 00"
+    assert told(rows(run, "s.pcapng", "--where", "state = 1"), "length") == [("12",)]
+    assert told(rows(run, "s.pcapng", "--where", "length < 9"), "length") == [("8",)]
+
+
 class Cut:
     """A cutter, and what it has given: size, bytes, reason, whether the message begins there."""
 
@@ -255,6 +292,9 @@ A, B, L = bytes(range(12)), bytes(range(12, 24)), bytes(1460)
         ((A[:4], 0.1, A[4:], 0.1), [(4, "", True), (8, "", True)]),
         ((A[:10],) * 6, [(10, "", True)] * 5 + [(10, "FIN", True)]),
         ((A + B + A[:3],), [(27, "", True)]),
+        ((L, L, L[: 1460 - 24], L, L, L), [(12, "", True)] * 728),
+        ((A[:10], 5 * A), [(10, "", True), (60, "", True)]),
+        ((A[:5], A, A, A + B), [(5, "", True)] + [(12, "", True)] * 4),
         ((L, L, L[: 1460 - 20]), [(4360, "", True)]),
         ((L, L, L[:1460 - 24]), [(12, "", True)] * 363),
         ((A, 24, B), [(12, "", True)] * 2),

@@ -323,7 +323,7 @@ def _messages(args: Args) -> int:
             if getattr(args, option) is not None:
                 raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
     asked = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
-    return messages(MessagesQuestion(*asked, args.format, args.out), args.kernel, time_ns)
+    return messages(MessagesQuestion(*asked, args.format, args.out, args.kernel, time_ns))
 
 
 COMMANDS = {

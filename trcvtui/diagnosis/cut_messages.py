@@ -33,7 +33,7 @@ class MessageCutter:
         self._ends: list[tuple[int, int]] = []  # where each segment ends in what is held, and its time
         self._is_write = self._is_full = True  # all segments but the last are as large as they get; that, too
         self._rest = 0  # so many bytes belong to a message of which a hole has the beginning
-        self._is_regular = True  # all messages so far were records
+        self._good = self._odd = 0  # segments that were one record; messages of another size
         self._last = 0, 0  # time and size of the newest segment
 
     def segment(self, ns: int, data: bytes, largest: int) -> None:
@@ -42,6 +42,7 @@ class MessageCutter:
         self._last = ns, len(data)
         if not self._held and not self._rest:
             if len(data) == record:
+                self._good += 1
                 self._take(ns, data, record, "", True)  # nearly all of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
@@ -65,6 +66,8 @@ class MessageCutter:
             self.end(ns)
         elif len(self._held) >= max(MOST_HELD, 2 * record):
             self._give_records()
+            if len(self._held) >= MOST_HELD:
+                self.end(ns)
 
     def datagram(self, ns: int, data: bytes, size: int) -> None:
         """Take a datagram that had `size` bytes at the wire."""
@@ -81,7 +84,7 @@ class MessageCutter:
         to_next = self._rest or -len(self._held)
         if self._held:
             self._give(len(self._held), HOLE, begins=not self._rest)
-        is_known = self._record and self._is_regular and to_next < UNTIL_PAUSE
+        is_known = self._record and self._is_regular and to_next <= MOST_HELD
         self._rest = (to_next - size) % self._record if is_known else UNTIL_PAUSE
         self._last = ns, 0
 
@@ -93,13 +96,18 @@ class MessageCutter:
     def end(self, ns: int, reason: str = "") -> None:
         """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
         size, record = len(self._held), self._record
-        if self._rest or ns - self._last[0] >= PAUSE_NS:
-            reason = HOLE if self._rest else ""
-        elif record and size % record == 0 and (self._is_write or size == record):
+        if not self._rest and record and size % record == 0 and (self._is_write or size == record):
             self._give_records()
+        if not record or ns - self._last[0] >= PAUSE_NS:
+            reason = ""
         if self._held:
-            self._give(size, reason if record or self._rest else "", begins=not self._rest)
+            self._give(size, HOLE if self._rest else reason, begins=not self._rest)
         self._rest = 0
+
+    @property
+    def _is_regular(self) -> bool:
+        """Return whether several records in one piece are believed: messages of 10 bytes make 60, too."""
+        return not self._odd or self._good > self._odd
 
     def _hold(self, ns: int, data: bytes, largest: int) -> None:
         self._is_write = not self._held or self._is_full
@@ -110,7 +118,8 @@ class MessageCutter:
     def _give_records(self) -> None:
         record, content, at, ends = self._record, bytes(self._held), 0, iter(self._ends)
         end, ns = 0, 0
-        while 0 < record <= len(content) - at:
+        self._good += len(content) == record
+        while 0 < record <= len(content) - at and (self._is_regular or len(content) == record):
             at += record
             while end < at:
                 end, ns = next(ends)
@@ -120,7 +129,7 @@ class MessageCutter:
 
     def _give(self, size: int, reason: str, missing: int = 0, begins: bool = True) -> None:
         content, ns = bytes(self._held[:size]), self._ends[-1][1]
-        self._is_regular = self._is_regular and reason == HOLE
+        self._odd += reason != HOLE
         self._held.clear()
         self._ends.clear()
         self._take(ns, content, size + missing, reason, begins)

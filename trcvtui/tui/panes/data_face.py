@@ -26,7 +26,7 @@ from trcvtui.tui.widgets.hex_view import (
     numbers_at,
 )
 from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, ruled
-from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.tui.widgets.typed_lines import Goal
 from trcvtui.udt.byte_text import Wanted, hit_of
 from trcvtui.wording import stamp
 
@@ -113,10 +113,10 @@ class DataFace(Face):
     DataFace #job { height: 1; display: none; }
     """
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, below: OriginLine) -> None:
         self.data = HexView("data", of_job=False)
         self.job = HexView("job", of_job=True)
-        super().__init__(view_model, find, below, self.data)
+        super().__init__(view_model, below, self.data)
         self._line = JobLine(view_model)
         self._job_rows = 0
         self._data_rows: int | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from textual.binding import Binding
 from textual.containers import Vertical
@@ -20,6 +20,7 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
 
+MOST: Final = 1 << 62  # after every position
 NEXT_HIT: Final = (("n N", "next hit, hit before"),)
 
 
@@ -46,10 +47,10 @@ class Received(Vertical):
         self._view_model = view_model
         self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes, tell)
         self._below = OriginLine()
-        self.now = DataFace(view_model, self._find, self._below)
+        self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
         self.data, self.job, self.stream = self.now.data, self.now.job, self.past.stream
-        self.table = TableFace(view_model, self._find, self._below)
+        self.table = TableFace(view_model, self._below)
         self._faces = self.now, self.past, self.table
         self._turn_to(self.now)
         self._title = self._subtitle = ""
@@ -129,14 +130,20 @@ class Received(Vertical):
 
     def action_done(self, is_forward: bool) -> None:
         self._open_past()
-        self.past.go_to_done(is_forward)
-        self.show()
+        self._look_from(self.stream.window.end + 1, is_forward)
 
     def action_dropped(self) -> None:
         if not self.is_past:
             self.action_past()
             self.stream.cursor = None
-        self.past.go_to_dropped()
+        self.past.seeks_drop = True
+        self._look_from(MOST, False, dropped=True)
+
+    def _look_from(self, end: int, is_forward: bool, **what: Any) -> None:
+        """Look for a place in the stream, from the cursor or else from `end` on."""
+        here = self.stream.cursor
+        self.stream.look_for(here if here is not None else end, is_forward, **what)
+        self.past.note = ""
         self.show()
 
     def go_to(self, byte: int) -> None:
@@ -196,7 +203,7 @@ class Received(Vertical):
             face.find(wanted, is_forward, again)
         elif wanted.is_job:
             self._open_past()
-            self.past.go_to_job(wanted.number)
+            self.stream.look_for(MOST, False, job=(self._view_model.selected, wanted.number))
         else:
             face.go_to_offset(wanted)
         self.show()

@@ -184,6 +184,7 @@ if TYPE_CHECKING:
     from trcvtui.diagnosis.job import DoLine
 
 LABEL: Final = 7
+BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
 PIN_COMMAND: Final = re.compile(r"(?:pulse|set) (\S+) (\w+)(=\w+)?")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
@@ -195,14 +196,16 @@ class StatusCard(TextView):
     BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
 
     def keys(self) -> tuple[tuple[str, str], ...]:
+        messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
         if self._past is not None:
-            return (("D", "messages"), ("esc", "now"))
+            return (*messages, ("esc", "now"))
         has_lines = any(do.lines for do in self._do) and not self._commands_nothing
-        return (*((("enter", "do"),) if has_lines else ()), ("D", "messages"))
+        return ((("enter", "do"),) if has_lines else ()) + messages
 
     @property
     def _commands_nothing(self) -> bool:
-        return self._view_model.position is not None or getattr(self.app, "only_looks", False)
+        is_bench = self._digit == BENCH_DIGIT and self._view_model.position is None
+        return not is_bench or getattr(self.app, "only_looks", False)
 
     def __init__(
         self,

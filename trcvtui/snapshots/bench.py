@@ -21,12 +21,13 @@ class Answer(Struct, frozen=True):
 class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
 
+    `overruns` and the latest start are those of a bad time, 0 after 10 good seconds.
     `late_by_picture`: so many scans were late because of a picture.
     """
 
     scans: int = 0
     overruns: int = 0
-    late_p99_ns: int = 0
+    late_ns: int = 0
     mode: str = ""
     late_by_picture: int = 0
 

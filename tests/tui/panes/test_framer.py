@@ -163,7 +163,7 @@ async def test_no_output_and_no_condition_is_cut_when_the_marks_are_set(size: tu
         await shown.do(FRAME, scans=2)
         await shown.press("2")
         box = shown.text.partition("┌")[2].partition("└")[0]
-        for name in ("DataReceived ◂", "LenReceiveData", "RxTimeout"):
+        for name in ("DataReceived", "LenReceiveData", "RxTimeout"):
             assert name in box, shown.text
         await shown.press("4")
         assert "waiting for a frame" in shown.line("  1    0.000")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Final
 
 from textual.binding import Binding
@@ -42,10 +42,10 @@ class Received(Vertical):
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel, tell: Callable[[str], None]) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
+        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes, tell)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)

@@ -95,7 +95,7 @@ class TimingView:
         return ends[0], ends[1]
 
 
-STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
+STYLES: Final = {"": "faint", "pulse": "strong", "gap": "warn", "mark": "key", "high": "strong"}
 
 
 class Drawn(NamedTuple):
@@ -171,7 +171,9 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
         parts = [(text, "ghost") for text, _ in pieces]
     else:
         high = lamp_of(name) or "strong"
-        parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
+        parts = [
+            (text, high if kind in ("high", "pulse") else STYLES.get(kind, kind)) for text, kind in pieces
+        ]
     if cursor is None:
         return parts
     return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")

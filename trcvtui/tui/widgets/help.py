@@ -20,7 +20,7 @@ TAKEN: Final = frozenset("hjkqgbpvy")
 
 EVERYWHERE: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
-    ("tab, shift+tab", "next, previous pane or field"),
+    ("tab, shift+tab", "next, previous pane or field; in a form ↑ ↓, too, where a field has no list"),
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
@@ -31,12 +31,13 @@ EVERYWHERE: Final = (
     ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
     ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
-    ("ctrl+p", "command palette: everything by name"),
+    ("ctrl+p", "command palette: everything by name, or by words such as copy, graph, recent projects"),
     ("y", "yank what the pane shows: hex, 16#.., members, history; y y takes the first"),
     ("K", "mark: what a saved session will expect begins here"),
-    ("A", "add an instance (with the CONNECT and DATA that it lacks), connection, DATA, peer, message"),
+    ("A", "add an instance (with CONNECT and DATA of its own), connection, DATA, peer; it is selected"),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
-    ("ctrl+z", "undo: takes the newest add, change or remove back; `save project` keeps them"),
+    ("ctrl+z", "undo: takes the newest add, change or remove back"),
+    ("ctrl+s", "`save project`: what was added, changed and removed, into its file"),
     ("P", "a picture of the screen as SVG, its path is told"),
     ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
@@ -61,6 +62,7 @@ BLOCK: Final = (
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     MOVES,
 )
+STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no trial; so does a click on `do`")
 HISTORY: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
@@ -71,7 +73,7 @@ RECEIVED: Final = (
     ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
-    ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
+    ("/", 'find hex, else a text ("29" too), =number in either byte order; @offset, #job; esc: no marks'),
     ("n N", "after /: the next hit, the hit before, until another pane is chosen; without: as ] and ["),
     ("[ ]", "the DONE before, the next one"),
     ("d u", "the job before, or the marked message, where it differs; fewer rulers"),
@@ -173,7 +175,7 @@ SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
     ("Panes 1 to 3: pins", (), PINS),
     ("1 Instances", ("instances",), (*INSTANCES, MOVES)),
     ("2 Block", ("block",), BLOCK),
-    ("3 STATUS", ("status",), (MOVES,)),
+    ("3 STATUS", ("status",), (STATUS, MOVES)),
     ("4 History", ("history",), HISTORY),
     ("5 Messages", ("messages",), TABLE),
     ("5 Received", ("received",), RECEIVED),

@@ -178,7 +178,7 @@ def test_without_a_project_the_messages_are_those_of_the_command_at_their_scans(
     for decl in line.controller.bench.project.instances:
         asked = UpdateRequest(messages=(decl.name, 0, NOW), bench=line.controller._bench_number)
         news = line.picture(asked).messages
-        assert news is not None and news.share == 1
+        assert news is not None and news.share == 1 and not news.are_typed
         for row in news.rows:
             assert row.content is not None and line.survey.scan_at(row.t_ns) == row.scan
             place = (row.size, row.content.hex(" "), row.t_ns / 1e9, row.reason)

@@ -11,7 +11,7 @@ from tests.replay.journals import InMemory, recorded
 from tests.replay.test_time_line import Stood
 from trcvtui.cli.main import main
 from trcvtui.history.messages import MessageRow
-from trcvtui.recording.journal import STEP
+from trcvtui.recording.journal import SIM_WALL_NS, STEP
 from trcvtui.replay.driver import opened
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -48,6 +48,8 @@ def test_at_its_first_scan_a_replay_has_the_rows_of_the_run_and_keeps_them(tmp_p
     rows = [row for _, row in messages.taken]
     stood = Shown(TimeLine(InMemory(recorded(many)[1]), "R"))
     assert (stood.scan, len(rows), stood.rows()) == (1, 500, rows)
+    assert stood.screen.message_type is not None
+    assert stood.screen.live is not None and stood.screen.live.begun_ns == SIM_WALL_NS
     known = stood.screen.known_messages
     for line in (f"at {rows[299].scan}", "at 1", "at end", "if instance.TRCV_C_1.LEN=2", "at 5", "if off"):
         stood.go(line)

@@ -87,3 +87,10 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
         assert app._say("set TRCV_C_1 CONT=1") is None, "no way into the engine but this list"
         assert app.is_running
     assert kept == []
+
+
+async def test_a_curve_looks_only() -> None:
+    async with looking(WIDE) as looker:
+        looker.app.only_looks = True
+        await looker.press("6", "enter")
+        assert type(looker.app.screen).__name__ == "CurveScreen"

@@ -149,6 +149,10 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
             assert (table.chosen(), looker.scan) == (row, scan), keys
         known.share = 0.4
         assert "reading … 40%" in table.words()
+        await looker.go("D", "9")
+        for keys, has_sparks in (("home", False), ("end", True)):
+            await looker.go(keys)
+            assert bool(set("▁▂▃▄▅▆▇█") & set(looker.pane("udt"))) is has_sparks
 
 
 async def test_the_table_of_messages_keeps_g_home_and_end_and_the_arrows_are_the_time_lines() -> None:

@@ -312,6 +312,8 @@ def _messages(args: Args) -> int:
     from trcvtui.udt.literals import parse_time
 
     layout, time_ns = None, None if args.time is None else parse_time(args.time, "--for")
+    if time_ns is not None and time_ns <= 0:
+        raise mistake("--for", args.time, "more than T#0s")
     if args.udt is not None:
         from trcvtui.udt.command import layout_of
 
@@ -323,7 +325,7 @@ def _messages(args: Args) -> int:
             if getattr(args, option) is not None:
                 raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
     asked = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
-    return messages(MessagesQuestion(*asked, args.format, args.out), args.kernel, time_ns)
+    return messages(MessagesQuestion(*asked, args.format, args.out, args.kernel, time_ns))
 
 
 COMMANDS = {

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec.structs import replace
 
+from trcvtui import clock
 from trcvtui.bench.bench import KERNELS, Bench
 from trcvtui.bench.conditions import found, holds
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
@@ -178,6 +179,7 @@ class Controller:
         self._project_number = 0
 
     def _begin(self, bench: Bench) -> None:
+        self.begun_ns = clock.wall_ns() - bench.now if bench.kernel_name == "live" else None
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
         self._messages = MessageRows(bench, reader, self._history.streams)
@@ -533,6 +535,7 @@ class Controller:
             talks=self.talks(),
             doctor=self._doctor.snapshot,
             messages=self._message_news(request, kept.snapshot.scan if kept else NOW) if known else None,
+            begun_ns=self.begun_ns,
         )
 
     def _message_news(self, request: UpdateRequest, scan: int) -> MessagesDelta | None:

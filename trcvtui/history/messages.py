@@ -64,6 +64,7 @@ class MessagesDelta(Struct, frozen=True):
     rows: tuple[MessageRow, ...]
     oldest: int = 0
     share: float = 1.0
+    are_typed: bool = True  # False: cut by pauses, their members are not known
 
 
 class _InstanceRows:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 
+from msgspec.structs import replace
+
 from trcvtui.capture.reassembly import ConversationEvent, WireDirection
 from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
-from trcvtui.history.messages import KeptRows
+from trcvtui.history.messages import KeptRows, MessagesDelta
+from trcvtui.history.records import NOW
 from trcvtui.line.shadows import ShadowPlan, ends_of
 from trcvtui.net.received_ring import ReceivedRings
 
@@ -23,6 +26,9 @@ class PauseMessages(KeptRows):
 
     def hear(self, event: ConversationEvent) -> None:
         self._cutters.take(event)
+
+    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
+        return replace(super().news(instance, since, until), are_typed=False)
 
     def end(self, ns: int) -> None:
         self._cutters.end(ns)

@@ -89,6 +89,7 @@ class BenchUpdate(Struct, frozen=True):
     talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED
     messages: MessagesDelta | None = None
+    begun_ns: int | None = None  # UTC of time 0, None: simulated time
 
 
 NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out

@@ -284,7 +284,8 @@ class Project(Struct, frozen=True, eq=False):
     def received_data(self, instance: str) -> DataDecl | None:
         """Return the DATA that an instance receives into: the type of its messages. A send job has none."""
         decl = self.instance(instance)
-        if decl is None or block_row(decl.block).sends:
+        row = block_row(decl.block) if decl is not None else None
+        if decl is None or row is None or not (row.receives or row.reads_buffer):
             return None
         return self.data_decl(decl.data or "")
 

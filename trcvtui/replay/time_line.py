@@ -403,6 +403,7 @@ class TimeLine:
             self._messages = self._whole()
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
+        controller.begun_ns = self._capture.first_ns if self._capture else controller.run.begins.wall_ns
         controller.position = Position(
             controller.at,
             survey.last,

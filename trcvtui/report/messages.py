@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
@@ -21,131 +21,74 @@ from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import replacing
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
+from trcvtui.history.received_streams import LEAST_SPANS_KEPT
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.project.project import Project
+from trcvtui.project.project import DataDecl, Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.recording.journal import SIM_WALL_NS, RunBegins
-from trcvtui.recording.recording import Recording
-from trcvtui.report.message_table import OF_A_CONVERSATION, OF_AN_INSTANCE, MessageTable, MessageType
+from trcvtui.recording.journal import SIM_WALL_NS
+from trcvtui.recording.recording import Recording, begin_of_run
+from trcvtui.report.message_table import (
+    OF_A_CONVERSATION,
+    OF_AN_INSTANCE,
+    MessageTable,
+    MessageType,
+    is_same_type,
+)
 from trcvtui.udt.layout.layout import Layout
 
 GOOD, NO_ROW = 0, 1
 TO_PLC, FROM_PLC = "to PLC", "from PLC"
 UNSURE: Final = 0.5  # a guess of the PLC end that is told
-READ_AT_ONCE: Final = 1000  # packets of a scan, after which the ledger is read
+READ_AT_ONCE: Final = 1000  # packets between two scans
 
 
 class MessagesQuestion(NamedTuple):
-    """What the command line asks for. `time_ns`: how long projects run."""
+    """What the command line asks for. `time_ns`: how long a project runs."""
 
     files: Sequence[str]
-    project: Path | None = None
-    plc: str | None = None
-    layout: Layout | None = None
-    instance: str | None = None
-    members: str = ""
-    where: str | None = None
-    form: str = "text"
-    out: Path | None = None
-
-
-class _Rows:
-    """Puts rows that are let through into the table."""
-
-    def __init__(self, asked: MessagesQuestion, out: TextIO) -> None:
-        self.asked, self._out = asked, out
-        self.table: MessageTable | None = None
-        self._filters: dict[str, Filter | None] = {}
-
-    def begin_bench(self, project: Project, begun_ns: int) -> None:
-        """Take the instances whose rows come; raise UserError for names that none of them has."""
-        names = [each.name for each in project.instances]
-        if self.asked.instance is not None:
-            if self.asked.instance not in names:
-                expected = expected_name(self.asked.instance, names, "instance")
-                raise mistake("--instance", shown(self.asked.instance), expected, "unknown")
-            names = [self.asked.instance]
-        decls = [(each.name, project.received_data(each.name)) for each in project.instances]
-        types = [MessageType(name, data) for name, data in decls if data is not None and name in names]
-        self._begin(types, OF_AN_INSTANCE, begun_ns)
-        self._filters = dict.fromkeys(names)
-        if self.asked.where is not None:
-            self._read_filters(names, lambda where, name: read_filter(where, project, name, "--where"))
-
-    def begin_capture(self, layout: Layout | None, begun_ns: int) -> None:
-        if self.asked.instance is not None:
-            raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
-        types = [MessageType(TO_PLC, layout)] if layout is not None else []
-        self._begin(types, OF_A_CONVERSATION, begun_ns)
-        layouts = {TO_PLC: layout, FROM_PLC: None}
-        self._filters = dict.fromkeys(layouts)
-        if self.asked.where is not None:
-            self._read_filters(layouts, lambda where, way: read_layout_filter(where, layouts[way], "--where"))
-
-    def _begin(self, types: Sequence[MessageType], labels: Sequence[str], begun_ns: int) -> None:
-        self.table = MessageTable(self._out, self.asked.form, types, labels, self.asked.members, begun_ns)
-        if self.table.left_out:
-            say(f"{self.table.left_out} members have no column: --members names those that shall")
-
-    def _read_filters(self, names: Iterable[str], read: Callable[[str, str], Filter]) -> None:
-        wrong: UserError | None = None
-        for name in names:
-            try:
-                self._filters[name] = read(self.asked.where or "", name)
-            except UserError as refused:
-                del self._filters[name]
-                wrong = wrong or refused
-        if wrong is not None and not self._filters:
-            raise wrong
-
-    def take(self, labels: tuple[str, ...], row: MessageRow, way: str = "", of: str | None = None) -> None:
-        """Take a row; `way`: of a conversation; `of`: whose type it has, in place of that."""
-        key = way or labels[0]
-        lets_through = self._filters.get(key, _nothing)
-        if self.table is not None and (lets_through is None or lets_through(row)):
-            self.table.write(labels, row, key if of is None else of)
-
-    def finish(self) -> None:
-        if self.table is None or not self.table.rows:
-            raise _NoRow
-        self.table.finish()
-
-
-def _nothing(row: MessageRow) -> bool:
-    return False
-
-
-def messages(asked: MessagesQuestion, kernel: str = "sim", time_ns: int | None = None) -> int:
-    """Write the messages; return 0, or 1 where there is none; raise UserError."""
-    projects = [file for file in asked.files if file.endswith(".toml")]
-    if projects and (len(asked.files) > 1 or time_ns is None):
-        found = projects[0] if time_ns is None else f"{projects[0]} and other files"
-        raise mistake("trcvtui messages", found, "one project with --for T#10s, or files")
-    if not projects and time_ns is not None:
-        raise mistake("--for", asked.files[0], "a project (.toml)")
-    if asked.layout is not None and (asked.project is not None or projects):
-        raise mistake("--udt", "a project beside it, which has the types", "one of both")
-    try:
-        with _output(asked.out) as out:
-            rows = _Rows(asked, out)
-            if time_ns is not None:
-                _run(rows, kernel, time_ns)
-            elif asked.project is not None:
-                _play(rows, asked.project)
-            elif asked.layout is None and asked.plc is None and all(map(_begin_of_run, asked.files)):
-                for path in asked.files:
-                    _run_again(rows, path)
-            else:
-                _cut(rows)
-            rows.finish()
-    except _NoRow:
-        return NO_ROW
-    return GOOD
+    project: Path | None
+    plc: str | None
+    layout: Layout | None
+    instance: str | None
+    members: str
+    where: str | None
+    form: str
+    out: Path | None
+    kernel: str
+    time_ns: int | None
 
 
 class _NoRow(Exception):
     """Nothing is written, and no file made."""
+
+
+def messages(asked: MessagesQuestion) -> int:
+    """Write the messages; return 0, or 1 where there is none; raise UserError."""
+    first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
+    if is_project and (len(asked.files) > 1 or asked.time_ns is None):
+        found = first if asked.time_ns is None else f"{first} and other files"
+        raise mistake("trcvtui messages", found, "one project with --for T#10s, or files")
+    if not is_project and asked.time_ns is not None:
+        raise mistake("--for", first, "a project (.toml)")
+    if asked.layout is not None and (asked.project is not None or is_project):
+        raise mistake("--udt", "a project beside it, which has the types", "one of both")
+    try:
+        with _output(asked.out) as out:
+            rows = _Rows(asked, out)
+            if asked.time_ns is not None:
+                _run(rows, asked.kernel, asked.time_ns)
+            elif asked.project is not None:
+                _play(rows, asked.project)
+            elif asked.layout is None and asked.plc is None and all(map(begin_of_run, asked.files)):
+                for path in asked.files:
+                    _run_again(rows, path)
+            else:
+                _CaptureMessages(rows).take_all()
+            rows.finish()
+    except _NoRow:
+        return NO_ROW
+    return GOOD
 
 
 @contextmanager
@@ -160,8 +103,82 @@ def _output(path: Path | None) -> Iterator[TextIO]:
         text.detach()
 
 
-def say(line: str) -> None:
-    sys.stderr.write(f"{one_line(line)}\n")
+def _say(line: object) -> None:
+    sys.stderr.write(f"{one_line(str(line))}\n")
+
+
+class _Rows:
+    """Puts the rows that are let through into the table; they are of an instance, or of a way to or from."""
+
+    def __init__(self, asked: MessagesQuestion, out: TextIO) -> None:
+        self.asked, self._out = asked, out
+        self.table: MessageTable | None = None
+        self._filters: dict[str, Filter | None] = {}
+        self.project: Project | None = None  # that of the columns
+        self.begun_ns = 0
+
+    def begin(self, project: Project | None, begun_ns: int) -> None:
+        """Begin the table: of a project's instances, or without one of the two ways of a capture."""
+        asked, self.project, self.begun_ns = self.asked, project, begun_ns
+        if project is None and asked.instance is not None:
+            raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
+        types = self._types(project)
+        if asked.instance is not None and not types:
+            names = [each.name for each in project.instances] if project is not None else ()
+            expected = expected_name(asked.instance, names, "instance")
+            raise mistake("--instance", shown(asked.instance), expected, "unknown")
+        wrong = self._read_filters(types, project)
+        if wrong and len(wrong) == len(self._filters):
+            raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone
+        some = [MessageType(name, type_) for name, type_ in types.items() if type_ is not None]
+        labels = OF_A_CONVERSATION if project is None else OF_AN_INSTANCE
+        self.table = MessageTable(self._out, asked.form, some, labels, asked.members, begun_ns)
+        if self.table.left_out:
+            _say(f"{self.table.left_out} members have no column: --members names those that shall")
+
+    def _types(self, project: Project | None) -> dict[str, DataDecl | Layout | None]:
+        if project is None:
+            return {TO_PLC: self.asked.layout, FROM_PLC: None}
+        names = [each.name for each in project.instances if self.asked.instance in (None, each.name)]
+        return {name: project.received_data(name) for name in names}
+
+    def _read_filters(self, names: Collection[str], project: Project | None) -> list[UserError]:
+        where, wrong = self.asked.where, list[UserError]()
+        named = (where or "").strip().partition(" ")[0]
+        for name in [named] if named in names else names:
+            self._filters[name] = None if where is None else _nothing
+            if where is None:
+                continue
+            try:
+                if project is not None:
+                    self._filters[name] = read_filter(where, project, name, "--where")
+                else:
+                    layout = self.asked.layout if name == TO_PLC else None
+                    self._filters[name] = read_layout_filter(where, layout, "--where")
+            except UserError as refused:  # another one may have that name
+                wrong.append(refused)
+        return wrong
+
+    def change(self, project: Project) -> frozenset[str]:
+        """Read filters anew for another project; return the instances whose type has no columns."""
+        types, first = self._types(project), self._types(self.project)
+        self._read_filters(types, project)
+        return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
+
+    def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
+        if self.table is not None and key in self._filters:
+            lets_through = self._filters[key]
+            if lets_through is None or lets_through(row):
+                self.table.write(labels, row, key if has_type else "")
+
+    def finish(self) -> None:
+        if self.table is None or not self.table.rows:
+            raise _NoRow
+        self.table.finish()
+
+
+def _nothing(row: MessageRow) -> bool:
+    return False
 
 
 # -- benches -------------------------------------------------------------------------------------------------
@@ -172,12 +189,21 @@ class _BenchMessages:
 
     def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
-        self._messages = MessageRows(bench, self.reader, StreamReader(bench, self.reader).streams, after)
-        self._rows, self._add_ns = rows, add_ns
+        self._streams = StreamReader(bench, self.reader).streams
+        self._messages = MessageRows(bench, self.reader, self._streams, after)
+        self._rows, self._add_ns, self._bench = rows, add_ns, bench
+        self._project = rows.project
+        self._changed = frozenset[str]()  # instances whose messages have another type than the columns
 
     def take(self) -> None:
+        if self._bench.project is not self._project:
+            self._project = self._bench.project
+            self._changed = self._rows.change(self._project)
         for name, row in self._messages.take():
-            self._rows.take((name,), row._replace(t_ns=row.t_ns + self._add_ns) if self._add_ns else row)
+            row = row._replace(t_ns=row.t_ns + self._add_ns)
+            self._rows.take(name, (name,), row, name not in self._changed)
+        for stream in self._streams.streams.values():
+            stream.forget(LEAST_SPANS_KEPT, 0)  # what has become rows
 
 
 def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
@@ -186,7 +212,7 @@ def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
     from trcvtui.scenario.scenario import load_bench
 
     project = load_bench(Path(rows.asked.files[0]))
-    rows.begin_bench(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
+    rows.begin(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
     bench = fresh_bench(project, kernel)
     found, pace = _BenchMessages(bench, rows), LivePace() if kernel == "live" else VirtualPace()
     try:
@@ -197,16 +223,6 @@ def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
         bench.close()
 
 
-def _begin_of_run(path: str) -> RunBegins | None:
-    """Return what a recording begins with; None: it is none."""
-    try:
-        recording = Recording(path)
-    except UserError:
-        return None
-    first = next(iter(recording.entries()), None)
-    return first if isinstance(first, RunBegins) else None
-
-
 def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
     from trcvtui.replay.packet_times import PacketTimes
@@ -215,9 +231,10 @@ def _run_again(rows: _Rows, path: str) -> None:
     recording = Recording(path)
     keyframes = Keyframes(recording, path)
     run = keyframes.begin()
+    begun_ns = run.begins.wall_ns
     if rows.table is None:
-        rows.begin_bench(run.bench.project, run.begins.wall_ns)
-    found, begun_ns = _BenchMessages(run.bench, rows, after=keyframes.offset), run.begins.wall_ns
+        rows.begin(run.bench.project, begun_ns)
+    found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
@@ -228,7 +245,7 @@ def _run_again(rows: _Rows, path: str) -> None:
             raise run.differs()
     except UserError as stopped:
         found.take()
-        say(recording.stopped or str(stopped))
+        _say(recording.stopped or stopped)
 
 
 # -- captures ------------------------------------------------------------------------------------------------
@@ -236,7 +253,7 @@ def _run_again(rows: _Rows, path: str) -> None:
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
     """Return the time at which t_s is 0: where a run of ours began, else that of the first packet."""
-    begins = _begin_of_run(paths[0])
+    begins = begin_of_run(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
 
@@ -254,7 +271,7 @@ def _play(rows: _Rows, project: Path) -> None:
     plan, found, troubles = plan_capture(paths, project, rows.asked.plc, None)
     first_ns = found.first_ns or 0
     zero_ns = _zero_ns(paths, first_ns)
-    rows.begin_bench(plan.project, zero_ns)
+    rows.begin(plan.project, zero_ns)
     player = CapturePlayer(plan, found.all, first_ns, _NoLines())
     bench = player.shadows.bench
     messages, ledger = _BenchMessages(bench, rows, first_ns - zero_ns), bench.runtime.ledger
@@ -269,40 +286,42 @@ def _play(rows: _Rows, project: Path) -> None:
     played = player.close()
     messages.take()
     for number, why in played.unassigned.items():
-        say(f"C{number} is unassigned: {why}")
+        _say(f"C{number} is unassigned: {why}")
     for number, size in played.left_out.items():
-        say(f"C{number}: {size} bytes never reached an instance")
+        _say(f"C{number}: {size} bytes never reached an instance")
     _end_capture(found, troubles)
 
 
 def _end_capture(found: Conversations, troubles: Sequence[Problem]) -> None:
     for trouble in troubles:
-        say(f"{trouble}; read up to there")
+        _say(f"{trouble}; read up to there")
     if not found.all:
-        say(f"no conversation in {found.packets} packets")
-
-
-def _cut(rows: _Rows) -> None:
-    paths, layout = rows.asked.files, rows.asked.layout
-    taker, troubles = _CaptureMessages(rows), list[Problem]()
-    take_captures(paths, taker.found, troubles)
-    if troubles and not taker.found.packets:
-        raise UserError(troubles)
-    if rows.table is None:
-        rows.begin_capture(layout, 0)
-    taker.end()
-    _end_capture(taker.found, troubles)
+        _say(f"no conversation in {found.packets} packets")
 
 
 class _CaptureMessages:
     """Cuts what both directions of each conversation say; of the type are messages to the PLC."""
 
     def __init__(self, rows: _Rows) -> None:
-        self.found = Conversations(self._take)
-        self._rows = rows
+        self._found, self._rows, self._zero_ns = Conversations(self._take), rows, 0
         self._given = parse_plc(rows.asked.plc) if rows.asked.plc is not None else None
-        self._zero_ns: int | None = None
         self._cutters = MessageCutters(self._made)
+
+    def take_all(self) -> None:
+        found, rows, troubles = self._found, self._rows, list[Problem]()
+        take_captures(rows.asked.files, found, troubles)
+        if troubles and not found.packets:
+            raise UserError(troubles)
+        if rows.table is None:
+            rows.begin(None, 0)
+        self._cutters.end(max([each.last_ns for each in found.all], default=0))
+        if self._given is not None and found.all and not self._cutters.are_any:
+            raise fits_nothing("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
+        for each in found.all if rows.asked.layout is not None else ():
+            guess = guess_plc(each, self._given, NOTHING_KNOWN)
+            if guess.confidence < UNSURE:
+                _say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
+        _end_capture(found, troubles)
 
     def _made(self, direction: WireDirection) -> MessageCutter | None:
         """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
@@ -310,34 +329,21 @@ class _CaptureMessages:
         if self._given is not None and guess.why != "--plc":
             return None
         way = FROM_PLC if guess.says is direction else TO_PLC
-        layout, rows, zero_ns = self._rows.asked.layout, self._rows, self._zero_ns or 0
+        layout, rows, zero_ns = self._rows.asked.layout, self._rows, self._zero_ns
         labels = f"C{direction.conversation.number}", way
         number, last_ns = 0, None
 
         def take(ns: int, content: bytes, size: int, reason: str, begins: bool) -> None:
             nonlocal number, last_ns
-            number += 1
             gap_ns = None if last_ns is None else ns - last_ns
-            last_ns = ns
-            have = len(content)
+            number, last_ns, have = number + 1, ns, len(content)
             row = MessageRow(number, 0, ns - zero_ns, gap_ns, size, -1, "", -1, reason, have, content)
-            rows.take(labels, row, way, None if begins else "")
+            rows.take(way, labels, row, begins)
 
         return MessageCutter(layout.size if layout is not None and way is TO_PLC else 0, take)
 
     def _take(self, event: ConversationEvent) -> None:
-        if self._zero_ns is None:
-            self._zero_ns = _zero_ns(self._rows.asked.files, self.found.first_ns or event.ns)
-            self._rows.begin_capture(self._rows.asked.layout, self._zero_ns)
+        if self._rows.table is None:
+            self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or event.ns)
+            self._rows.begin(None, self._zero_ns)
         self._cutters.take(event)
-
-    def end(self) -> None:
-        self._cutters.end(max([each.last_ns for each in self.found.all], default=0))
-        if self._given is not None and self.found.all and not self._cutters.are_any:
-            given = f"'{self._rows.asked.plc}', which no conversation has"
-            raise fits_nothing("--plc", given, self.found.all)
-        if self._rows.asked.layout is not None:
-            for each in self.found.all:
-                guess = guess_plc(each, self._given, NOTHING_KNOWN)
-                if guess.confidence < UNSURE:
-                    say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")

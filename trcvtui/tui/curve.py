@@ -25,6 +25,7 @@ from trcvtui.wording import count, stamp, utc_text
 AXIS: Final = 11  # columns beside a curve
 BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
 LEAST_WIDTH, LEAST_HEIGHT = 32, 8
+WITH_UTC: Final = 90  # columns
 SHORTEST_NS: Final = 1_000_000  # that a window may be
 STEPS: Final = 8  # of a window: an arrow goes one
 STYLES: Final = "busy", "warn"  # of the first member, of the second one
@@ -76,8 +77,8 @@ class CurveView(LineView, inherit_bindings=False):
         Binding("minus", "zoom(2)", show=False),
         Binding("left", "step(-1)", show=False),
         Binding("right", "step(1)", show=False),
-        Binding("home,g", "step(-1000000)", show=False),
-        Binding("end,G", "follow", show=False),
+        Binding("home,g", "step(-1_000_000_000)", show=False),
+        Binding("end,G", "step(1_000_000_000)", show=False),
         Binding("p", "other", show=False),
     ]
 
@@ -103,7 +104,7 @@ class CurveView(LineView, inherit_bindings=False):
         view, known = self._view_model, self._view_model.known_messages
         edges = view.waves.of(self.instance).edges
         self._gaps = view.stream_index.down_times(view.instance.connect) if view.instance else []
-        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.declaration
+        state = known, known.stop, known.oldest, view.selected, view.instance is None, view.message_type
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
         drawn = *state, *look, view.frozen_at, self._gaps, edges[-1].seq if edges else 0
         if drawn != self._drawn and self.container_size.height:
@@ -117,23 +118,26 @@ class CurveView(LineView, inherit_bindings=False):
 
     def _about(self) -> Iterator[str]:
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
-        yield self.instance
-        yield count(known.count, "message")
+        yield f"{self.instance} · {count(known.count, 'message')}"
         yield f"{known.left_out} left out" if known.left_out else ""
         gone = known.oldest - known.first
-        if known.oldest and known.rows:
-            yield f"values from {known.rows[gone].number} on" if gone < len(known.rows) else "bytes are gone"
+        if gone:
+            yield (
+                f"values from {known.rows[gone].number} on"
+                if gone < len(known.rows)
+                else "no values any more"
+            )
         yield f"frozen in scan {frozen}" if frozen is not None else ""
-        yield "" if self.window.end is None else "stands: end follows again"
+        yield "stands: end follows again" if self.window.end is not None else ""
 
     def _lack(self) -> str:
         """Return why there is no curve, "" where there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
             return f"{self.instance} is not there any more" if self.instance else "there is no instance"
-        declared = view.declaration
+        declared = view.message_type
         if declared is None:
-            return f"{self.instance} has no DATA: its messages have no values"
+            return f"{self.instance} receives into no DATA: its messages have no values"
         leaf = _leaf_at(declared.layout, self.path)
         if leaf is None:
             return f"{declared.type_name} has no member {self.path} any more"
@@ -147,7 +151,7 @@ class CurveView(LineView, inherit_bindings=False):
     # -- the picture --------------------------------------------------------------------------------------
 
     def _picture(self) -> list[Row]:
-        declared, known = self._view_model.declaration, self._view_model.known_messages
+        declared, known = self._view_model.message_type, self._view_model.known_messages
         assert declared is not None
         if self._numbers_of != (known, declared):
             self._numbers_of, self._numbers = (known, declared), {}
@@ -198,10 +202,10 @@ class CurveView(LineView, inherit_bindings=False):
             yield "".join(some), "error" if sign == ERROR else "warn"
 
     def _clock(self, t_ns: int) -> str:
-        position = self._view_model.position
-        if position is None or position.first_ns is None:
+        begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
+        if begun_ns is None or self.line_width < WITH_UTC:
             return f"{stamp(t_ns)} s"
-        return utc_text(position.first_ns + t_ns)[:-4]
+        return f"{stamp(t_ns)} s · {utc_text(begun_ns + t_ns)[:-4]}"
 
     # -- keys -----------------------------------------------------------------------------------------------
 
@@ -213,27 +217,21 @@ class CurveView(LineView, inherit_bindings=False):
         self.window.move(steps)
         self.show()
 
-    def action_follow(self) -> None:
-        self.window.end = None
-        self.show()
-
     def action_other(self) -> None:
         """Draw the next number of the type beside the member; after the last one none."""
-        declared = self._view_model.declaration
-        layout = declared.layout if declared is not None else None
-        own = _leaf_at(layout, self.path)
-        if layout is None or own is None:
-            return
-        shown = _leaf_at(layout, self.other) if self.other is not None else None
-        first = layout.number_of(shown.path) + 1 if shown is not None else 0
-        leaves = (layout.leaf(number) for number in range(first, layout.leaf_count))
-        self.other = next((leaf.path for leaf in leaves if leaf != own and is_number(layout, leaf)), None)
+        declared = self._view_model.message_type
+        if declared is not None:
+            layout = declared.layout
+            leaves = [leaf for leaf in layout.leaves(0, layout.leaf_count) if is_number(layout, leaf)]
+            paths = [None, *(leaf.path for leaf in leaves if leaf.path != self.path)]
+            place = paths.index(self.other) if self.other in paths else 0
+            self.other = paths[(place + 1) % len(paths)]
         self.show()
 
 
-def _leaf_at(layout: Layout | None, path: str) -> Leaf | None:
+def _leaf_at(layout: Layout, path: str) -> Leaf | None:
     with suppress(UserError):
-        return layout.leaf(layout.number_of(path)) if layout is not None else None
+        return layout.leaf(layout.number_of(path))
     return None
 
 

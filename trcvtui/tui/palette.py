@@ -26,7 +26,7 @@ from trcvtui.plc.snapshot import block_row
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
-from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
+from trcvtui.tui.peer_commands import BUTTONS, SEND, buttons_for
 from trcvtui.tui.recent_projects import recent_projects, run_line
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS
@@ -42,6 +42,7 @@ FIRST: Final = (
 # Where the cursor goes by a key; it is not asked for by name.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
 BY_WORD: Final = 3.0  # the score of each letter, as in a title that has them side by side
+PEER, FILE = 7, "write"  # a pane, and an action, that write: they are pressed from no other pane
 BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 
 
@@ -104,18 +105,17 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 
 
 async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
-    """Do what a key means in the only pane that has it; else say what is missing, and which panes have it."""
+    """Do what a key that only looks means in the only pane that has it; else say which panes have it."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
-    if len(found) == 1 and not is_pin and (found[0].digit != 7 or main.peer.takes_from_afar(key)):
-        # A button acts where it is; what is seen in its pane alone is done there.
-        main.peer.action_button(key) if found[0].action == "button" else await _press(main, found[0])
+    if len(found) == 1 and found[0].digit != PEER and found[0].action != FILE:
+        await _press(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
-    of_a_peer = digits == ["7"] or (not found and any(button.letter == key for button in BUTTONS))
-    if of_a_peer and not is_pin and not main.peer.has_peers:
-        missing = NO_PEER
-    elif digits:
+    is_of_peer = digits == [str(PEER)] or (not found and any(button.letter == key for button in BUTTONS))
+    if is_of_peer and not is_pin and main.peer.lacks_peer():
+        return
+    if digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"
         way = f"{found[0].key} is a key of {pane}: press {' or '.join(digits)}, then {found[0].key}"
         missing = f"{missing}; {way}" if missing and is_pin else way

@@ -11,7 +11,7 @@ from textual.widget import Widget
 from trcvtui.tui.formatting import clip, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.tui.widgets.typed_lines import Goal
 
 ROOMY: Final = 100
 NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
@@ -46,10 +46,9 @@ class OriginLine(LineView, can_focus=False):
 class Face(Vertical):
     """One way to see what was received; `first` is what the keys go to, `subtitle` stands in the frame."""
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine, first: LineView) -> None:
+    def __init__(self, view_model: ViewModel, below: OriginLine, first: LineView) -> None:
         super().__init__()
         self._view_model = view_model
-        self._find = find
         self._below = below
         self.first = first
         self.is_seen = self.is_searched = False  # searched: n and N are those of the search

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import ClassVar, Final
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, Final
 
 from textual.binding import Binding
 from textual.containers import Vertical
@@ -20,6 +20,7 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
 
+MOST: Final = 1 << 62  # after every position
 NEXT_HIT: Final = (("n N", "next hit, hit before"),)
 
 
@@ -31,8 +32,8 @@ class Received(Vertical):
         Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
         Binding("D", "messages", "messages as a table: values, filter, CSV; or DATA", show=False),
         Binding("slash", "find", "find bytes, text or a number", show=False),
-        Binding("n", "find_next(True)", "find the next", show=False),
-        Binding("N", "find_next(False)", "find the one before", show=False),
+        Binding("n", "find_next(True)", "the next hit, else the next DONE", show=False),
+        Binding("N", "find_next(False)", "the hit before, else the DONE before", show=False),
         Binding("left_square_bracket", "done(False)", "the DONE before", show=False),
         Binding("right_square_bracket", "done(True)", "the next DONE", show=False),
         Binding("d", "before", "diff against the job before", show=False),
@@ -41,15 +42,15 @@ class Received(Vertical):
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel, tell: Callable[[str], None]) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
+        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes, tell)
         self._below = OriginLine()
-        self.now = DataFace(view_model, self._find, self._below)
+        self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
         self.data, self.job, self.stream = self.now.data, self.now.job, self.past.stream
-        self.table = TableFace(view_model, self._find, self._below)
+        self.table = TableFace(view_model, self._below)
         self._faces = self.now, self.past, self.table
         self._turn_to(self.now)
         self._title = self._subtitle = ""
@@ -102,9 +103,7 @@ class Received(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave n to the screen before a search and in another pane, escape while nothing is marked."""
-        if action == "find_next":
-            return self.face.is_searched
+        """Leave escape to the screen while nothing is marked."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
@@ -128,15 +127,22 @@ class Received(Vertical):
             self.action_past()
 
     def action_done(self, is_forward: bool) -> None:
+        """Go to the DONE before or the next one; from the present to the newest."""
         self._open_past()
-        self.past.go_to_done(is_forward)
-        self.show()
+        self._look_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 
     def action_dropped(self) -> None:
         if not self.is_past:
             self.action_past()
             self.stream.cursor = None
-        self.past.go_to_dropped()
+        self.past.seeks_drop = True
+        self._look_from(MOST, False, dropped=True)
+
+    def _look_from(self, end: int, is_forward: bool, **what: Any) -> None:
+        """Look for a place in the stream, from the cursor or else from `end` on."""
+        here = self.stream.cursor
+        self.stream.look_for(here if here is not None else end, is_forward, **what)
+        self.past.note = ""
         self.show()
 
     def go_to(self, byte: int) -> None:
@@ -182,7 +188,10 @@ class Received(Vertical):
         self.screen.set_focus(self.face.first)
 
     def action_find_next(self, is_forward: bool) -> None:
-        self._go_on(is_forward, again=True)
+        if self.face.is_searched or self.is_table:
+            self._go_on(is_forward, again=True)
+        else:
+            self.action_done(is_forward)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
         wanted, face = self._find.wanted, self.face
@@ -196,7 +205,7 @@ class Received(Vertical):
             face.find(wanted, is_forward, again)
         elif wanted.is_job:
             self._open_past()
-            self.past.go_to_job(wanted.number)
+            self.stream.look_for(MOST, False, job=(self._view_model.selected, wanted.number))
         else:
             face.go_to_offset(wanted)
         self.show()

@@ -76,7 +76,6 @@ def field_at(project: Project, instance: str, byte: int) -> str:
     return declared.layout.leaf(number).path if declared is not None and number is not None else ""
 
 
-MOST: Final = 1 << 62  # after every position
 NO_MESSAGE: Final = "nothing to mark: H, then choose a byte of a message"
 NO_DROP: Final = "no bytes were thrown away before this place"
 
@@ -86,10 +85,11 @@ class StreamFace(Face):
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
         self.stream = StreamView()
-        super().__init__(view_model, find, below, self.stream)
+        super().__init__(view_model, below, self.stream)
+        self._find = find
         self.past_job: tuple[int, bytes] | None = None  # position and bytes of the job under the cursor
         self._job_here: JobSpan | None = None
-        self._seeks_drop = False
+        self.seeks_drop = False
         self._known = ("", 0)  # CONNECT and bench of the stream
 
     def compose(self) -> Iterator[Widget]:
@@ -141,8 +141,8 @@ class StreamFace(Face):
         window = self._view_model.past
         sought = window.sought if window is not None else None
         if self.stream.seek is None:
-            if self._seeks_drop and sought is not None:
-                self._seeks_drop = False
+            if self.seeks_drop and sought is not None:
+                self.seeks_drop = False
                 self.note = NO_DROP if sought.position is None else ""
             wanted = self._find.wanted
             if sought is not None and sought.position is None and wanted is not None:
@@ -229,22 +229,6 @@ class StreamFace(Face):
             self.stream.go_to(here.start)
 
     # -- looking for bytes -------------------------------------------------------------------------------
-
-    def go_to_done(self, is_forward: bool) -> None:
-        stream = self.stream
-        here = stream.cursor if stream.cursor is not None else stream.window.end + 1
-        stream.look_for(here, is_forward)
-        self.note = ""
-
-    def go_to_dropped(self) -> None:
-        """Go to the newest bytes that were thrown away, then to the ones before, and so on."""
-        stream = self.stream
-        self._seeks_drop, self.note = True, ""
-        stream.look_for(stream.cursor if stream.cursor is not None else MOST, False, dropped=True)
-
-    def go_to_job(self, number: int) -> None:
-        self.note = ""
-        self.stream.look_for(MOST, False, job=(self._view_model.selected, number))
 
     def go_to_offset(self, goal: Goal) -> None:
         kept = self.stream.window

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
-from typing import Final
+from typing import ClassVar, Final
 
 from textual.widget import Widget
 
@@ -15,11 +15,15 @@ from trcvtui.tui.panes.face import Face, OriginLine
 from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.typed_lines import FilterLine, FindLine
+from trcvtui.tui.widgets.typed_lines import FilterLine
 
 MOST_HEX_ROWS: Final = 4
 GONE: Final = "its values have gone out of the ring"
 NEVER_KEPT: Final = "its bytes were not kept"
+
+
+class MessageBytes(HexView):
+    KEYS: ClassVar = (("hjkl", "byte"), ("y", "yank"), ("D", "DATA now"))
 
 
 class TableFace(Face):
@@ -27,11 +31,11 @@ class TableFace(Face):
 
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, below: OriginLine) -> None:
         self.messages = MessageLines(view_model)
-        super().__init__(view_model, find, below, self.messages)
+        super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
-        self._bytes = HexView("message", of_job=False)
+        self._bytes = MessageBytes("message", of_job=False)
         self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
         self._hex_rows = 0
@@ -81,8 +85,7 @@ class TableFace(Face):
 
         name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
-        position = self._view_model.position
-        begun_ns = position.first_ns if position is not None else None
+        begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
         return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
 
     # -- the chosen message ----------------------------------------------------------------------------

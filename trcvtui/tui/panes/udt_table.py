@@ -176,12 +176,15 @@ class UdtTable(LineView):
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT:
             self._sparks_of = about
             self._sparks.clear()
-        stop = known.stop
+        view, stop = self._view_model, known.stop
+        if self.past is None and view.position is not None:  # of a recording up to the scan that is shown
+            stop = known.stop_at(view.position.scan)
         if self.past is not None:
             number = self.past[0]
             places = range(len(known.rows) - 1, -1, -1)
             stop = next((known.first + at + 1 for at in places if known.rows[at].number == number), 0)
-        self._sparks_stop = 0 if self.of_job or known.instance != self._view_model.selected else stop
+        has_none = self.of_job or known.instance != view.selected or view.message_type is None
+        self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
         """Return the member in the newest messages; drawn anew when another one has come."""

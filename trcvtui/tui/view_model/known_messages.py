@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Final
 
 from trcvtui.history.messages import ROWS, MessageRow, MessagesDelta
@@ -22,12 +23,17 @@ class KnownMessages:
         self.rows: list[MessageRow] = []
         self.left_out = 0  # that came faster than they can cross to the screen
         self.share = 1.0  # of a recording that has been read for them
+        self.are_typed = True
         self.is_behind = False  # more rows wait than came with the last picture
         self._emptied = 0  # up to this number, content was forgotten
 
     @property
     def stop(self) -> int:
         return self.first + len(self.rows)
+
+    def stop_at(self, scan: int) -> int:
+        """Return the number after the last row up to a scan."""
+        return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property
     def oldest(self) -> int:
@@ -45,7 +51,7 @@ class KnownMessages:
         """Take the next rows, of a frozen view those up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return
-        self.count, self.share = news.count, news.share
+        self.count, self.share, self.are_typed = news.count, news.share, news.are_typed
         self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count
         rows = [row for row in news.rows[max(0, self.stop - news.first) :] if row.scan <= until]
         if news.first > self.stop:

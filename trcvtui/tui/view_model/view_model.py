@@ -419,7 +419,9 @@ class ViewModel:
 
     @property
     def message_type(self) -> DataDecl | None:
-        return self.project.received_data(self.selected)
+        known, selected = self.known_messages, self.selected
+        is_typed = known.are_typed or known.instance != selected
+        return self.project.received_data(selected) if is_typed else None
 
     @property
     def data(self) -> bytes:

@@ -97,7 +97,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     if key.widget.can_focus:
         main.set_focus(key.widget)
     whose, name, parameters = parse(key.binding.action)
-    target = main if whose == "screen" else key.widget
+    target = {"screen": main, "app": main.app}.get(whose, key.widget)
     act: Callable[..., Awaitable[object] | object] = getattr(target, f"action_{name}")
     done = act(*parameters)
     if isawaitable(done):

@@ -325,7 +325,7 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 def _of_recent(main: MainScreen) -> Iterator[SystemCommand]:
     try:
-        for path in recent_projects():
+        for path in () if getattr(main.app, "only_looks", False) else recent_projects():
             line = run_line(path)
             yield SystemCommand(f"Recent projects: {Path(path).name}", line, partial(main.yank_line, line))
     except UserError as wrong:

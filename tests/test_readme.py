@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.cli.main import main
+from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[1]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
@@ -56,12 +58,32 @@ def test_every_picture_and_page_that_a_page_links_is_there(page: str) -> None:
 
 
 def test_every_project_that_is_opened_in_the_readme_and_the_stories_opens() -> None:
-    from trcvtui.scenario.scenario import load_bench
-
     projects = re.findall(r"trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
     assert len(projects) == 5
     for project in projects:
         assert load_bench(ROOT / project).instances
+
+
+async def test_the_lines_from_connect_to_verdict_do_and_show_what_they_say() -> None:
+    section = README.partition("## A fault, from connect to verdict")[2].partition("\n## ")[0]
+    steps = re.findall(r"^(?:\d\. |\*\*Verdict).*?(?=^\d\. |^$|\Z)", section, re.MULTILINE | re.DOTALL)
+    assert len(steps) == 5
+    async with on_local(LocalLooker, load_bench(ROOT / "configs/checkweigher.toml"), (100, 30)) as looker:
+        looker.bench.scan(20)
+        await looker.see()
+        for step in steps:
+            for typed in re.findall(r"`([^`]+)`", step.partition(" Three more")[0].replace("\n   ", " ")):
+                if len(typed) == 1 or typed == "enter":
+                    await looker.press({":": "colon"}.get(typed, typed))
+                elif typed != "state":
+                    await looker.type(typed)
+                looker.bench.scan(20)
+                await looker.see()
+            shown = " ".join(re.sub("[│┃]", " ", looker.text).split())
+            for words in re.findall(r"(?<!\*)\*([^*]+)\*(?!\*)", step):
+                assert words in shown, (words, looker.text)
+        (instance,) = looker.app.view_model.instances
+        assert (instance.outputs.status, instance.have) == (0x7006, 0), "nothing is left of the short frame"
 
 
 def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:

@@ -11,8 +11,11 @@ from tests.local_driver import LocalDriver
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.results import Endpoint
+from trcvtui.project.edit import fields_of, first_name
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.tui.forms.fields import line_of
+from trcvtui.tui.view_model.validity import fault_of
 
 
 def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> LocalDriver:
@@ -55,6 +58,52 @@ def test_a_connect_that_is_named_stays_without_data_as_before(tmp_path: Path) ->
     bench = console(tmp_path)
     bench.do("add connect C1 LocalPort=0", "add instance R1 block=TRCV_C connect=C1")
     assert bench.bench.project.instance("R1").data is None  # type: ignore[union-attr]
+
+
+# On what the form proposes C1, where TRCV_C is: for the other direction, and what works on what others built.
+SHARED = ("TSEND_C", "TDISCON", "T_RESET", "T_DIAG", "TSEND", "TRCV")
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_second_instance_has_a_connect_and_data_of_its_own(tmp_path: Path, dialect: str) -> None:
+    bench = console(tmp_path, dialect)
+    bench.do("add instance R1 block=TRCV_C")
+    project = bench.bench.project
+    for block in project.dialect.blocks:
+        fields = {each.key: each.first for each in fields_of("instance", project, block)}
+        line = line_of("instance", first_name("instance", project, block), fields, project)
+        assert fault_of(line, project) == ""
+        assert fields.get("connect", "new") == ("C1" if block in SHARED else "" if "TU" in block else "new")
+        assert {fields.get(key) or "new" for key in ("data", "config", "addr", "RxBuffer", "TxBuffer")} == {
+            "new"
+        }
+        bench.do(line)
+    grown = bench.bench.project
+    ports = [each.local.port for each in grown.connects] + [each.local.port for each in grown.udp_configs]
+    assert len(ports) == len(set(ports)) > 1
+
+
+def test_what_is_free_is_proposed_before_a_new_one(tmp_path: Path) -> None:
+    bench = console(tmp_path)
+    bench.do("add udp_config U1", "add addr A1", "add data big LREAL")
+    bench.do("add instance U block=URECV_C config=U1 addr=new", "add addr A3")
+    proposed = {each.key: each.first for each in fields_of("instance", bench.bench.project, "USEND_C")}
+    assert [proposed[key] for key in ("config", "addr", "data")] == ["U1", "A3", "big"]
+    proposed = {each.key: each.first for each in fields_of("instance", bench.bench.project, "URECV_C")}
+    assert proposed["config"] == "new"
+
+
+def test_new_makes_that_one_part_and_what_a_block_has_not_is_refused(tmp_path: Path) -> None:
+    bench = console(tmp_path)
+    bench.do("add instance R1 block=TRCV_C")
+    told = bench.do("add instance S1 block=TSEND_C connect=C1 data=new")
+    assert told == "with DATA variable tx1, ARRAY[0..15] OF BYTE"
+    for line in (
+        "TCON connect=C1 data=new",
+        "TSEND_C connect=C1 data=new LocalPort=2100",
+        "USEND_C connect=new",
+    ):
+        assert fault_of(f"add instance X block={line}", bench.bench.project)
 
 
 def test_on_real_sockets_a_port_that_somebody_has_is_not_taken(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from trcvtui.blocks.table import BLOCKS
 from trcvtui.diagnosis import advice
 from trcvtui.diagnosis.advice import RULES, Advice, Moves, advice_on, rows
 from trcvtui.diagnosis.evidence import NOTHING_KNOWN, Evidence, evidence_then
-from trcvtui.diagnosis.job import DO
+from trcvtui.diagnosis.job import do
 from trcvtui.dialects import DIALECTS
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
@@ -140,7 +140,7 @@ def rules_of(told: Advice) -> tuple[str, ...]:
 def as_told(told: Advice) -> Iterator[str]:
     yield told.why
     yield from (f"- {cause}" for cause in told.causes)
-    yield from (f"> {each}" for each in told.do)
+    yield from (f"> {each.text}" for each in told.do)
     if told.code is not None:
         yield f"code {told.code:04X}"
 
@@ -192,7 +192,10 @@ def test_a_partner_that_does_not_read_is_named() -> None:
         told.do("pulse S REQ", "run 3")
     told.do("run 2")
     answer = told.of("S")
-    assert (set(rules_of(answer)), answer.do[0]) == ({"stalled_peer", "does_not_read"}, "`peer P1 resume`")
+    assert (set(rules_of(answer)), answer.do[0].text) == (
+        {"stalled_peer", "does_not_read"},
+        "`peer P1 resume`",
+    )
 
 
 CUT = ("peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
@@ -266,11 +269,13 @@ def test_each_error_has_something_to_look_at_on_its_card() -> None:
 def test_a_rule_is_one_row_and_one_of_what_moves_replaces_the_general_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made_up = rows(Condition.PARTNER_CLOSED, lambda e: f"the machine is away{DO}{e.instance}: look after it")
+    made_up = rows(
+        Condition.PARTNER_CLOSED, lambda e: do("the machine is away", f"{e.instance}: look after it")
+    )
     of_datagrams = rows(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Moves.DATAGRAMS)
     monkeypatch.setattr(advice, "RULES", (*RULES, *made_up, *of_datagrams))
     told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)
-    assert (told.causes[-1], told.do[-1]) == ("the machine is away", "X: look after it")
+    assert (told.causes[-1], told.do[-1].text) == ("the machine is away", "X: look after it")
     assert "recv gave 0 bytes" in told.why  # a FIN is no error of recv
 
 

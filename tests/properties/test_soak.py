@@ -207,7 +207,7 @@ def test_self_checking_traffic_keeps_the_memory_flat() -> None:
         assert console.scan()
         timing.scanned(scan, scan, scan + 1, 10_000_000)
         if scan % 500 == 0:
-            seen = console.picture(UpdateRequest(seq), timing.summary(), 2000)
+            seen = console.picture(UpdateRequest(seq), timing.summary(scan), 2000)
             seq = seen.snapshot.ledger_seq
         if scan and scan % (TRAFFIC_SCANS // LOOKS) == 0:
             sizes[scan] = resident()

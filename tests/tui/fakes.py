@@ -170,7 +170,7 @@ def picture(
         partial=((selected, partial),),
         peers=peers(),
         answers=tuple(answers),
-        timing=EngineTiming(scans=scan, late_p99_ns=310_000, mode="slice"),
+        timing=EngineTiming(scans=scan, mode="slice"),
         holding=holding,
         kernel="live",
     )

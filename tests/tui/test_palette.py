@@ -11,7 +11,7 @@ from tests.tui.looking import WIDE, Looker, looking
 from tests.tui.on_a_bench import on_a_bench
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.palette import own_bindings, pane_keys
+from trcvtui.tui.palette import OrderedCommands, own_bindings, pane_keys
 
 
 def entries(looker: Looker) -> list[SystemCommand]:
@@ -24,7 +24,7 @@ async def test_each_binding_of_each_pane_has_an_entry_with_a_name() -> None:
         ends = [command.help for command in found]
         keys = list(pane_keys(looker.app.main))
         now = {button.letter for button in looker.app.main.peer._buttons_now()}
-    assert {key.digit for key in keys} == {1, 2, 4, 5, 6, 7, 8}
+    assert {key.digit for key in keys} == {*range(1, 9)}
     for key in keys:
         if key.action == "button" and key.binding.key not in now:
             continue  # its button is not there now
@@ -81,6 +81,40 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
         await looker.press("enter")
         await looker.pictures()
         assert shown in looker.pane(pane), looker.text
+
+
+@pytest.mark.parametrize(
+    ("words", "title"),
+    [
+        ("search", "Received: find bytes, text or a number"),
+        ("search", "History: find a code"),
+        ("copy", "Yank bytes as hex"),
+        ("export csv", "Yank members as CSV"),
+        ("export", "Timing: write as VCD (GTKWave, PulseView)"),
+        ("open", "Scenarios"),
+        ("value", "Write LEN"),
+        ("graph", "Pane Timing"),
+        ("type", "UDT lab"),
+        ("structure", "Members of DATA or of the job"),
+        ("record", "Save what has been up to now"),
+        ("stop", "Hold the scans"),
+        ("delete", "Remove instance TRCV_C_1"),
+    ],
+)
+async def test_an_action_is_found_by_its_search_words(words: str, title: str) -> None:
+    async with on_a_bench() as looker:
+        hits = [hit async for hit in OrderedCommands(looker.app.screen).search(words)]
+        best = sorted(hits, key=lambda hit: hit.score, reverse=True)
+        assert title in [hit.text for hit in best[:25]]
+
+
+async def test_ctrl_s_saves_the_project_but_not_where_a_screen_only_looks() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "ctrl+s")
+        assert looker.lines == ["save project"]
+        looker.app.only_looks = True
+        await looker.press("ctrl+s")
+        assert looker.lines == ["save project"] and "read-only" in looker.text
 
 
 async def test_self_checking_traffic_is_switched_on_and_off_by_a_button() -> None:

@@ -264,10 +264,10 @@ async def test_a_project_with_a_wide_name_fits_its_header() -> None:
 @pytest.mark.parametrize(
     ("pane", "title", "says"),
     [
-        ("2", "Here: Block", "walk the pins of the block"),
-        ("5", "Here: Bytes and past", "byte by byte"),
-        ("7", "Here: Peer", "in the payload: send it"),
-        ("8", "Here: Timing", "edge by edge"),
+        ("2", "Here: 2 Block", "toggle the pin under the cursor"),
+        ("5", "Here: 5 Received", "byte by byte"),
+        ("7", "Here: 7 Peer", "send the message"),
+        ("8", "Here: 8 Timing", "edge by edge"),
     ],
 )
 @BOTH

@@ -57,6 +57,28 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert newcomer.value("tool") == "-"
 
 
+@BOTH
+async def test_a_look_back_at_where_en_r_fell_touches_no_input_and_goes_from_hit_to_hit(
+    size: Size, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with opened("en_r_dropped", size, 960) as newcomer:
+        sent: list[str] = []
+        monkeypatch.setattr(newcomer.bench, "submit", sent.append)
+        inputs = [instance.inputs for instance in newcomer.app.view_model.instances]
+        await newcomer.press("4", "slash")
+        await newcomer.type("7004\r")
+        scans = []
+        for key in ("", "n", "n", "N", "exclamation_mark"):
+            await newcomer.press(*[key] * bool(key))
+            chosen = newcomer.app.main.history.chosen()
+            scans.append(chosen.scan if chosen is not None else None)
+        assert scans[::2][:2] == [672, 672] and scans[1] == scans[3] and (scans[1] or 672) < 672
+        assert "no ERROR" in newcomer.text
+        await newcomer.press("escape", "n")
+        assert newcomer.app.main.history.chosen() is None, "without a code n looks for an ERROR"
+        assert sent == [] and inputs == [instance.inputs for instance in newcomer.app.view_model.instances]
+
+
 STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*.toml")), demo_path()]
 
 

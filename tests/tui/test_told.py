@@ -28,14 +28,14 @@ async def test_in_a_text_field_the_last_line_names_no_key_that_would_be_typed() 
         line = last_line(looker)
         assert line.startswith("enter send  tab complete") and "space" not in line
         await looker.press("escape", "f1")
-        assert "Here: Peer" in looker.text
+        assert "Here: 7 Peer" in looker.text
 
 
 async def test_on_the_peers_the_last_line_names_the_keys_of_the_peer_pane() -> None:
     async with on_a_bench(SMALL) as looker:
         await looker.press("7")
         line = last_line(looker)
-        for key in ("tab payload", "m mode", "x cuts", "e every split", "o form", "w keep"):
+        for key in ("c connect  s send  i edit  m mode  x cuts", "e every split"):
             assert key in line
 
 

@@ -33,7 +33,7 @@ async def test_the_length_of_a_long_job_stands_whole_in_block_and_history() -> N
     whole = replace(receiving(), last_rcvd_len=65535)
     shown = picture(whole, connecting(), scan=910, t_ns=9_090_000_000, lines=LONG)
     async with looking(WIDE, shown) as looker:
-        assert "◂65535" in looker.line("RCVD_LEN", "block")
+        assert "65535 B" in looker.line("RCVD_LEN", "block")
         assert "■ DONE 65535 B  " in looker.line("65535", "history")
 
 
@@ -43,7 +43,7 @@ async def test_the_marks_of_pulses_stand_below_each_other() -> None:
     async with looking(
         WIDE, picture(receiving(), other, scan=910, t_ns=9_090_000_000, lines=lines)
     ) as looker:
-        marks = [line.index("◂ scan") for line in looker.text.splitlines() if "◂ scan" in line]
+        marks = [line.index("scan 90") for line in looker.text.splitlines() if "E□" in line]
         assert len(marks) == 2 and marks[0] == marks[1]
 
 

@@ -25,6 +25,8 @@ NO_TEXT: Final = TextLens()
 class DataArea:
     """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
+    The newest one had `newest` bytes, the longest one since the start `longest`.
+
     `symbolic`: it stands in an optimized block, so that its bytes have no order of their own.
     """
 
@@ -44,19 +46,23 @@ class DataArea:
         self.symbolic = symbolic
         self.text_lens = text_lens
         self.content = bytearray(size)
-        self.generation = 0
+        self.generation = self.newest = self.longest = 0
 
     def write(self, offset: int, payload: bytes | memoryview) -> None:
         """Overwrite bytes from `offset`; what would stand after the end is left out."""
         room = max(0, self.size - offset)
         self.content[offset : offset + min(room, len(payload))] = payload[:room]
-        self.generation += 1
+        self._count(min(self.size, offset + len(payload)))
 
     def swap(self, content: bytearray) -> bytearray:
         """Take `content` of the same size as the new bytes and return the old ones, without a copy."""
         old, self.content = self.content, content
-        self.generation += 1
+        self._count(self.size)
         return old
+
+    def _count(self, newest: int) -> None:
+        self.generation += 1
+        self.newest, self.longest = newest, max(newest, self.longest)
 
     @property
     def shape(self) -> tuple[str, int]:
@@ -73,4 +79,5 @@ class DataArea:
         """Take another type; bytes that both sizes have stay, new ones are 0."""
         self.type_name, self.size, self.elements, self.text_lens = type_name, size, elements, text_lens
         self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
+        self.newest = self.longest = 0
         self.generation += 1

@@ -40,7 +40,7 @@ def open_screen(
         return WRONG_INPUT
     from trcvtui.engine.driver import EngineDriver
 
-    return show(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only)
+    return show(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only, is_run=True)
 
 
 def show(
@@ -48,6 +48,7 @@ def show(
     theme: str | None = None,
     read_only: bool = False,
     is_replay: bool = False,
+    is_run: bool = False,
 ) -> int:
     from trcvtui.picture.protocol import EngineStopped
 
@@ -58,7 +59,7 @@ def show(
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, driver.project(), theme, read_only, is_replay)
+        return run_app(driver, driver.project(), theme, read_only, is_replay, is_run)
     except EngineStopped as stopped:  # before there was a screen that could show it
         sys.stderr.write(f"{str(stopped).rstrip()}\n")
         return FAILED

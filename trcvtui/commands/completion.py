@@ -13,6 +13,7 @@ from trcvtui.project.edit import fields_of, first_name, keys_of_line, kinds_name
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.keys import names_of
 from trcvtui.project.project import Project
+from trcvtui.project.proposals import NEW
 
 NextWords = Callable[[list[str], Project], Iterable[str]]
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
@@ -51,7 +52,9 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
         return names_of(kind, project)
     name = words[2] if words[1] in KINDS else words[1]
     pins = [f"{pin}=" for pin in _inputs(name, project, bools_only=False)] if kind == "instance" else []
-    return (*pins, *_keys_of(kind, words, project)) if kind else ()
+    declared = project.instance(name) if kind == "instance" else None
+    keys = _keys_of(kind, words, project, declared.block if declared else "") if kind else ()
+    return (*pins, *(key for key in keys if not key.endswith(f"={NEW}")))  # only `add` makes one
 
 
 def after_remove(words: list[str], project: Project) -> Iterable[str]:
@@ -66,10 +69,10 @@ def _parts(project: Project) -> list[str]:
     ]
 
 
-def _keys_of(kind: str, words: list[str], project: Project) -> Iterable[str]:
+def _keys_of(kind: str, words: list[str], project: Project, block: str) -> Iterable[str]:
     given = {word.partition("=")[0] for word in words}
     given |= keys_of_line(kind, project).bare
-    fields = [field for field in fields_of(kind, project) if field.key not in given]
+    fields = [field for field in fields_of(kind, project, block) if field.key not in given]
     return (*(f"{f.key}={choice}" for f in fields for choice in f.choices), *(f"{f.key}=" for f in fields))
 
 
@@ -206,7 +209,7 @@ def after_add(words: list[str], project: Project) -> Iterable[str]:
         return (*SEND_MODES, "peer=") if len(words) == 3 else SEND_OPTIONS
     block = next((word.removeprefix("block=") for word in words if word.startswith("block=")), "")
     pins = (f"{pin.name}=" for pin in project.pins(block)) if block in project.dialect.blocks else ()
-    return (*_keys_of(kind, words, project), *pins)
+    return (*_keys_of(kind, words, project, block), *pins)
 
 
 def after_resize(words: list[str], project: Project) -> Iterable[str]:

@@ -50,11 +50,13 @@ from trcvtui.project.project import (
     Project,
     SequenceDecl,
 )
+from trcvtui.project.proposals import NEW
 from trcvtui.project.tables import Given, shown
 from trcvtui.wording import count
 
-# What an instance lacks. Rule: only what the line leaves out is made. CONNECT: passive, 127.0.0.1, the first
-# port from 2000 on that no part of the project has; keys of a CONNECT in the line (LocalPort=2500) are its.
+# What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
+# 127.0.0.1, the first port from 2000 on that no part of the project has; keys of a CONNECT in the line
+# (LocalPort=2500) are its.
 # DATA: 1024 bytes to receive into, 16 to send. A receiver with an ADHOC pin gets ADHOC = 1, so that the first
 # bytes of anybody are a DONE.
 
@@ -83,25 +85,29 @@ def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, st
     row = block_row(block)
     if row.on_buffer:
         return ((row.buffer_pin, "combuffer"),)
-    if row.speaks_udp and not (row.datagrams and "connect" in content):
-        return (("config", "udp_config"), ("addr", "addr"))
-    return (("connect", "connect"),)
+    link = "config" if row.speaks_udp and not (row.datagrams and "connect" in content) else "connect"
+    addr = (("addr", "addr"),) if row.speaks_udp else ()
+    return ((link, "udp_config" if link == "config" else link), *addr)
 
 
 def complete(
     content: Mapping[str, Any], project: Project, where: str
 ) -> tuple[dict[str, Any], tuple[Declaration, ...]]:
-    """Return the keys of an instance with those that were left out, and what is made for them."""
-    whole, made = dict(content), list[Declaration]()
-    block = _text(content.get("block"))
-    keys = link_of_block(block, content) if block in project.dialect.blocks else ()
-    missing = [(key, kind) for key, kind in keys if key not in content]
-    if not missing:
+    """Return the keys of an instance with those that it lacks, and what is made for them."""
+    made, block = list[Declaration](), _text(content.get("block"))
+    is_known, row = block in project.dialect.blocks, block_row(block)
+    keys = link_of_block(block, content) if is_known else ()
+    kinds = {**dict(keys), **({"data": "data"} if row.data_pin else {})}
+    called = {key for key, value in content.items() if _text(value) == NEW and key != "name"}
+    asked = {k for k in called if not is_known or (k in kinds and NEW not in names_of(kinds[k], project))}
+    whole = {key: value for key, value in content.items() if key not in asked}
+    missing = [(key, kind) for key, kind in keys if key not in whole]
+    if not missing and "data" not in asked & kinds.keys():
         return whole, ()
-    own: dict[str, Any] = {key: whole.pop(key) for key in OF_CONNECT if key in whole}
+    of_connect = OF_CONNECT if any(kind in LISTEN for _, kind in missing) else ()
+    own: dict[str, Any] = {key: whole.pop(key) for key in of_connect if key in whole}
     parts = [(key, kind, STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
-    row = block_row(block)
-    if row.data_pin and "data" not in content:
+    if row.data_pin and "data" not in whole:
         receives = row.receives or row.reads_buffer
         type_ = {"type": RECEIVED if receives else SENT}
         parts.append(("data", "data", "rx" if receives else "tx", type_))

@@ -9,6 +9,7 @@ still showed. A block that showed no code of its own for it has none to tell.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Final, NamedTuple
@@ -18,7 +19,7 @@ from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DO, Tell, says
+from trcvtui.diagnosis.job import DoLine, Sentence, Tell, as_sentence, says
 from trcvtui.history.records import NOT_BUILT
 from trcvtui.wording import count
 
@@ -84,12 +85,18 @@ RULES: Final[tuple[Rule, ...]] = (
     # what to check next
     *rows(
         Condition.INTERNAL_FAULT,
-        says("the error is in this program, not on the line\nplease send the report"),
-        says("start {instance} anew: `download {instance}`, or `plc stop` and `plc run`"),
+        says("please send the report", cause="the error is in this program, not on the line"),
+        says(
+            "start {instance} anew: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
+        ),
     ),
     *rows(
         Condition.STILL_ASKED,
-        says("EN_R is 1 while there is no connection\n`set {instance} EN_R=0`, and 1 when it is up"),
+        says(
+            "`set {instance} EN_R=0`, and 1 when it is up",
+            "set {instance} EN_R=0",
+            cause="EN_R is 1 while there is no connection",
+        ),
         link.lost_before,
     ),
     *rows(Condition.ENDPOINT_GONE, link.lost_before),
@@ -150,8 +157,9 @@ RULES: Final[tuple[Rule, ...]] = (
     *rows(
         Condition.TLS_EXTENSION,
         says(
-            "the certificate of {peer} bears another name than the one that was asked for, or an extension "
-            "that is not known\nlook at its subjectAlternateName"
+            "look at its subjectAlternateName",
+            cause="the certificate of {peer} bears another name than the one that was asked for, or an "
+            "extension that is not known",
         ),
     ),
     *rows(
@@ -307,14 +315,14 @@ class Advice:
 
     why: str
     causes: tuple[str, ...] = ()
-    do: tuple[str, ...] = ()
+    do: tuple[DoLine, ...] = ()
     code: int | None = None
     rules: tuple[Tell, ...] = ()
 
     @property
     def checks(self) -> tuple[str, ...]:
         """Return all that is more than `why`."""
-        return (*self.causes, *self.do)
+        return (*self.causes, *(each.text for each in self.do))
 
 
 def advice_on(e: Evidence) -> Advice:
@@ -322,12 +330,17 @@ def advice_on(e: Evidence) -> Advice:
     words = because(failed.cause, e.block) if failed is not None else ""
     first = _attempt_told(e, words)
     rules = () if first and _stops_it(e) else _asked(e)
-    told = [(tell, sentence) for tell in (serial.port_trouble, *rules) if (sentence := tell(e))]
-    parts = [sentence.partition(DO) for sentence in (*first, *(sentence for _, sentence in told))]
-    causes, do = (tuple(dict.fromkeys(part[n] for part in parts if part[n])) for n in (0, 2))
+    told = _answers(e, (serial.port_trouble, *rules))
+    parts = [*first, *(sentence for _, sentence in told)]
+    causes = tuple(dict.fromkeys(part.cause for part in parts if part.cause))
+    do = tuple(dict.fromkeys(line for part in parts for line in part.do))
     if first:  # which may say a cause already, after its own words
         causes = (causes[0], *(cause for cause in causes[1:] if cause not in causes[0]))
     return Advice(why(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in told))
+
+
+def _answers(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, Sentence]]:
+    return [(tell, as_sentence(answer)) for tell in rules if (answer := tell(e))]
 
 
 def _asked(e: Evidence) -> tuple[Tell, ...]:
@@ -369,7 +382,7 @@ def why(e: Evidence) -> str:
     if not found and moves not in (Moves.DATAGRAMS, Moves.DATAGRAM_JOBS):
         found = _rules(e, Moves.ANYTHING, says_why=True)
     asked = [tell for tell in found if e.need or tell is link.who_is_waited_for]
-    stands = asked[0](e) if asked else ""
+    stands = as_sentence(asked[0](e)).cause if asked else ""
     if not stands:
         return serial.waits_for_the_port(e) or because(e.cause, e.block)
     return INJECTED + stands if e.cause.injected else stands
@@ -432,18 +445,17 @@ def _attempt_code(e: Evidence) -> int | None:
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 
 
-def _attempt_told(e: Evidence, words: str) -> tuple[str, ...]:
+def _attempt_told(e: Evidence, words: str) -> tuple[Sentence, ...]:
     """Return what is told of it: it is asked about as in the scan that showed it, `words` are its cause."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()
     then = replace(e, condition=attempt.condition, cause=attempt.cause)
-    asked = (tell(then) for tell in _asked(then) if tell is not link.lost_before)
-    first, *rest = [sentence for sentence in asked if sentence] or [words]
-    said = f" ({attempt.said})" if attempt.said and attempt.said not in first else ""
+    asked = (tell for tell in _asked(then) if tell is not link.lost_before)
+    first, *rest = [sentence for _, sentence in _answers(then, asked)] or [Sentence(words)]
+    said = f" ({attempt.said})" if attempt.said and attempt.said not in first.cause else ""
     head = f"the last attempt ended in {attempt.status:04X} in scan {attempt.at.scan}"
-    cause, then_do = first.partition(DO)[::2]
-    return (": ".join(filter(None, (head, cause))) + f"{said}{DO}{then_do}", *rest)
+    return (first._replace(cause=": ".join(filter(None, (head, first.cause))) + said), *rest)
 
 
 def _stops_it(e: Evidence) -> bool:

@@ -134,7 +134,7 @@ class BlockSymptoms:
         card = advice_on(
             evidence_then(record.line, edge, NOTHING_KNOWN, then, bench.project, bench.runtime.interval_ns)
         )
-        checks = card.do or (row.checks_of(edge.block)[:2] if row is not None else ())
+        checks = [each.text for each in card.do] or (row.checks_of(edge.block)[:2] if row is not None else ())
         shown = bench.runtime.snapshot().instance(name)
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.diagnosis.job import DoLine
 from trcvtui.diagnosis.receive import is_stuck
 from trcvtui.errors import one_line
 from trcvtui.history.records import MessageSpan
@@ -52,7 +53,7 @@ class Card:
         swapped = self._swapped(e, data) if has_values else ""
         offer, do = self.offer(e, data), told.do
         if offer is not None:
-            read = f"{reads} {offer.choice}"
+            read = DoLine(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
             swapped = swapped or one_line(offer.why)
         return Advice(

@@ -1,13 +1,13 @@
 """What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply. After DO comes what
-to do about it; a rule that proves nothing by itself answers that alone.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply. With `do` it says
+what to do about it, too; a rule that proves nothing by itself answers that alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
@@ -18,8 +18,39 @@ from trcvtui.net.layer import TlsError
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
-Tell = Callable[[Evidence], str]
-DO: Final = "\n"
+
+class DoLine(NamedTuple):
+    """What to do: a sentence, and the bench lines that do it, one after the other; (): there is none.
+
+    `needs_trial`: they change what a job takes or what it means, and were not tried on what came.
+    """
+
+    text: str
+    lines: tuple[str, ...] = ()
+    needs_trial: bool = False
+
+
+class Sentence(NamedTuple):
+    """What a rule answers: what is proven, "": nothing, and what to do about it."""
+
+    cause: str
+    do: tuple[DoLine, ...] = ()
+
+
+Answer = str | Sentence  # a text alone is a cause, "": nothing
+Tell = Callable[[Evidence], Answer]
+
+
+def do(cause: str, text: str, *lines: str, needs_trial: bool = False) -> Sentence:
+    """Return a sentence with one thing to do; each `{}` in its text stands for a bench line."""
+    for line in lines:
+        text = text.replace("{}", f"`{line}`", 1)
+    return Sentence(cause, (DoLine(text, lines, needs_trial),))
+
+
+def as_sentence(answer: Answer) -> Sentence:
+    return Sentence(answer) if isinstance(answer, str) else answer
+
 
 GONE: Final = " (gone)"
 
@@ -55,12 +86,12 @@ def does_not_read(e: Evidence) -> str:
     return f"{held}the window is closed: {who} does not read; its receive call is off, or slower than REQ"
 
 
-def stalled_peer(e: Evidence) -> str:
+def stalled_peer(e: Evidence) -> Answer:
     """The partner is a peer of this bench that was told not to read."""
     peer = partner(e)
     if peer is None or not peer.stalled:
         return ""
-    return f"{peer.name} was told to stop reading{DO}`peer {peer.name} resume`"
+    return do(f"{peer.name} was told to stop reading", "{}", f"peer {peer.name} resume")
 
 
 def partner(e: Evidence) -> PeerSnapshot | None:
@@ -74,7 +105,7 @@ def partner(e: Evidence) -> PeerSnapshot | None:
 # -- who holds the CONNECT --------------------------------------------------------------------------------
 
 
-def who_holds(e: Evidence) -> str:
+def who_holds(e: Evidence) -> Answer:
     """Another instance works on this CONNECT: which one, and how it lets go."""
     sends = block_row(e.block).sends
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
@@ -85,35 +116,39 @@ def who_holds(e: Evidence) -> str:
     side = "send" if sends else "receive"
     connect = e.link.name if e.link is not None else e.config.name if e.config is not None else "this CONNECT"
     if holder.endswith(GONE) or e.cause.is_orphan:
-        return (
+        return do(
             f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
-            f"side of {connect}{DO}free it: CONT 0 then 1, or COM_RST"
+            f"side of {connect}",
+            "free it: CONT 0 then 1, or COM_RST",
         )
-    cure = "wait for its DONE or ERROR" if sends else f"`set {holder} EN_R=0` frees it"
-    return f"{holder} holds the {side} side of {connect}{DO}{cure}; better give each a CONNECT of its own"
+    cure, *lines = ("wait for its DONE or ERROR",) if sends else ("{} frees it", f"set {holder} EN_R=0")
+    held = f"{holder} holds the {side} side of {connect}"
+    return do(held, f"{cure}; better give each a CONNECT of its own", *lines)
 
 
 # -- pins and parameters ----------------------------------------------------------------------------------
 
 
-def wrong_length(e: Evidence) -> str:
+def wrong_length(e: Evidence) -> Answer:
     """LEN does not fit: which of the two limits, and what would."""
     have, most = e.cause.have, e.cause.need
     if have is None or most is None:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
     if e.cause.value:
+        lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
-        return f"LEN is {e.cause.value}, {data}: {have - most} too many{DO}{way}, or enlarge DATA"
-    return f"LEN is 0 and {data}, {have - most} more than one job can have{DO}set LEN to at most {most}"
+        cause = f"LEN is {e.cause.value}, {data}: {have - most} too many"
+        return do(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
+    return do(f"LEN is 0 and {data}, {have - most} more than one job can have", f"set LEN to at most {most}")
 
 
-def no_data(e: Evidence) -> str:
+def no_data(e: Evidence) -> Answer:
     """DATA is open or empty."""
-    return f"the DATA pin is open{DO}give the instance a variable" if not e.data else f"{e.data} has no byte"
+    return f"{e.data} has no byte" if e.data else do("the DATA pin is open", "give the instance a variable")
 
 
-def nobody_reads_here(e: Evidence) -> str:
+def nobody_reads_here(e: Evidence) -> Answer:
     """Connected, EN_R is 0, and the stream was left in the middle of a frame."""
     is_off = e.cause.value == 0 if e.cause.pin == "EN_R" and e.is_past else e.pin("EN_R") == 0
     if not is_off or e.condition != "connected":
@@ -122,44 +157,53 @@ def nobody_reads_here(e: Evidence) -> str:
     if drop is None:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
-    return f"{text}; they were dropped, and the next frame {_begins(e.facts)}"
+    text = f"{text}; they were dropped, and the next frame {_begins(e.facts)}"
+    lines = (f"pulse {e.instance} COM_RST",) if e.pin("COM_RST") is not None else ()
+    return text if e.facts.drop_cuts is False else do(text, "pulse COM_RST before EN_R=1", *lines)
 
 
 def _begins(facts: Facts) -> str:
     if facts.drop_cuts is False:
         return "begins with a message"
-    cure = f"{DO}pulse COM_RST before EN_R=1"
     if facts.drop_cuts is None or facts.after_drop is None:
-        return f"may begin in the middle of a message{cure}"
+        return "may begin in the middle of a message"
     byte, message = facts.after_drop.first, facts.after_drop.number
-    return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}{cure}"
+    return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}"
 
 
-def no_edge(e: Evidence) -> str:
+def no_edge(e: Evidence) -> Answer:
     """Connected, and REQ stays 1: that is no edge."""
-    if e.pin("REQ") != 1 or e.condition != "connected":
-        return ""
-    return f"REQ stays 1: a job starts with a rising edge only{DO}set REQ to 0 first"
+    return req_stays(e) if e.condition == "connected" else ""
 
 
-def cont_is_missing(e: Evidence) -> str:
+def req_stays(e: Evidence) -> Answer:
+    stays = do(
+        "REQ stays 1: a job starts with a rising edge only", "set REQ to 0 first", f"set {e.instance} REQ=0"
+    )
+    return stays if e.pin("REQ") == 1 else ""
+
+
+def cont_is_missing(e: Evidence) -> Answer:
     """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
-    keeps = f"`set {e.instance} CONT=1` to stay connected"
+    stay = f"set {e.instance} CONT=1"
+    keeps = DoLine(f"or `{stay}` to stay connected", (stay,))
     if e.cause.pin == "REQ":
-        first = f"REQ stays 1{DO}set it to 0 first, then " if e.pin("REQ") else DO
-        return f"{first}`pulse {e.instance} REQ` to connect, send and disconnect, or {keeps}"
+        send, lets_go = f"pulse {e.instance} REQ", (f"set {e.instance} REQ=0",) * bool(e.pin("REQ"))
+        text = f"{'set it to 0 first, then ' * len(lets_go)}`{send}` to connect, send and disconnect"
+        return Sentence("REQ stays 1" * len(lets_go), (DoLine(text, (*lets_go, send)), keeps))
     if e.cause.pin == "EN_R":
-        return f"{DO}`set {e.instance} EN_R=1` to connect, receive and disconnect, or {keeps}"
+        text, receive = "{} to connect, receive and disconnect", f"set {e.instance} EN_R=1"
+        return Sentence("", (*do("", text, receive).do, keeps))
     asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
-    return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}{DO}`set {e.instance} CONT=1`"
+    return do(f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}", "{}", stay)
 
 
-def not_called(e: Evidence) -> str:
+def not_called(e: Evidence) -> Answer:
     if e.is_stopped:
-        return f"the PLC is in STOP, no block is called{DO}`plc run`"
-    return "" if e.is_past else f"no scan has called {e.instance} yet{DO}check whether its task runs"
+        return do("the PLC is in STOP, no block is called", "{}", "plc run")
+    return "" if e.is_past else do(f"no scan has called {e.instance} yet", "check whether its task runs")
 
 
 def limit(e: Evidence) -> str:
@@ -174,21 +218,14 @@ ISO_PORT: Final = 102
 MOST_BYTES: Final = 8
 
 
-def says(sentence: str) -> Tell:
-    """Return the rule that always answers this; {connect}, {peer} and {instance} are filled in.
+def says(text: str, *lines: str, cause: str = "") -> Tell:
+    """Return the rule that always answers this; {peer} and {instance} are filled in."""
 
-    Without a line break all of it is to be done; one that ends with a line break leaves nothing to do.
-    """
-    answer = sentence if DO in sentence else DO + sentence
-
-    def constant(e: Evidence) -> str:
-        return answer.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
+    def constant(e: Evidence) -> Answer:
+        names = {"peer": _peer(e), "instance": e.instance}
+        return do(*(part.format(**names) for part in (cause, text, *lines)))
 
     return constant
-
-
-def _connect(e: Evidence) -> str:
-    return e.config.name if e.config is not None else "this CONNECT"
 
 
 def _peer(e: Evidence) -> str:
@@ -212,43 +249,41 @@ def where_the_flaw_is(e: Evidence) -> str:
     )
 
 
-def press_c(e: Evidence) -> str:
+def press_c(e: Evidence) -> Answer:
     """The screen shows the description byte for byte."""
     if e.cause.call != "description" or e.config is None or e.config.description is None:
         return ""
-    return f"{DO}press `C`: the description of {e.config.name} byte for byte, what is wrong with it first"
+    return do("", f"press `C`: the description of {e.config.name} byte for byte, what is wrong with it first")
 
 
-def another_port(e: Evidence) -> str:
+def another_port(e: Evidence) -> Answer:
     """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
     config = e.config
     if config is None:
         return ""
     says_iso = config.description is not None and meaning(config.description).protocol is Protocol.ISO
     if config.local.port == ISO_PORT or says_iso:
-        return (
-            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks{DO}where it is taken, or not "
-            f"for every user: `IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too"
+        return do(
+            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks",
+            "where it is taken, or not for every user: "
+            f"`IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too",
         )
-    return f"LocalPort of {config.name} is {config.local.port}{DO}take a free one, 2000 to 5000"
+    return do(f"LocalPort of {config.name} is {config.local.port}", "take a free one, 2000 to 5000")
 
 
-def ask_for_the_name(e: Evidence) -> str:
+def ask_for_the_name(e: Evidence) -> Answer:
     """Return how to ask for the partner's name outside of the bench."""
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
         name = meaning(e.config.description).remote_name
-    return (
-        f"{DO}`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
-        if name
-        else ""
-    )
+    text = f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
+    return do("", text) if name else ""
 
 
 # -- the partner -----------------------------------------------------------------------------------------
 
 
-def no_such_selector(e: Evidence) -> str:
+def no_such_selector(e: Evidence) -> Answer:
     """The partner took the call and refused its T-selector."""
     if e.cause.call != "session" or e.config is None or e.config.description is None:
         return ""
@@ -257,54 +292,54 @@ def no_such_selector(e: Evidence) -> str:
         return ""
     ours = selector_text(says_what.local_tsap) or "none"
     theirs = selector_text(says_what.remote_tsap) or "any"
-    return (
-        f"{_peer(e)} took the call and refused it{DO}make the selectors fit crosswise: its remote one has to "
-        f"be {ours} (our local one) and its local one {theirs} (our remote one)"
+    return do(
+        f"{_peer(e)} took the call and refused it",
+        "make the selectors fit crosswise: its remote one has to "
+        f"be {ours} (our local one) and its local one {theirs} (our remote one)",
     )
 
 
-def look_at_the_certificate(e: Evidence) -> str:
+def look_at_the_certificate(e: Evidence) -> Answer:
     """Return how to look at what the partner shows."""
     if e.config is None or not e.config.active or not e.cause.peer:
         return ""
-    return f"{DO}`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
+    return do("", f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows")
 
 
-def showed_no_certificate(e: Evidence) -> str:
+def showed_no_certificate(e: Evidence) -> Answer:
     """The partner showed no certificate, or one that will not do."""
     if e.cause.error == TlsError.NO_CERTIFICATE:
-        return f"{_peer(e)} showed no certificate, and is asked for one{DO}set its own certificate there"
+        return do(f"{_peer(e)} showed no certificate, and is asked for one", "set its own certificate there")
     return f"{_peer(e)} showed a certificate for another use, or with too short a key"
 
 
 # -- DATA and LEN ----------------------------------------------------------------------------------------
 
 
-def message_too_long(e: Evidence) -> str:
+def message_too_long(e: Evidence) -> Answer:
     """A message comes whole or not at all: how much room it needs."""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
-    return (
-        f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many, and it "
-        f"is lost{DO}give DATA and LEN at least {have}"
-    )
+    text = f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
+    return do(f"{text}, and it is lost", f"give DATA and LEN at least {have}")
 
 
-def must_stay(e: Evidence) -> str:
+def must_stay(e: Evidence) -> Answer:
     """DATA or LEN changed while a job ran."""
     pin = e.cause.pin or "DATA"
     held = "until DONE or ERROR: change it while BUSY is 0"
     if pin == "DATA":
-        return f"{DO}keep DATA as it is {held}, or fill a second variable and copy it before the edge"
-    return f"{DO}keep {pin} as it is {held}"
+        return do("", f"keep DATA as it is {held}, or fill a second variable and copy it before the edge")
+    return do("", f"keep {pin} as it is {held}")
 
 
-def symbolic_data(e: Evidence) -> str:
+def symbolic_data(e: Evidence) -> Answer:
     """Return what a symbolic DATA (of an optimized block) does not go together with."""
+    block = "in a block that is not optimized (`optimized = false`)"
     if e.cause.pin == "LEN":
-        return f"{DO}`set {e.instance} LEN=0`, or DATA in a block that is not optimized (`optimized = false`)"
-    return f"{DO}DATA as ARRAY OF BYTE or CHAR, or in a block that is not optimized (`optimized = false`)"
+        return do("", f"{{}}, or DATA {block}", f"set {e.instance} LEN=0")
+    return do("", f"DATA as ARRAY OF BYTE or CHAR, or {block}")
 
 
 def result_too_small(e: Evidence) -> str:

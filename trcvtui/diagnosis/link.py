@@ -1,18 +1,23 @@
 """What the set-up of a connection proves: what is waited for, since when, what answered, or was turned away.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply; with it what to do.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Why
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DO
+from trcvtui.diagnosis.job import Answer, as_sentence, do
 from trcvtui.history.records import NOT_BUILT, Failures
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, duration, times
 
@@ -21,21 +26,39 @@ MS: Final = SECOND // 1000
 QUIET_NS: Final = 10 * SECOND  # without a byte, after messages: longer than most senders pause
 MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
 
-# How an attempt failed -> what that proves, and after a line break what to do.
-FAILED: Final = {
+_TAKEN: Final = do("another program or CONNECT has {local}", "`ss -ltnp` names it")
+# How an attempt failed -> what that proves, and what to do.
+FAILED: Final[dict[str, Answer]] = {
     "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nothing listens on that port",
     "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router says no: wrong address, or it is off",
-    "connect ENETUNREACH": "no route leads to {peer}\nlook at LocalAddress, the mask and the gateway",
+    "connect ENETUNREACH": do("no route leads to {peer}", "look at LocalAddress, the mask and the gateway"),
     "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
-    "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}\nLocalPort 0 takes a free one",
-    "bind EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
-    "listen EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
-    "bind EACCES": "{local}: ports below 1024 are not for every user\ntake a larger LocalPort or IsoPort",
-    "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine\n`ip -br address` lists them",
+    "connect EADDRINUSE": do("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
+    "bind EADDRINUSE": _TAKEN,
+    "listen EADDRINUSE": _TAKEN,
+    "bind EACCES": do(
+        "{local}: ports below 1024 are not for every user", "take a larger LocalPort or IsoPort"
+    ),
+    "bind EADDRNOTAVAIL": do(
+        "{local} belongs to no interface of this machine", "`ip -br address` lists them"
+    ),
     "socket EMFILE": "the process has no descriptor left",
 }
+
+LISTENING: Final = "listening"
+
+
+def condition_word(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
+    """Return what stands beside a STATUS; a passive CONNECT whose listener is there listens."""
+    decl, cause = project.instance(name), shown.cause
+    connect = project.connect(decl.connect) if decl is not None else None
+    waits = shown.condition == Condition.ESTABLISHING and connect is not None and not connect.active
+    if waits and (cause.local or cause.why is not Why.WAITING):
+        return LISTENING
+    return project.dialect.label(shown.condition)
+
 
 HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
 # What fails before the partner is called, or after it: in words, and no errno beside them.
@@ -130,33 +153,34 @@ def _times_failed(failed: Failures) -> str:
 # -- what to look at --------------------------------------------------------------------------------------
 
 
-def injected(e: Evidence) -> str:
+def injected(e: Evidence) -> Answer:
     asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
-    return f"a fault that was injected here did that, not the network{DO}`fault clear`" if asked else ""
+    text = "a fault that was injected here did that, not the network"
+    return do(text, "{}", "fault clear") if asked else ""
 
 
-def what_failed(e: Evidence) -> str:
+def what_failed(e: Evidence) -> Answer:
     """The newest failure of an attempt, in words."""
     failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
     newest = (failed.call, failed.error) if failed is not None else ("", "")
     error = (e.cause.call, e.cause.error) if e.cause.call else newest
     peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
     local = e.config.local if e.config is not None else "the local port"
-    told = FAILED.get(" ".join(error), "").format(peer=peer, local=local)
-    if failed is None or newest != error or failed.count < 2 or not told:
-        return told
-    cause, mark, remedy = told.partition(DO)
-    return f"{cause} ({times(failed.count)}, last in scan {failed.last.scan}){mark}{remedy}"
+    told = as_sentence(FAILED.get(" ".join(error), ""))
+    cause = told.cause.format(peer=peer, local=local)
+    if cause and failed is not None and newest == error and failed.count > 1:
+        cause += f" ({times(failed.count)}, last in scan {failed.last.scan})"
+    return told._replace(cause=cause) if cause else ""
 
 
-def unanswered(e: Evidence) -> str:
+def unanswered(e: Evidence) -> Answer:
     """An attempt is running, and none has failed yet."""
     if e.config is None or not e.config.active or e.link is None or e.facts.failures:
         return ""
     if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
         return ""
     try_it = f"`nc -vz {e.link.remote.replace(':', ' ')}`"
-    return f"no answer from {e.link.remote} yet{DO}try {try_it} from this machine"
+    return do(f"no answer from {e.link.remote} yet", f"try {try_it} from this machine")
 
 
 def wrong_partner(e: Evidence) -> str:
@@ -194,7 +218,7 @@ def let_go(e: Evidence) -> str:
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 
-def peer_that_could_call(e: Evidence) -> str:
+def peer_that_could_call(e: Evidence) -> Answer:
     """A peer of this bench could be the partner, and does nothing."""
     if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
         return ""
@@ -203,22 +227,22 @@ def peer_that_could_call(e: Evidence) -> str:
     callers = [peer for peer in e.peers if peer.name in e.callers]
     if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
-        return f"{e.config.name} and {names} are all passive{DO}make exactly one of two ends active"
+        return do(f"{e.config.name} and {names} are all passive", "make exactly one of two ends active")
     busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
     waiting = [peer for peer in callers if peer.state not in busy]
     return _call(waiting[0]) if waiting else ""
 
 
-def _call(peer: PeerSnapshot) -> str:
-    return f"{peer.name} is active and {peer.state}{DO}`peer {peer.name} connect` lets it call"
+def _call(peer: PeerSnapshot) -> Answer:
+    return do(f"{peer.name} is active and {peer.state}", "{} lets it call", f"peer {peer.name} connect")
 
 
-def _peer_to_call(e: Evidence) -> str:
+def _peer_to_call(e: Evidence) -> Answer:
     port = e.config.remote_port if e.config is not None else 0
     peer = next((p for p in e.peers if port == f"@{p.name}"), None)
     if peer is None or peer.state in ("listening", "connected"):
         return ""
-    return f"{peer.name} is {peer.state} and does not listen{DO}`peer {peer.name} listen`"
+    return do(f"{peer.name} is {peer.state} and does not listen", "{}", f"peer {peer.name} listen")
 
 
 def lost_before(e: Evidence) -> str:
@@ -232,7 +256,7 @@ def lost_before(e: Evidence) -> str:
     return f"the connection with {loss.peer} ended in scan {loss.at.scan}{lived}: {loss.what}{error}{often}"
 
 
-def asked_too_early(e: Evidence) -> str:
+def asked_too_early(e: Evidence) -> Answer:
     """EN_R or REQ came before the connection."""
     pin = e.cause.pin
     since = e.facts.down_since
@@ -241,30 +265,31 @@ def asked_too_early(e: Evidence) -> str:
     wait = f" since scan {since.scan} ({age(e.age_of(since))})" if since is not None else ""
     text = f"{pin} came while the connection was still being built{wait}"
     advice = "set it" if pin == "EN_R" else "repeat the edge"
-    return f"{text}{DO}{advice} when STATUS says connected"
+    return do(text, f"{advice} when STATUS says connected")
 
 
-def no_connection_left(e: Evidence) -> str:
+def no_connection_left(e: Evidence) -> Answer:
     used, most = e.budget
     if e.cause.call != "budget":
         return ""
-    return f"{used} of {count(most, 'connection')} are in use{DO}close one, or take a larger model"
+    return do(f"{used} of {count(most, 'connection')} are in use", "close one, or take a larger model")
 
 
-def dead_link(e: Evidence) -> str:
+def dead_link(e: Evidence) -> Answer:
     """Nothing was acknowledged, as long as the keep-alive waits."""
     if e.config is None:
         return ""
     limit = duration(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
     stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
-    return (
+    return do(
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
-        f"{e.config.keep_alive_s} s){stood}{DO}look at cable, switch and its power, not at its program"
+        f"{e.config.keep_alive_s} s){stood}",
+        "look at cable, switch and its power, not at its program",
     )
 
 
-def may_be_cut(e: Evidence) -> str:
+def may_be_cut(e: Evidence) -> Answer:
     """Messages came and come no more: STATUS shows no cut line before keep-alive does."""
     since, patience = e.facts.up_since, max(QUIET_NS, 2 * e.facts.longest_gap_ns)
     if e.config is None or since is None or e.is_past or e.have or e.last_bytes_ns is None:
@@ -275,9 +300,10 @@ def may_be_cut(e: Evidence) -> str:
         duration(e.config.dead_after_ms * MS),
         e.link.remote if e.link is not None else "its partner",
     )
-    return (
+    return do(
         f"no byte for {age(e.quiet_ns)}: a line cut, or a partner without power, looks just like this for up "
-        f"to {limit}, then keep-alive ends the connection{DO}look at cable and power of {peer}, or `ping` it"
+        f"to {limit}, then keep-alive ends the connection",
+        f"look at cable and power of {peer}, or `ping` it",
     )
 
 

@@ -1,6 +1,6 @@
 """What received bytes, messages and datagrams prove: whether a job waits or is stuck; wrong sizes, ports.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply; with it what to do.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DO, how_far, limit
+from trcvtui.diagnosis.job import Answer, Sentence, do, how_far, limit, req_stays
 from trcvtui.history.records import Drop
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, rate, times
@@ -104,25 +104,26 @@ def _were(e: Evidence, size: int) -> str:
 # -- the rules --------------------------------------------------------------------------------------------
 
 
-def shifted_by_a_drop(e: Evidence) -> str:
+def shifted_by_a_drop(e: Evidence) -> Answer:
     """A frame was given up in its middle, and the bytes after it begin the next one."""
     drop, facts = e.facts.drop, e.facts
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
     if not facts.messages.count:
         doubt = "unless the sender had ended a message there, the stream is shifted"
-        return f"{_drop(drop)}; {doubt}{DO}{_in_step(e)}"
+        return _in_step(e, f"{_drop(drop)}; {doubt}")
     message = facts.begins_in
     if message is None or not message.first:
         return ""
     begins = f"This frame begins with byte {message.first} of {facts.sender}'s message {message.number}"
-    return f"{_drop(drop)}. {begins}: the stream is shifted{DO}{_in_step(e)}"
+    return _in_step(e, f"{_drop(drop)}. {begins}: the stream is shifted")
 
 
-def _in_step(e: Evidence) -> str:
+def _in_step(e: Evidence, cause: str) -> Sentence:
     if e.pin("COM_RST") is None:
-        return "disconnect and connect again: the next frame begins with a message"
-    return f"`pulse {e.instance} COM_RST` to put the stream back in step, or CONT 0, then 1"
+        return do(cause, "disconnect and connect again: the next frame begins with a message")
+    text = "{} to put the stream back in step, or CONT 0, then 1"
+    return do(cause, text, f"pulse {e.instance} COM_RST")
 
 
 def _drop(drop: Drop) -> str:
@@ -146,7 +147,7 @@ def _fits(e: Evidence) -> bool:
     return only is not None and only != e.need
 
 
-def too_short_a_sender(e: Evidence) -> str:
+def too_short_a_sender(e: Evidence) -> Answer:
     """Every message is shorter than the frame, and no whole number of them fills it."""
     size = e.facts.messages.only
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
@@ -155,13 +156,10 @@ def too_short_a_sender(e: Evidence) -> str:
     text = f"{limit(e)}. {_were(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
         text += f". Each frame takes {count(missing, 'byte')} of the next message, so the values wander"
-    return text + _fit(e, size)
-
-
-def _fit(e: Evidence, size: int) -> str:
-    length = f"`set {e.instance} LEN={size}`, or " if e.pin("LEN") is not None else ""
-    reset = f"; then `pulse {e.instance} COM_RST`" if e.pin("COM_RST") is not None else ""
-    return f"{DO}make both equal: {length}give DATA {count(size, 'byte')}{reset}"
+    pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
+    has_len, has_reset = (e.pin(pin) is not None for pin, _ in pins)
+    way = f"make both equal: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
+    return do(text, way, *(line for pin, line in pins if e.pin(pin) is not None), needs_trial=True)
 
 
 def several_messages_a_frame(e: Evidence) -> str:
@@ -173,7 +171,7 @@ def several_messages_a_frame(e: Evidence) -> str:
     return f"{frame}, {e.have // size} are here" if e.have else frame
 
 
-def too_long_a_sender(e: Evidence) -> str:
+def too_long_a_sender(e: Evidence) -> Answer:
     """Every message is longer than the frame."""
     size = e.facts.messages.only
     if size is None or not e.need or size <= e.need:
@@ -186,9 +184,10 @@ def too_long_a_sender(e: Evidence) -> str:
     rest = size % e.need
     if not rest:
         return f"{_were(e, size)}. {limit(e)}: one message comes as {size // e.need} frames"
-    return (
+    return do(
         f"{_were(e, size)}. {limit(e)}, which is too small for this sender: {count(rest, 'byte')} of each "
-        f"message begin a next frame, so the values wander{DO}give DATA and LEN {count(size, 'byte')}"
+        "message begin a next frame, so the values wander",
+        f"give DATA and LEN {count(size, 'byte')}",
     )
 
 
@@ -204,14 +203,14 @@ def one_odd_message(e: Evidence) -> str:
     return f"{e.facts.sender}'s newest message was {sizes[-1]} bytes, those before it {e.need}: it is {which}"
 
 
-def messages_of_many_sizes(e: Evidence) -> str:
+def messages_of_many_sizes(e: Evidence) -> Answer:
     """Messages differ in size, and a static frame has one."""
     sizes = e.facts.messages.last
     if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need or one_odd_message(e):
         return ""
-    return (
-        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}"
-        f"{DO}{_switch(e)} takes what is there, or one job reads the header and one the rest"
+    return do(
+        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}",
+        f"{_switch(e)} takes what is there, or one job reads the header and one the rest",
     )
 
 
@@ -236,15 +235,15 @@ def bursts_do_not_fill(e: Evidence) -> str:
     return f"{limit(e)}, {came} it comes as {size // e.need} frames"
 
 
-def ad_hoc_hint(e: Evidence) -> str:
+def ad_hoc_hint(e: Evidence) -> Answer:
     """Static, stuck, and nothing tells whether more will come."""
     if e.adhoc or state(e) != STUCK or not e.have:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
-        now = f"`set {e.instance} ADHOC=1` to get the {here} at once"
-        return DO + (f"ADHOC=1 would have delivered the {here} at once" if e.is_past else now)
-    return f"{DO}{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)"
+        now = do("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
+        return do("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
+    return do("", f"{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)")
 
 
 def parts_of_a_message(e: Evidence) -> str:
@@ -259,14 +258,15 @@ def parts_of_a_message(e: Evidence) -> str:
     return f"{_were(e, size)}: {what}; {_name(e)} delivers what is there, not messages"
 
 
-def nothing_sent(e: Evidence) -> str:
+def nothing_sent(e: Evidence) -> Answer:
     """The partner is a peer of this bench, and has sent nothing on this connection."""
     if e.have or e.facts.bursts.count or e.is_past or e.link is None or e.facts.up_since is None:
         return ""
     for peer in e.peers:
         if peer.state == "connected" and (peer.local, peer.remote) == (e.link.remote, e.link.local):
-            return f"{peer.name} has sent nothing on this connection{DO}`peer {peer.name} send hex 01`"
-    return f"the partner has sent nothing since the link is up{DO}check there: is its send call enabled?"
+            text = f"{peer.name} has sent nothing on this connection"
+            return do(text, "{}", f"peer {peer.name} send hex 01")
+    return do("the partner has sent nothing since the link is up", "check there: is its send call enabled?")
 
 
 # -- messages (ISO-on-TCP): a shorter one ends the job, a longer one is lost ------------------------------
@@ -290,14 +290,15 @@ def short_messages(e: Evidence) -> str:
     )
 
 
-def too_long_messages(e: Evidence) -> str:
+def too_long_messages(e: Evidence) -> Answer:
     """The partner's messages are longer than LEN or DATA: each is lost."""
     size = e.facts.messages.only
     if size is None or not e.need or size <= e.need:
         return ""
-    return (
+    return do(
         f"{e.facts.sender}'s messages have {count(size, 'byte')}, {limit(e)}: each is {size - e.need} too "
-        f"long, and lost{DO}give DATA and LEN at least {size}"
+        "long, and lost",
+        f"give DATA and LEN at least {size}",
     )
 
 
@@ -335,15 +336,16 @@ def wrong_port(e: Evidence) -> str:
     return f"{astray.name} sends to {astray.remote}, this socket is at {_local(e)}: address or port is wrong"
 
 
-def nobody_sends(e: Evidence) -> str:
+def nobody_sends(e: Evidence) -> Answer:
     if not _waits_for_the_first(e) or wrong_port(e):
         return ""
     for peer in _udp_peers(e):
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
-            return f"{peer.name} has sent nothing{DO}`peer {peer.name} send hex 01`"
-    return (
+            return do(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
+    return do(
         f"no datagram has come to {_local(e)}; UDP tells the sender nothing, and a firewall drops "
-        f"without a word{DO}check whether the partner sends to this address and port"
+        "without a word",
+        "check whether the partner sends to this address and port",
     )
 
 
@@ -410,7 +412,7 @@ def datagrams_wait(e: Evidence) -> str:
 # -- sending ----------------------------------------------------------------------------------------------
 
 
-def nobody_is_told(e: Evidence) -> str:
+def nobody_is_told(e: Evidence) -> Answer:
     """DONE of a datagram tells of the local stack only; a peer of this bench would have to be there."""
     target = e.cause.peer
     if not target:
@@ -421,34 +423,34 @@ def nobody_is_told(e: Evidence) -> str:
     if near is None:
         return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
     if near.state == "closed":
-        return f"it went to {target}, and {near.name} is closed{DO}`peer {near.name} listen`"
+        text = f"it went to {target}, and {near.name} is closed"
+        return do(text, "{}", f"peer {near.name} listen")
     return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
 
 
-def took_it(e: Evidence) -> str:
+def took_it(e: Evidence) -> Answer:
     """Return the same of a block whose edge does not name the receiver."""
     return nobody_is_told(e) or (
         "DONE tells that the local stack took the datagram; UDP does not tell whether it came"
     )
 
 
-def no_edge_for_a_datagram(e: Evidence) -> str:
+def no_edge_for_a_datagram(e: Evidence) -> Answer:
     """The socket is open and REQ stays 1: that is no edge."""
-    text = f"REQ stays 1: a job starts with a rising edge only{DO}set REQ to 0 first"
-    return text if e.pin("REQ") == 1 else ""
+    return req_stays(e)
 
 
-def addr_is_empty(e: Evidence) -> str:
+def addr_is_empty(e: Evidence) -> Answer:
     """The receiver of a datagram stands in ADDR."""
-    return f"ADDR names the receiver{DO}write both address and port into it before the edge of REQ"
+    return do("ADDR names the receiver", "write both address and port into it before the edge of REQ")
 
 
-def datagram_too_long(e: Evidence) -> str:
+def datagram_too_long(e: Evidence) -> Answer:
     """A datagram that DATA has no room for is gone, and the next one is clean."""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
-    return f"the datagram had {count(have, 'byte')}, {have - need} too many{DO}give DATA at least {have}"
+    return do(f"the datagram had {count(have, 'byte')}, {have - need} too many", f"give DATA at least {have}")
 
 
 # The same of blocks whose CONNECT says UDP: to these the socket is their connection.
@@ -459,11 +461,11 @@ def datagram_job_stands(e: Evidence) -> str:
     return datagram_stands(e) if block_row(e.block).receives else how_far(e)
 
 
-def socket_is_closed(e: Evidence) -> str:
+def socket_is_closed(e: Evidence) -> Answer:
     at = e.link.name if e.link is not None else "UDP_CONFIG"
-    return (
-        f"the socket of {at} is not open; the next call tries again{DO}check whether LocalAddress is one "
-        "of this machine, and LocalPort free (`ss -ulnp`)"
+    return do(
+        f"the socket of {at} is not open; the next call tries again",
+        "check whether LocalAddress is one of this machine, and LocalPort free (`ss -ulnp`)",
     )
 
 

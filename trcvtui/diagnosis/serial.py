@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DO
+from trcvtui.diagnosis.job import Answer, do
 from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
@@ -20,22 +20,23 @@ from trcvtui.project.project import ComBufferDecl, Project
 from trcvtui.wording import count
 
 
-def frame_too_long(e: Evidence) -> str:
+def frame_too_long(e: Evidence) -> Answer:
     size = e.pin("SizeReceiveData")
     frame = f"{count(size, 'byte')} came" if size else "the size was reached"
     cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
-    return f"{cause}{DO}`framing {e.instance}` tells which"
+    return do(cause, "{} tells which", f"framing {e.instance}")
 
 
-def size_does_not_fit(e: Evidence) -> str:
+def size_does_not_fit(e: Evidence) -> Answer:
     found = e.pin("SizeReceiveData")
     room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "what the variable holds"
     is_found = f"SizeReceiveData is {found}: it" if found is not None else "SizeReceiveData"
-    return f"{DO}{is_found} has to be {room}"
+    return do("", f"{is_found} has to be {room}")
 
 
-def string_too_long(e: Evidence) -> str:
-    return f"the string was full before its text ended{DO}`framing {e.instance}` tells how texts end (key B)"
+def string_too_long(e: Evidence) -> Answer:
+    text = "the string was full before its text ended"
+    return do(text, "{} tells how texts end (key B)", f"framing {e.instance}")
 
 
 # Where nothing is wrong with the block itself, it waits for the line.

@@ -219,10 +219,9 @@ class Engine:
 
     def _make(self, request: UpdateRequest) -> None:
         began = clock.now_ns()
-        if not self._timing.find_percentile() or self._interval >= FAST_NS:
-            self._pipe.begin(self._controller.picture(request, self._timing.summary(), request.most_lines))
-            self._make_ns, self._made_at = clock.now_ns() - began, began
-            self._request, self._is_answered = None, True
+        self._pipe.begin(self._controller.picture(request, self._timing.summary(began), request.most_lines))
+        self._make_ns, self._made_at = clock.now_ns() - began, began
+        self._request, self._is_answered = None, True
 
     def _may_make(self, now: int, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.

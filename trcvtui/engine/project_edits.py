@@ -228,7 +228,9 @@ class ProjectEdits:
         if not path.parent.is_dir():
             raise mistake(WHERE, f"{path}: no folder {path.parent}", "a file that can be written")
         is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._lost()
-        if is_own and lost and not (self.text and words.rstrip().endswith(FORCE)):
+        if is_own and lost and not self.text:
+            raise mistake(WHERE, f"{own}, which is no file", "a project that was opened from a file")
+        if is_own and lost and not words.rstrip().endswith(FORCE):
             raise mistake(lost.where, lost.found, f"{lost.expected}; `save project {FORCE}` writes it anew")
         if is_own and not lost and not self.unsaved:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"

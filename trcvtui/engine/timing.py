@@ -15,7 +15,6 @@ import json
 import os
 import struct
 import sys
-from collections import deque
 from pathlib import Path
 from typing import Final
 
@@ -73,20 +72,18 @@ def _ask_session() -> bool:
     return True
 
 
-KEPT: Final = 1000
+BAD_NS: Final = 10_000_000_000  # a bad scan is told for so long
 
 
 class ScanTiming:
-    """The last thousand scans' lateness in ns, and the overruns since the start."""
+    """How many scans overran and how late the latest began, from a bad one on until 10 s were good; ns."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode
-        self._late: deque[int] = deque(maxlen=KEPT)
         self._scans = 0
+        self._bad, self._bad_until = (0, 0), 0  # overruns and the worst lateness; 0: not late
         self._overruns = 0
         self.late_by_picture = 0  # scans that were due before the work on a picture paused
-        self._sorted_at = 0
-        self._late_p99 = 0
         self._every: list[tuple[int, int, int, int]] | None = None
         self._used = 0  # processor time when the last scan ended
 
@@ -105,23 +102,21 @@ class ScanTiming:
         write_file(path, json.dumps(kept), "timing", is_own=True)
 
     def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
-        """Count one scan; it overran when it ended after the next one was due."""
+        """Count one scan; it overran when it ended after the next one was due.
+
+        It is late when it began later than half an interval, as in `Bench.late_ns`.
+        """
         self._scans += 1
-        self._late.append(began - due)
-        if ended > due + interval:
-            self._overruns += 1
+        has_overrun, late = ended > due + interval, began - due
+        self._overruns += has_overrun
+        if has_overrun or late > interval // 2:
+            overruns, worst = self._bad if ended < self._bad_until else (0, 0)
+            self._bad = overruns + has_overrun, max(worst, late if late > interval // 2 else 0)
+            self._bad_until = ended + BAD_NS
         if self._every is not None:
             before, self._used = self._used, clock.used_ns()
             self._every.append((began, began - due, ended - began, self._used - before))
 
-    def summary(self) -> EngineTiming:
-        return EngineTiming(self._scans, self._overruns, self._late_p99, self._mode, self.late_by_picture)
-
-    def find_percentile(self) -> bool:
-        """Find the percentile anew when enough of what is kept is new; return whether that was so."""
-        is_due = self._scans - self._sorted_at >= max(1, len(self._late) // 8)
-        if is_due:
-            self._sorted_at = self._scans
-            late = sorted(self._late)
-            self._late_p99 = late[int(len(late) * 0.99)] if late else 0
-        return is_due
+    def summary(self, now: int) -> EngineTiming:
+        bad = self._bad if now < self._bad_until else (0, 0)
+        return EngineTiming(self._scans, *bad, self._mode, self.late_by_picture)

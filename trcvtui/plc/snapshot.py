@@ -124,12 +124,17 @@ class InstanceSnapshot(Struct, frozen=True):
 
 
 class DataSnapshot(Struct, frozen=True):
-    """One global variable: its IEC type as text, its size in bytes, and how often it changed."""
+    """One global variable: its IEC type as text, its size in bytes, and how often it changed.
+
+    The newest change wrote `newest` bytes, the longest one `longest`.
+    """
 
     name: str
     type_name: str
     size: int
     generation: int
+    newest: int = 0
+    longest: int = 0
 
 
 class AddrSnapshot(Struct, frozen=True):
@@ -227,7 +232,7 @@ def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
 
 
 def data_snapshot(data: DataArea) -> DataSnapshot:
-    return DataSnapshot(data.name, data.type_name, data.size, data.generation)
+    return DataSnapshot(data.name, data.type_name, data.size, data.generation, data.newest, data.longest)
 
 
 def framer_snapshot(

@@ -98,10 +98,10 @@ def first_block(project: Project) -> str:
     return receivers[0] if receivers and not project.instances else blocks[0]
 
 
-def first_name(kind: str, project: Project) -> str:
+def first_name(kind: str, project: Project, block: str = "") -> str:
     if kind == "certificate":
         return str(max(project.certificates, default=0) + 1)
-    start = f"{first_block(project)}_" if kind == "instance" else TABLES[kind].first_name
+    start = f"{block or first_block(project)}_" if kind == "instance" else TABLES[kind].first_name
     return free_name(kind, start, project)
 
 

@@ -66,6 +66,7 @@ from trcvtui.project.project import (
     Task,
     WatchDecl,
 )
+from trcvtui.project.proposals import NEW, free
 from trcvtui.project.tables import (
     ADDRESS,
     ADDRESSES,
@@ -151,9 +152,12 @@ def free_name(kind: str, start: str, project: Project) -> str:
     return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
 
 
-def _names(*kinds: str, or_none: bool = False) -> Offer:
-    none = ("",) * or_none
-    return lambda project, block: (*none, *(name for kind in kinds for name in names_of(kind, project)))
+def _names(*kinds: str, before: tuple[str, ...] = ()) -> Offer:
+    return lambda project, block: (*before, *(name for kind in kinds for name in names_of(kind, project)))
+
+
+def _new_or(kind: str) -> Offer:
+    return _names(kind, before=(NEW,))
 
 
 def _at(*kinds: str) -> Offer:
@@ -516,20 +520,34 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
 
 def _links() -> Iterable[Key]:
     yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
-              ask=Hint("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
+              ask=Hint("of a UDP block", _new_or("udp_config"), free("udp_config"), _speaks_udp),
               refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
               only=_on_config)  # fmt: skip
     for pin in buffer_pins():
         yield Key(
             pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
-            ask=Hint("a ComBuffer", _names("combuffer"), _last(_names("combuffer")), where=_has_buffer(pin)),
+            ask=Hint("a ComBuffer", _new_or("combuffer"), free("combuffer"), _has_buffer(pin)),
             refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
             only=_on_link(pin),
         )  # fmt: skip
 
 
-def _has_any(field_: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: not block_row(block).on_buffer and bool(getattr(project, field_))
+def _speaks_udp(project: Project, block: str) -> bool:
+    return block_row(block).speaks_udp
+
+
+def _may_be_on_udp(project: Project, block: str) -> bool:
+    return block_row(block).speaks_udp or (block_row(block).builds and bool(project.addrs))
+
+
+def _on_connect(project: Project, block: str) -> bool:
+    row = block_row(block)
+    return not row.on_buffer and (bool(row.datagrams) or not row.speaks_udp)
+
+
+def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
+    own = () if block_row(block).speaks_udp else (NEW,)  # of UDP it is by its description
+    return (*own, *names_of("connect", project))
 
 
 def _has_buffer(pin: str) -> Callable[[Project, str], bool]:
@@ -552,17 +570,8 @@ def _marks() -> Iterable[Key]:
     for pin in pointer_pins():
         mark = pin.removeprefix("p").lower()
         yield Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
-                  ask=Hint(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
+                  ask=Hint(f"{mark}, none: 0", _names("data", before=("",)), where=_asks_mark(pin)),
                   refers=NameUse("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin))  # fmt: skip
-
-
-def _data_hint(project: Project, block: str) -> str:
-    row = block_row(block)
-    return f"the variable of {row.data_pin}" if row.on_buffer else _or_made("a DATA variable")
-
-
-def _or_made(what: str) -> str:
-    return f"{what}; empty: one is made"
 
 
 def _inputs_hint(project: Project, block: str) -> str:
@@ -621,17 +630,16 @@ _INSTANCE: Final = TableRow(
         Key("block", TEXT, "The block.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
-            ask=Hint(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
-                    lambda project, block: not block_row(block).on_buffer),
+            ask=Hint("of a UDP description", _connect_choices, free("connect"), _on_connect),
             refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
         *_links(),
         replace(_ADDR_OF_INSTANCE, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
-        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _names("addr"), where=_has_any("addrs")),
+        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _new_or("addr"), free("addr"), _may_be_on_udp),
                 writes=lambda i: None),
         Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
-            ask=Hint(_data_hint, _names("data"), _last(_names("data")),
-                    lambda project, block: bool((row := block_row(block)).data_pin) or not row.on_buffer),
+            ask=Hint("a DATA variable", _new_or("data"), free("data"),
+                    lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
         *_marks(),
         Key("task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,

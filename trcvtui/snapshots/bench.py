@@ -21,12 +21,13 @@ class Answer(Struct, frozen=True):
 class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
 
+    `overruns` and the latest start are those of a bad time, 0 after 10 good seconds.
     `late_by_picture`: so many scans were late because of a picture.
     """
 
     scans: int = 0
     overruns: int = 0
-    late_p99_ns: int = 0
+    late_ns: int = 0
     mode: str = ""
     late_by_picture: int = 0
 
@@ -71,6 +72,14 @@ class CheckSnapshot(Struct, frozen=True):
     echo: CheckTally
 
 
+class SentMessage(Struct, frozen=True, array_like=True):
+    """A message that a peer has sent: its number (from 1), size, and what it begins with."""
+
+    number: int
+    size: int
+    begin: bytes
+
+
 class PeerSnapshot(Struct, frozen=True):
     """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
 
@@ -91,3 +100,4 @@ class PeerSnapshot(Struct, frozen=True):
     link: str = ""  # the CONNECT that it talks to, "" where none is known
     silent: bool = False  # that wire is down
     check: CheckSnapshot | None = None
+    last_sent: tuple[SentMessage, ...] = ()  # the newest first

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from asyncio import to_thread
 from collections.abc import Iterable
 from functools import partial
+from math import inf
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 FRAME_S: Final = 1 / 20
 REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
 AT_WORK_S: Final = 1.0  # after one of these
+MOST_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
 ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
@@ -99,6 +102,7 @@ class BenchApp(TerminalApp):
         self.card: FramingScreen | DoctorScreen | CurveScreen | None = None
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
+        self.remembers = False  # the project, as one of those that were opened last
         self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
         self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
@@ -106,6 +110,7 @@ class BenchApp(TerminalApp):
         self._worked_at = monotonic()  # the last key, paste or mouse event
         self._due_at = 0.0  # when a picture is asked for at rest
         self._before: BenchUpdate | None = None  # the newest picture when one was asked for
+        self._addition: tuple[str, str, float] | None = None  # kind and name; until when keys wait for it
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
@@ -120,6 +125,10 @@ class BenchApp(TerminalApp):
         await self.main.prepare()
 
     def tell_first(self) -> None:
+        if self.remembers:
+            from trcvtui.tui.recent_projects import remember  # after the first frame
+
+            self.run_worker(to_thread(remember, self._home))
         if self.only_looks:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self.problems:
@@ -177,6 +186,7 @@ class BenchApp(TerminalApp):
                 if self._starts:
                     self.main.prompt.tell(f"engine {self._engines} runs")
                 self._show(before)
+                self._select_added()
                 self._obey_again()
         except EngineStopped as stopped:
             if stopped.ends_screen:
@@ -268,6 +278,7 @@ class BenchApp(TerminalApp):
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         self.main.end(f"{why}; {'' if self.only_looks else 'R starts the engine anew, '}q quits")
+        self._select_added()
         self._obey_again()
 
     def action_restart(self) -> None:
@@ -418,8 +429,35 @@ class BenchApp(TerminalApp):
             self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._added)
 
     def _added(self, line: str | None) -> None:
+        """Send the line. Keys wait until what it adds is there: they are for that."""
         if line:
             self.submit(line)
+            _, kind, name, *_ = line.split()
+            if kind in ("instance", "peer") and not self.last_words:
+                self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_WAIT_S), True
+
+    def _select_added(self) -> None:
+        """Select what the form has added when it is there; no key waits longer than MOST_WAIT_S for it."""
+        if self._addition is None:
+            return
+        view, (kind, name, until) = self.view_model, self._addition
+        is_peer, holds = kind == "peer", bool(view.live and view.live.holding)
+        of_kind = (view.project.peers, view.peers) if is_peer else (view.project.instances, view.instances)
+        is_known, is_there = (any(each.name == name for each in parts) for parts in of_kind)
+        is_late = bool(self.last_words) or monotonic() > until or (is_known and holds)
+        if is_there or (is_known and is_late):
+            self._addition = None
+            if is_peer:
+                view.peer = name
+                self.main.on_peer_selected()
+            elif not view.is_frozen:
+                view.selected = name
+                self.main.follow_selected()
+                self.main.action_pane(1)
+        elif is_late:
+            self._addition = kind, name, inf
+        if is_there or is_late:
+            self.call_after_refresh(self.obey_kept)
 
     async def action_quit(self) -> None:
         """End the bench; what would be lost or cut is told first, what is lost again after another key."""
@@ -492,13 +530,19 @@ def _is_for_replay(screen: object) -> bool:
 
 
 def run_app(
-    driver: Driver, project: Project, theme: str | None = None, read_only: bool = False, replay: bool = False
+    driver: Driver,
+    project: Project,
+    theme: str | None = None,
+    read_only: bool = False,
+    replay: bool = False,
+    remembers: bool = False,
 ) -> int:
     """Open the screen on a bench or a replay; return 0, or 1 when the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         close_files("this screen is read-only")
     app = BenchApp(driver, project, settings, read_only, replay)
+    app.remembers = remembers and not read_only
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding
 
+from trcvtui.diagnosis.link import condition_word
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, plain, status_word
@@ -82,9 +83,8 @@ def _history(of: Subject) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
-            word = (
-                f"{status_word(line.event.outputs.status)} {of.project.dialect.label(line.event.condition)}"
-            )
+            said = condition_word(of.project, line.event.instance, line.event)
+            word = f"{status_word(line.event.outputs.status)} {said}"
             reason = plain(why(line.event))
             rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(in_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""

@@ -36,7 +36,7 @@ from trcvtui.udt.layout.rules import NO_CHOICE
 TABS, PAIR = "-tabs", "-pair"
 LEAST_BELOW: Final = 32  # rows below the list of instances
 LEAST_WIDTH, LEAST_HEIGHT, TINY, ROOMY, TALL = 128, 38, 16, 43, 54
-BROAD, HIGH = 180, 56  # from here on timing stands beside STATUS; has a row of its own
+BROAD, HIGH = 180, 56  # from here on STATUS stands beside timing and history; timing has a row of its own
 BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
 PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
 MOST_INSTANCES: Final = 10  # rows of the list, its frame included
@@ -77,12 +77,12 @@ def grid_rows(
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
     high = 10 if holds["-high"] else 0
-    strip = 0 if high or holds["-broad"] else 2  # a strip of timing below STATUS wants more than the block
+    strip = 0 if high else 2  # timing, and a strip of it below STATUS, wants more than the block
     spare = height - block - strip - high - peer
     half = (spare - (5 if high else 3)) // 2  # more for the bytes below it
     history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
-        return block, history, REST, peer
+        return block + strip, history, REST, peer
     if high:
         return block, high, history, REST, peer
     beside = 10 if timing else 6
@@ -149,6 +149,7 @@ class MainScreen(FullScreen[None]):
         Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("E", "change", show=False, id="change"),
         Binding("ctrl+z", "undo", show=False, id="undo"),
+        Binding("ctrl+s", "save", show=False, id="save"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("L", "app.lab", show=False, id="lab"),
         Binding("question_mark,f1", "help", show=False, id="help"),
@@ -171,10 +172,11 @@ class MainScreen(FullScreen[None]):
         )
         self.tabs = TabLine()
         self.block = FunctionBlock(view_model, actions)
-        self.status = StatusCard(view_model, letter_of=self.block.letter_of)
+        self.status = StatusCard(view_model, actions, letter_of=self.block.letter_of)
+        self.block.proposed = self.status.proposed
         self.timing = Timing(view_model, actions)
         self.history = StatusHistory(view_model, actions)
-        self.received = Received(view_model)
+        self.received = Received(view_model, lambda note: self.prompt.foretell(note))
         self.table = UdtTable(view_model)
         self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")
@@ -284,6 +286,7 @@ class MainScreen(FullScreen[None]):
             return False
         try:
             self.prompt.did(line, obey_line(line, self.timing))
+            self.history.code = self.timing.code
         except UserError as wrong:
             self.prompt.did(line, "", wrong.lines()[0])
         return True
@@ -431,6 +434,9 @@ class MainScreen(FullScreen[None]):
         self.set_class(seen in PAIRS, "-beside")
         for digit, pane in self._panes().items():
             pane.display = digit in seen
+        first, then = (self.timing, self.status) if self.has_class("-broad") else (self.status, self.timing)
+        if (order := self._grid.children).index(first) > order.index(then):  # a grid is filled in their order
+            self._grid.move_child(first, before=then)
         self.tabs.mark(self._pane, *seen)
         if (rows := self._wanted_rows()) != self._rows:
             self._grid.styles.grid_rows = self._rows = rows
@@ -463,8 +469,14 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     async def action_pin(self, letter: str) -> None:
-        if missing := self.block.press(letter):
+        place = "" if self._takes_pins() else self.block.place_of_pin(letter)
+        if place:
+            self.prompt.complain(place)
+        elif missing := self.block.press(letter):
             await self.run_action(f"app.press_from_afar({letter!r}, {missing!r})")
+
+    def _takes_pins(self) -> bool:
+        return self.focused in (self.instances, self.block, self.status)
 
     async def on_key(self, event: events.Key) -> None:
         """Take a key that neither the pane with the focus nor the screen knows."""
@@ -601,6 +613,20 @@ class MainScreen(FullScreen[None]):
         else:
             self.prompt.complain("no edit of the project is there to be taken back")
 
+    def action_save(self) -> None:
+        self._submit("save project")
+
+    def yank_line(self, line: str) -> None:
+        """Print a line of a shell, and put it where what is yanked goes."""
+        from trcvtui.tui.clipboard_and_files import take
+        from trcvtui.tui.copy_formats import Format
+
+        def tell(told: str) -> None:
+            self.prompt.tell(f"{line} · {told}")
+
+        if not self._is_refused():
+            self.run_worker(take(self.app, Format("", "it", lambda of: line), line, tell, tell))
+
     def action_mark(self) -> None:
         self._submit("mark")
 
@@ -628,8 +654,8 @@ class MainScreen(FullScreen[None]):
     def action_trigger(self) -> None:
         self.action_prompt("trigger ")
 
-    def action_prompt(self, text: str = "") -> None:
-        self.prompt.open(text)
+    def action_prompt(self, text: str = "", *then: str) -> None:
+        self.prompt.open(text, *then)
 
     def action_calm(self) -> None:
         if self.has_class(ZOOM) or self.has_class(LIST):

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class PaneActions(NamedTuple):
-    """Send a bench command line; open the prompt with the beginning of one; say what is missing."""
+    """Send a bench command line; open the prompt with one, or with several; say what is missing."""
 
     submit: Callable[[str], None]
-    open_prompt: Callable[[str], None]
+    open_prompt: Callable[..., None]
     complain: Callable[[str], None]
 
 

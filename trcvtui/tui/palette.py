@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from inspect import isawaitable
+from pathlib import Path
 from typing import Final, NamedTuple
 
 from textual.actions import parse
 from textual.app import SystemCommand
 from textual.binding import Binding
-from textual.command import DiscoveryHit, Hits
+from textual.command import DiscoveryHit, Hit, Hits
+from textual.content import Content
 from textual.dom import DOMNode
 from textual.keys import format_key
+from textual.markup import escape
 from textual.system_commands import SystemCommandsProvider
 from textual.widget import Widget
 
+from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
-from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
+from trcvtui.tui.peer_commands import BUTTONS, SEND, buttons_for
+from trcvtui.tui.recent_projects import recent_projects, run_line
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS
 
@@ -35,6 +41,8 @@ FIRST: Final = (
 )  # fmt: skip
 # Where the cursor goes by a key; it is not asked for by name.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
+BY_WORD: Final = 3.0  # the score of each letter, as in a title that has them side by side
+PEER, FILE = 7, "write"  # a pane, and an action, that write: they are pressed from no other pane
 BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 
 
@@ -89,7 +97,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     if key.widget.can_focus:
         main.set_focus(key.widget)
     whose, name, parameters = parse(key.binding.action)
-    target = main if whose == "screen" else key.widget
+    target = {"screen": main, "app": main.app}.get(whose, key.widget)
     act: Callable[..., Awaitable[object] | object] = getattr(target, f"action_{name}")
     done = act(*parameters)
     if isawaitable(done):
@@ -97,18 +105,17 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 
 
 async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
-    """Do what a key means in the only pane that has it; else say what is missing, and which panes have it."""
+    """Do what a key that only looks means in the only pane that has it; else say which panes have it."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
-    if len(found) == 1 and not is_pin and (found[0].digit != 7 or main.peer.takes_from_afar(key)):
-        # A button acts where it is; what is seen in its pane alone is done there.
-        main.peer.action_button(key) if found[0].action == "button" else await _press(main, found[0])
+    if len(found) == 1 and found[0].digit != PEER and found[0].action != FILE:
+        await _press(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
-    of_a_peer = digits == ["7"] or (not found and any(button.letter == key for button in BUTTONS))
-    if of_a_peer and not is_pin and not main.peer.has_peers:
-        missing = NO_PEER
-    elif digits:
+    is_of_peer = digits == [str(PEER)] or (not found and any(button.letter == key for button in BUTTONS))
+    if is_of_peer and not is_pin and main.peer.lacks_peer():
+        return
+    if digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"
         way = f"{found[0].key} is a key of {pane}: press {' or '.join(digits)}, then {found[0].key}"
         missing = f"{missing}; {way}" if missing and is_pin else way
@@ -124,12 +131,55 @@ class PaletteReach(NamedTuple):
     lab: Callable[[], None]
 
 
+# What else an action is looked for by: these words, where title or explanation has one of those.
+ALSO: Final = {
+    "search look": ("find", "some words", "a code", "filter"),
+    "copy clipboard export": ("yank", "clipboard", "screenshot"),
+    "export file": ("vcd", "csv", "save", "screenshot"),
+    "open load show": ("pane ", "scenarios", "lab", "recent", "form", "doctor", "advice", "stream", "table"),
+    "value number field": ("write", "member", "pin", "payload", "form", "resize", "curve"),
+    "graph chart plot": ("curve", "timing"),
+    "type structure struct layout": ("member", "udt", "theirs", "data variable", "resize"),
+    "record log": ("recording", "record", "save what", "save the session"),
+    "stop pause": ("hold", "freeze", "stop", "record", "trigger off", "stall", "quit"),
+    "start continue resume": ("go on", "plc run", "live", "record the run"),
+    "new create insert": ("add ", "create"),
+    "delete": ("remove",),
+    "edit modify settings": ("change", "set ", "theme"),
+    "disconnect close": ("fin", "rst", "silence", "undo"),
+    "message frame telegram": ("send", "payload", "split", "cut", "reply"),
+    "diagnose explain why error": ("doctor", "help", "framing", "error"),
+    "colour": ("theme",),
+    "exit end leave": ("quit", "back to now"),
+    "maximize full": ("zoom",),
+}
+
+
+def search_words(title: str, about: str) -> set[str]:
+    """Return the words by which an action is found."""
+    text = f"{title} {about}".casefold()
+    also = [words for words, those in ALSO.items() if any(each in text for each in those)]
+    return set(re.findall(r"\w+", " ".join([text, *also])))
+
+
 class OrderedCommands(SystemCommandsProvider):
-    """The palette before something is typed: the commands in the order of the app, not of the alphabet."""
+    """The palette before something is typed: the commands in the order of the app, not of the alphabet.
+
+    A title is found by its letters, and by the beginnings of its search words.
+    """
 
     async def discover(self) -> Hits:
         for title, about, callback, _ in self.app.get_system_commands(self.screen):
-            yield DiscoveryHit(title, callback, help=about)
+            yield DiscoveryHit(Content(title), callback, title, escape(about))
+
+    async def search(self, query: str) -> Hits:
+        matcher, asked = self.matcher(query), re.findall(r"\w+", query.casefold())
+        for title, about, callback, _ in self.app.get_system_commands(self.screen):
+            words, score = search_words(title, about), matcher.match(title)
+            if all(any(word.startswith(each) for word in words) for each in asked):
+                score = max(score, BY_WORD * len(query))
+            if score > 0:
+                yield Hit(score, matcher.highlight(escape(title)), callback, title, escape(about))
 
 
 def commands(bench: PaletteReach) -> list[SystemCommand]:
@@ -146,6 +196,7 @@ def _all(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield from _of_screen(bench)
     yield from commands_of_keys(bench.main)
     yield from _of_taking(bench)
+    yield from _of_recent(bench.main)
 
 
 def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
@@ -196,9 +247,10 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Remove {part!s}", f"remove {named}", partial(bench.main.remove_part, part))
     about = "undo: the newest add, set or remove of the project · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
-    save = "save project" + (" " if bench.view_model.project.path == demo_path() else "")
-    about = f"{save}: what was added, changed and removed, into its file"
-    yield SystemCommand("Save the project", about, partial(bench.main.action_prompt, save))
+    about = "save project: what was added, changed and removed, into its file · key ctrl+s"
+    is_demo = bench.view_model.project.path == demo_path()  # which needs another name
+    keep = partial(bench.main.action_prompt, "save project ") if is_demo else bench.main.action_save
+    yield SystemCommand("Save the project", about, keep)
     instance = bench.view_model.instance
     if instance is None:
         return
@@ -269,6 +321,16 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
+
+
+def _of_recent(main: MainScreen) -> Iterator[SystemCommand]:
+    try:
+        for path in () if getattr(main.app, "only_looks", False) else recent_projects():
+            line = run_line(path)
+            yield SystemCommand(f"Recent projects: {Path(path).name}", line, partial(main.yank_line, line))
+    except UserError as wrong:
+        [told] = wrong.lines()
+        yield SystemCommand("Recent projects", told, partial(main.prompt.complain, told))
 
 
 def _select(bench: PaletteReach, name: str) -> None:

@@ -18,16 +18,12 @@ MODES: Final = (HEX, TEXT, UDT)
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """One button: letter, label and bench command for a peer; with `edit` the user completes it.
-
-    What `harms` is pressed in its own pane only.
-    """
+    """One button: letter, label and bench command for a peer; with `edit` the user completes it."""
 
     letter: str
     label: Callable[[PeerSnapshot], str]
     line: Callable[[PeerSnapshot], str]
     edit: bool = False
-    harms: bool = False
 
 
 def _always(text: str) -> Callable[[PeerSnapshot], str]:
@@ -40,34 +36,32 @@ def _says(words: str) -> Callable[[PeerSnapshot], str]:
 
 SEND: Final = "s"
 BUTTONS: Final = (
-    Button(SEND, _always("Send"), _says("send"), harms=True),
+    Button(SEND, _always("Send"), _says("send")),
     Button(
         "c",
         lambda peer: "Connect" if peer.active else "Listen",
         lambda peer: f"peer {peer.name} {'connect' if peer.active else 'listen'}",
     ),
-    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close"), harms=True),
-    Button("r", _always("RST"), _says("rst"), harms=True),
-    Button("h", _always("Half-close"), _says("shutdown"), harms=True),
+    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close")),
+    Button("r", _always("RST"), _says("rst")),
+    Button("h", _always("Half-close"), _says("shutdown")),
     Button(
         "z",
         lambda peer: "Resume" if peer.stalled else "Stall",
         lambda peer: f"peer {peer.name} {'resume' if peer.stalled else 'stall'}",
-        harms=True,
     ),
 )
-NO_PEER: Final = "no peer in this project; A adds one"
+NO_PEER: Final = "no peer: A adds one"
 NEED_A_CONNECTION: Final = "rh"  # RST and half-close
 SILENCE: Final = Button(
     "l",
     lambda peer: "Wire up" if peer.silent else "Silence",
     lambda peer: f"link {peer.link} {'up' if peer.silent else 'down'}",
-    harms=True,
 )
 EVERY_SPLIT, FORM = "e", "o"
 TRY: Final = Button(EVERY_SPLIT, _always("Every split"), _says("try-splits"))
 REPLY: Final = Button("a", _always("Reply …"), _says("reply on contains hex 05 send hex 06"), edit=True)
-NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"), harms=True)
+NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"))
 CHECK: Final = Button("b", _always("Check …"), _says("check on size=64 every=T#100ms"), edit=True)
 NO_CHECK: Final = Button("b", _always("Check off"), _says("check off"))
 FAULT: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)

@@ -138,12 +138,15 @@ class Prompt(Vertical):
         self._view_model = view_model
         self._submit = submit
         self._echo = EchoLine()
+        self.foretell = self._echo.foretell  # what is wrong with a line that is typed elsewhere
         self._open_line = Horizontal(id="open-line")
         self._input: PromptInput | None = None
         self._focus_before: Widget | None = None
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
+        self._steps: tuple[str, ...] = ()  # the line that was filled in, then those that go after its ✓
+        self._after = -1  # the number of the line whose ✓ the next step waits for
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
@@ -162,8 +165,12 @@ class Prompt(Vertical):
     def is_open(self) -> bool:
         return self._open_line.display
 
-    def open(self, text: str = "") -> None:
-        """Open the command line with a text to complete. The very next key is typed into it."""
+    def open(self, text: str = "", *then: str) -> None:
+        """Open the command line with a text to complete. The very next key is typed into it.
+
+        Each line of `then` goes after the ✓ of the one before, if the text is sent as it is.
+        """
+        self._steps, self._after = (text, *then), -1
         if self._input is None:
             return
         if not self.is_open:
@@ -192,7 +199,9 @@ class Prompt(Vertical):
             return
         line = self._input.value.strip()
         is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
-        self._echo.foretell(said_before(line, self._view_model.project) if is_told else "")
+        notes = [said_before(line, self._view_model.project)] if is_told else []
+        notes += [f"then {step}" for step in self._steps[1:] if self._steps[0] == line]
+        self._echo.foretell(" · ".join(filter(None, notes)))
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
@@ -225,6 +234,8 @@ class Prompt(Vertical):
             del self._lines[:-KEPT_LINES]
 
     def sent(self, line: str, number: int) -> None:
+        self._steps = self._steps[1:] if self._steps[:1] == (line,) else ()
+        self._after = number if self._steps else -1
         self.remember(line)
         self._last = number
         self._echo.say(line, waits=True)
@@ -237,6 +248,8 @@ class Prompt(Vertical):
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)
+            if number == self._after and not answer.error:
+                self._submit(self._steps[0])
 
     @property
     def waits(self) -> bool:

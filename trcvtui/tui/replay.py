@@ -205,6 +205,9 @@ class ReplayScreen(MainScreen):
         is_of_table = (action, *parameters) in FIRST_OF_ALL and self.focused is self.received.table.first
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
+    def _takes_pins(self) -> bool:
+        return True  # the replay says that nothing can be changed
+
     def action_at(self, where: str) -> None:
         self.received.table.messages.follow()
         self._submit(f"at {where}")

@@ -1,6 +1,6 @@
 """Bytes as text: hex read, the forms of other tools, a dump as `hexdump -v -C`, what can be looked for.
 
-Rule: the first thing that is no hex is named with its place; nothing is guessed.
+Rule: the first thing that is no hex is named with its place; nothing is guessed. A search says what it takes.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ BYTE_FORMS: Final[dict[str, Callable[[bytes, str], str]]] = {
 # Rule: `29 00` is hex, `"abc"` a text, `=41` and `=-1.5` a number in all sizes that hold it.
 
 WHERE: Final = "find"
-EXPECTED_SEARCH: Final = 'hex such as 29 00, a text such as "abc", or a number such as =41 or =1234.5'
+EXPECTED_SEARCH: Final = "hex such as 29 00, a text such as abc, or a number such as =41 or =1234.5"
 LONGEST: Final = 256
 _WHOLE: Final = (("INT", "h", "H"), ("DINT", "i", "I"), ("LINT", "q", "Q"))
 _REALS: Final = (("REAL", "f"), ("LREAL", "d"))
@@ -144,20 +144,27 @@ class Wanted:
 
 
 def wanted(text: str) -> Wanted:
-    """Return what a text asks for; raise UserError where it is none of the three."""
+    """Return what a text asks for: a text in quotes, hex, else a text; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
         found = _text(text)
     elif text[:1] == "=":
         found = _number(text[1:].strip())
     else:
-        content = parse_hex(text, WHERE)
-        found = Wanted((content,), f"hex {content[:16].hex(' ')}")
+        found = _hex(text) or _text(f'"{text}"')
     if not all(found.patterns):
         raise mistake(WHERE, "nothing", EXPECTED_SEARCH)
     if max(map(len, found.patterns)) > LONGEST:
         raise mistake(WHERE, f"{max(map(len, found.patterns))} bytes", f"at most {LONGEST}")
     return found
+
+
+def _hex(text: str) -> Wanted | None:
+    try:
+        content = parse_hex(text)
+    except UserError:
+        return None
+    return Wanted((content,), f"hex {content[:16].hex(' ')}")
 
 
 def _text(text: str) -> Wanted:

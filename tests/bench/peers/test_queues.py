@@ -69,7 +69,7 @@ def test_a_message_is_announced_once() -> None:
     while (chunk := outbox.due(0)) is not None:
         announced.append(outbox.message_begins)
         outbox.taken(len(chunk), 0)
-    assert announced == [3, 0, 3, 0]
+    assert announced == [(3, b"abc"), (0, b""), (3, b"abc"), (0, b"")]
 
 
 def test_dropping_tells_how_much() -> None:

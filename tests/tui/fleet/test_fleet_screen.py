@@ -136,7 +136,7 @@ async def test_an_error_that_is_over_stands_beside_what_is_shown_now() -> None:
     async with on_fleet() as screen:
         await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/status", status("7002")))
         row = next(line for line in screen.text.splitlines() if "press/C2" in line)
-        assert "7002 receiving" in row and "◂80A6 +1" in row
+        assert "7002 receiving" in row and "was 80A6 +1" in row
 
 
 async def test_a_finding_a_stuck_job_a_hung_engine_and_a_wrong_clock_stand_in_rows_and_card() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from textual.widgets import Static
 
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
@@ -12,6 +13,7 @@ from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
 from trcvtui.tui.forms.fields import kinds_of, line_of
+from trcvtui.tui.forms.messages import UdtForm
 from trcvtui.tui.view_model.validity import fault_of
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])
@@ -38,7 +40,7 @@ async def test_the_form_stands_whole_and_ends_with_its_command(size: tuple[int, 
     async with on_a_bench(size) as looker:
         await looker.press("A")
         assert "Add an instance" in looker.text
-        assert "▸ add instance TRCV_C_3 block=TRCV_C connect=C2 data=small task=MAIN" in looker.text
+        assert "▸ add instance TRCV_C_3 block=TRCV_C connect=new data=new task=MAIN" in looker.text
         assert "tab field · ↑↓ choose · enter add · esc leave" in looker.text
         await looker.press("escape")
         assert looker.lines == []
@@ -51,7 +53,7 @@ async def test_keys_alone_add_a_connection_a_peer_and_an_instance_that_receives(
         looker.bench.scan()
         await looker.pictures()
         await looker.press("A")
-        await fill(looker, connect="C3", inputs="CONT=1 EN_R=1")
+        await fill(looker, inputs="CONT=1 EN_R=1")
         await looker.press("enter")
         looker.bench.scan(3)
         await looker.pictures()
@@ -63,9 +65,9 @@ async def test_keys_alone_add_a_connection_a_peer_and_an_instance_that_receives(
         looker.bench.do("peer P3 connect", scans=3)
         looker.bench.do("peer P3 send hex 01 02 03 04 05 06 07 08", scans=2)
         await looker.pictures()
-        assert looker.bench.console.bench.runtime.data("small") == bytes(range(1, 9))
+        assert looker.bench.console.bench.runtime.data("rx1")[:8] == bytes(range(1, 9)), "on C3: it was free"
         assert "TRCV_C_3" in looker.text
-        assert "+3 unsaved" in looker.text
+        assert "+4 unsaved" in looker.text
 
 
 async def test_a_mistake_stands_below_and_marks_its_field_and_enter_waits() -> None:
@@ -92,7 +94,57 @@ async def test_up_and_down_walk_through_what_is_known_to_fit() -> None:
         await looker.press("down")
         assert fields(looker)["connect"].value == "C1"
         await looker.press("up", "up")
-        assert fields(looker)["connect"].value == "C1"
+        assert fields(looker)["connect"].value == "C2"
+
+
+async def test_in_a_field_without_a_list_they_go_to_the_field_above_or_below() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A", "down")
+        assert fields(looker)["block"].has_focus
+        await looker.press("shift+tab", "up")
+        assert fields(looker)["kind"].has_focus
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("7", "o", "down")
+        form = looker.app.screen
+        assert isinstance(form, UdtForm) and form.focused is form._fields[1]
+        await looker.press("up")
+        assert form.focused is form._fields[0]
+
+
+async def test_a_hint_ends_at_a_word() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A")
+        for hint in form_of(looker).query(".hint").results(Static):
+            text = str(hint.render())
+            assert len(text.splitlines()) == hint.size.height <= 2, f"{text!r} is cut"
+            assert "…" not in text or text.endswith(", …")
+
+
+async def test_what_was_added_is_selected_and_a_key_typed_at_once_is_for_it() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("6", "A", "enter", "t")
+        assert len(looker.lines) == 1, "it waits"
+        looker.bench.scan(2)
+        await looker.pictures()
+        await looker.pictures()
+        assert looker.lines[1:] == ["set TRCV_C_3 CONT=1"]
+        assert looker.app.view_model.selected == "TRCV_C_3"
+        assert looker.app.focused is looker.app.main.instances
+        await looker.press("space")
+        looker.bench.scan()
+        await looker.press("A", "enter")
+        await looker.pictures()
+        assert looker.app.view_model.selected == "TRCV_C_4", "held, too: no key waits for a scan"
+        await looker.press("space")
+        assert looker.lines[-1] == "go"
+
+
+async def test_what_another_block_is_to_work_on_is_proposed_anew_but_for_what_was_typed() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A")
+        await fill(looker, data="rx", block="TSEND_C")
+        line = "add instance TSEND_C_1 block=TSEND_C connect=C2 data=rx task=MAIN"
+        assert form_of(looker).line == line, "C2 has no block of this direction"
 
 
 async def test_a_composed_message_is_kept_under_a_name_and_sent_from_the_library() -> None:
@@ -177,6 +229,8 @@ def test_every_known_value_fits_its_field(project: Project) -> None:
         ("add peer P3 rem", "add peer P3 remote=@C1"),
         ("add connect C3 Act", "add connect C3 ActiveEstablished=false"),
         ("add instance N block=TRCV_C EN", "add instance N block=TRCV_C EN_R="),
+        ("add instance N block=USEND_C con", "add instance N block=USEND_C config=new"),
+        ("set instance TRCV_C_1 conn", "set instance TRCV_C_1 connect=C1"),
         ("add data rx2 ARR", "add data rx2 ARRAY[0.."),
         ("add message m t", "add message m text"),
         ("save p", "save project"),
@@ -204,7 +258,7 @@ async def test_the_form_asks_a_receivedata_for_its_combuffer_and_its_marks(size:
         await shown.press("A")
         own = ["name", "block", "RxBuffer", "data", "pPrefix", "pSuffix", "task", "inputs"]
         assert keys_of(shown) == own, shown.text
-        assert "add instance ReceiveData_1 block=ReceiveData RxBuffer=RX data=" in shown.words
+        assert "add instance ReceiveData_1 block=ReceiveData RxBuffer=new data=" in shown.words
         assert "connect=" not in shown.text
         await choose(shown, "pPrefix", "prefix")
         await shown.press("enter")
@@ -219,7 +273,7 @@ async def test_another_block_has_other_fields_and_what_was_typed_stays() -> None
         await choose(shown, "name", "X")
         await choose(shown, "block", "SendByte")
         assert keys_of(shown) == ["name", "block", "TxBuffer", "task", "inputs"]
-        assert "▸ add instance X block=SendByte TxBuffer=RX task=MAIN" in shown.words
+        assert "▸ add instance X block=SendByte TxBuffer=new task=MAIN" in shown.words
         assert isinstance(shown.app.screen.focused, ChoiceField) and shown.app.screen.focused.key == "block"
         await choose(shown, "block", "TRCV_C")
         assert keys_of(shown)[:3] == ["name", "block", "connect"]

@@ -104,10 +104,10 @@ async def test_a_long_message_scrolls_with_the_cursor() -> None:
 
 async def test_a_text_and_a_udt_are_drawn_as_their_bytes() -> None:
     async with looking(WIDE) as looker:
-        await looker.press("7", "m", "i")
+        await looker.press("7", "m")
         await looker.type(r"ab\r\n")
         assert "61 62 0D 0A  4 bytes" in looker.text
-        await looker.press("escape", "m", "i")
+        await looker.press("escape", "m")
         await looker.type("id=5")
         assert "05 00 00 00" in looker.text
 
@@ -194,7 +194,7 @@ async def test_a_member_that_is_none_says_so_and_is_not_taken() -> None:
 
 async def test_the_form_opens_with_what_the_payload_holds() -> None:
     async with looking(WIDE) as looker:
-        await looker.press("7", "m", "m", "i")
+        await looker.press("7", "m", "escape", "m")
         await looker.type("speed=2.5, tag='x'")
         await looker.press("escape", "o", "enter")
         assert "▸ peer P1 send udt Telegram {speed=2.5, tag='x'}" in looker.text

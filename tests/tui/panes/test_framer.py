@@ -163,7 +163,7 @@ async def test_no_output_and_no_condition_is_cut_when_the_marks_are_set(size: tu
         await shown.do(FRAME, scans=2)
         await shown.press("2")
         box = shown.text.partition("┌")[2].partition("└")[0]
-        for name in ("DataReceived ◂", "LenReceiveData", "RxTimeout"):
+        for name in ("DataReceived", "LenReceiveData", "RxTimeout"):
             assert name in box, shown.text
         await shown.press("4")
         assert "waiting for a frame" in shown.line("  1    0.000")
@@ -175,7 +175,7 @@ async def test_help_of_the_block_lists_its_own_letters_and_none_of_another_block
 ) -> None:
     async with on_a_line(size) as shown:
         await shown.press("2", "question_mark")
-        assert "Here: Block" in shown.text and "t Timeout" in shown.words and "l LenPrefix" in shown.words
+        assert "Here: 2 Block" in shown.text and "t Timeout" in shown.words and "l LenPrefix" in shown.words
         assert "COM_RST" not in shown.text and "write LEN" not in shown.text
 
 

@@ -13,7 +13,7 @@ from tests.tui.tour import HERE, STOPS, Seen, Story, tour
 SIZE: Final = (80, 24)
 NAMES: Final = {"instances", "block", "status", "history", "why", "received", "stream", "members", "peer"}
 WALK: Final = tuple(stop for stop in STOPS if stop.name in NAMES | {"bench", "timing", "yank"})
-SHOW_BYTES: Final = frozenset(("bench", "received", "stream", "members", "yank"))
+SHOW_BYTES: Final = frozenset(("bench", "received", "stream", "members", "peer", "yank"))
 NOT_SHOWN: Final = "\x1b\x9b\x07\u202e\u2066\u200f"
 FRAME: Final = 24  # bytes of a Telegram
 TAG: Final = 12  # where its STRING[8] begins: room, length, characters

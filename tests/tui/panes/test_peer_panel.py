@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from tests.tui.on_a_bench import on_a_bench
 
 
 @BOTH
@@ -37,30 +38,48 @@ async def with_one_peer(size: tuple[int, int]) -> AsyncIterator[Looker]:
         yield looker
 
 
-@BOTH
-@pytest.mark.parametrize("focus", ["1", "3", "5", "8"])
-async def test_a_key_of_the_only_peer_works_from_each_pane(size: tuple[int, int], focus: str) -> None:
-    async with with_one_peer(size) as looker:
-        await looker.press(focus)
-        before = looker.app.focused
-        await looker.press("c")
-        assert looker.lines == ["peer P1 connect"] and looker.app.focused is before
-
-
 async def test_a_key_of_a_peer_that_no_project_has_says_how_one_comes() -> None:
     async with looking(SMALL, replace(picture(), peers=())) as looker:
         project = looker.app.view_model.project
         looker.app.view_model.project = replace(project, peers=())
         await looker.press("3", "c")
-        assert looker.lines == [] and looker.line("no peer in this project")
+        assert looker.lines == [] and looker.line("✗ no peer: A adds one")
+        await looker.press("7")
+        assert looker.text.splitlines()[-1].startswith(" A add  : command")
 
 
-@pytest.mark.parametrize("key", "sfrhzd")
-async def test_a_key_that_harms_is_named_and_not_pressed_from_another_pane(key: str) -> None:
-    async with with_one_peer(SMALL) as looker:
-        await looker.press("3", key)
-        assert looker.lines == []
-        assert "7" in looker.line(f"{key} is a key of pane")
+@BOTH
+@pytest.mark.parametrize("focus", "1358")
+async def test_a_key_of_the_only_peer_is_named_and_not_pressed_from_another_pane(
+    size: tuple[int, int], focus: str
+) -> None:
+    async with with_one_peer(size) as looker:
+        for key in "csrziwp":
+            await looker.press(focus, key)
+            assert looker.lines == [] and not looker.app.main.prompt.is_open
+            assert looker.line(f"{key} is a key of pane 7: press 7, then {key}")
+
+
+async def test_a_button_that_is_not_there_now_says_so_and_a_listening_peer_has_its_word() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("7", "d")
+        assert looker.lines == [] and looker.line("✗ d does nothing: P1 has no such button now")
+        await looker.press("j")
+        await looker.show(picture())
+        assert looker.text.splitlines()[-1].startswith(" c listen  s send  i edit  m mode")
+
+
+@BOTH
+async def test_messages_of_a_line_and_of_every_are_listed_with_their_bytes(size: tuple[int, int]) -> None:
+    async with on_a_bench(size) as looker:
+        looker.connect()
+        looker.bench.do("peer P1 send hex 01 02 split=1 gap=T#10ms", scans=4)
+        looker.bench.do("peer P1 send hex 0A 0B {n} every=T#20ms repeat=2", scans=4)
+        await looker.press("7", "M")
+        await looker.pictures()
+        rows = [line.split() for line in looker.pane("peer").splitlines() if line.startswith("sent ")]
+        assert [row[1:3] for row in rows] == [["3", "3"], ["2", "3"], ["1", "2"]]
+        assert [" ".join(row[4:]) for row in rows] == ["0A 0B 01", "0A 0B 00", "01 02"]
 
 
 @BOTH
@@ -125,14 +144,14 @@ async def test_a_wrong_option_is_marked_and_the_payload_is_not() -> None:
 @pytest.mark.parametrize(
     ("typed", "line"),
     [
-        ("hello", 'peer P1 send text "hello"'),
+        ("abc", 'peer P1 send text "abc"'),
         ('say "x"', r'peer P1 send text "say \"x\""'),
         (r"end\r\n", r'peer P1 send text "end\r\n"'),
     ],
 )
 async def test_a_text_payload_is_quoted(typed: str, line: str) -> None:
     async with looking(WIDE) as looker:
-        await looker.press("7", "m", "i")
+        await looker.press("7", "m")  # the focus is in the payload
         await looker.type(typed)
         await looker.press("enter")
         assert looker.lines == [line]

@@ -108,7 +108,7 @@ async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
         await shown.do("peer P1 connect", scans=4)
         await shown.do("peer P1 send hex " + "01 " * 8, scans=2)
         await shown.do(scans=3)
-        assert "├─ DONE ◂" in shown.text, shown.text
+        assert "├─ DONE scan 9 " in shown.text, shown.text
         assert "(NDR)" not in shown.text
 
 

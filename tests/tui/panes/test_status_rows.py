@@ -87,8 +87,24 @@ async def test_block_has_no_empty_rows_and_why_in_history_has_the_whole_width(si
     async with looking(size) as looker:
         main = looker.app.main
         assert main.block.size.height - main.block.row_count() in (0, 2)
-        assert main.history.outer_size.width == size[0]
+        assert main.history.outer_size.width == size[0] - (
+            main.status.outer_size.width if size[0] > 180 else 0
+        )
         assert "…" not in looker.pane("history")
+
+
+async def test_at_200x55_status_and_timing_are_whole_and_in_a_smaller_window_they_stand_as_before() -> None:
+    async with on_a_bench((200, 55)) as looker:
+        main = looker.app.main
+        await fail_four_times(looker)
+        for pane in (main.block, main.status, main.timing):
+            assert pane.virtual_size.height <= pane.size.height, pane.id
+        beside = main.timing.outer_size.width + main.block.outer_size.width
+        assert main.history.outer_size.width == beside and main.status.region.x == beside
+        for width, is_broad in ((140, False), (200, True)):
+            await looker.pilot.resize_terminal(width, 55)
+            await looker.pictures()
+            assert (main.timing.region.x < main.status.region.x) == is_broad
 
 
 @pytest.mark.parametrize("block", [ROWS, FRAMER_ROWS])

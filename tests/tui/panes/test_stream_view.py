@@ -10,7 +10,8 @@ import pytest
 
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.tui.widgets.typed_lines import FindInput
+from trcvtui.tui.widgets.typed_lines import HINT, FindInput
+from trcvtui.udt.byte_text import EXPECTED_SEARCH
 
 WIDE, SMALL, LARGE, MIDDLE = (140, 45), (80, 24), (200, 60), (120, 40)
 SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, LARGE], ids=["80x24", "120x40", "200x60"])
@@ -115,15 +116,19 @@ async def test_hex_text_and_numbers_are_found_across_jobs(text: str, places: lis
             assert stream.cursor == place
 
 
-async def test_what_cannot_be_looked_for_says_why_while_it_is_typed() -> None:
-    async with shifted(WIDE) as looker:
-        await looker.press("slash")
-        await looker.type("4x")
-        assert "✗ find, position 2" in looker.text
+@SIZES
+async def test_what_cannot_be_looked_for_says_why_in_whole_while_it_is_typed(size: tuple[int, int]) -> None:
+    async with shifted(size) as looker:
+        await looker.press("5", "slash")
+        assert HINT in looker.words("received")
+        await looker.type("=1x")
+        wrong = f"✗ find: found '1x', expected {EXPECTED_SEARCH}"
+        assert wrong in looker.words("echo")
         await looker.press("enter")
-        assert "✗ find, position 2" in looker.text, "it stays open"
+        assert wrong in looker.words("echo"), "it stays open"
         await looker.press("escape")
         assert looker.app.focused is looker.app.main.received.stream
+        assert "✗" not in looker.text
 
 
 @pytest.mark.parametrize("left", [["enter", "escape"], ["escape"], ["enter", "escape", "escape"]])
@@ -141,16 +146,23 @@ async def test_n_is_the_next_hit_after_a_search_was_left_until_another_pane_is_c
         await press(looker, "H", "n", "colon", "escape", "n")
         assert looker.lines == [], "without H, and after the prompt"
         await press(looker, "6", "5", "n")
-        assert (stream.patterns, looker.lines) == ((), ["set TRCV_C_1 EN_R=0"])
+        assert (stream.patterns, looker.lines) == ((), [])
 
 
-@pytest.mark.parametrize("typed", [[], ["4", "x"]], ids=["nothing", "no value"])
-async def test_n_asks_again_after_a_search_for_nothing_and_is_en_r_before_any(typed: list[str]) -> None:
+@pytest.mark.parametrize("typed", [[], ["equals_sign", "x"]], ids=["nothing", "no value"])
+async def test_n_asks_again_after_a_search_for_nothing_and_is_the_next_done_before_any(
+    typed: list[str],
+) -> None:
     async with shifted(WIDE) as looker:
+        stream = looker.app.main.received.stream
         await press(looker, "n")
-        assert looker.lines == ["set TRCV_C_1 EN_R=0"]
+        newest = stream.cursor
+        await press(looker, "N")
+        before = stream.cursor
+        await press(looker, "n")
+        assert before is not None and newest is not None and before < newest == stream.cursor
         await press(looker, "slash", *typed, "escape", "n")
-        assert isinstance(looker.app.focused, FindInput) and looker.lines[1:] == []
+        assert isinstance(looker.app.focused, FindInput) and looker.lines == []
 
 
 async def test_bytes_are_found_and_compared_in_data_now_as_well() -> None:

@@ -95,7 +95,7 @@ async def test_a_scenario_is_played_step_by_step(size: tuple[int, int]) -> None:
         await stage.scan(5)
         assert "✓ wait TRCV_C_1 STATUS=7002" in stage.text
         assert "scan 3 " in stage.line("‖ HOLD"), "the scans of a step, and no more"
-        assert "7002 connecting" in stage.line("▸ TRCV_C_1")
+        assert "7002 listening" in stage.line("▸ TRCV_C_1")
         assert "EN_R ■  CONT ■" in stage.text
         assert "  0001 7001 7002 " in stage.text
 

@@ -97,6 +97,7 @@ class Peer:
             received_here=self.inbox.count,
             udp=self.decl.udp,
             replies=self.replies.snapshot(),
+            last_sent=tuple(self.queues.last_sent),
         )
 
     # -- commands ------------------------------------------------------------------------------------

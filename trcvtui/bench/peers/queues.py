@@ -21,10 +21,11 @@ from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.snapshots.bench import ReplySnapshot
+from trcvtui.snapshots.bench import ReplySnapshot, SentMessage
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger
+LAST_SENT, SENT_SHOWN = 5, 32  # messages in a snapshot, and bytes of each
 
 
 class Inbox:
@@ -92,6 +93,10 @@ class _Sending:
         self.rest = self._pieces[0]
         self.is_fresh = True  # nothing of the running message has gone yet
 
+    @property
+    def begin(self) -> bytes:
+        return b"".join(piece[:SENT_SHOWN] for piece in self._pieces[:SENT_SHOWN])[:SENT_SHOWN]
+
     def comes_next(self, now: int) -> None:
         self.due = self.began = max(self.due, now + self._pause_ns)
 
@@ -158,10 +163,10 @@ class Outbox:
         return self._sendings[0].rest
 
     @property
-    def message_begins(self) -> int:
-        """Return the size of the message that the due bytes begin, 0 when they go on with one."""
+    def message_begins(self) -> tuple[int, bytes]:
+        """Return size and beginning of the message that the due bytes begin, 0 when they go on with one."""
         first = self._sendings[0]
-        return len(first.send.payload) if first.is_fresh else 0
+        return (len(first.send.payload), first.begin) if first.is_fresh else (0, b"")
 
     def taken(self, count: int, now: int) -> None:
         """Count bytes of the due chunk as sent."""
@@ -334,6 +339,7 @@ class PeerQueues:
         self.outbox = Outbox()
         self.replies = Replies()
         self.messages = self.bytes_sent = 0
+        self.last_sent: deque[SentMessage] = deque(maxlen=LAST_SENT)
         self.landing = memoryview(bytearray(READ_BYTES))  # a transport reads into it
         self._name = name
         self._journal = journal
@@ -352,9 +358,10 @@ class PeerQueues:
 
     def sent(self, count: int, local: str, remote: str, offset: int) -> None:
         """Count bytes of the due chunk as sent; the message that they begin is told with its place."""
-        size = self.outbox.message_begins
+        size, begin = self.outbox.message_begins
         if size:
             self.messages += 1
+            self.last_sent.appendleft(SentMessage(self.messages, size, begin))
             self._journal(PeerSent(self._name, self.messages, local, remote, offset, size))
         self.bytes_sent += count
 

@@ -66,7 +66,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
         ("✗ ■ ▲", "offline or no scan; good or, in red, ERROR; a finding, or stuck"),
         ("□ ◆", "not connected; good, with errors in the last hour"),
         ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
-        ("◂80AA, +1", "after the STATUS: that of the last ERROR, of the last hour; more instances"),
+        ("was 80AA, +1", "after the STATUS: that of the last ERROR, of the last hour; more instances"),
         ("● ◆ ○", "a group: some have to be looked after; errors in the last hour; none"),
         ("clock?", "after the STATUS: the agent's clock is wrong; the card tells by how much"),
         ("? in state", "the agent has told no figures of this line yet"),

@@ -41,7 +41,7 @@ LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
     FINDING: ("▲", "warn", "warn"),
     STUCK: ("▲", "warn", "warn"),
     AWAY: ("□", "warn", "warn"),
-    HAD: ("◆", "glow", ""),
+    HAD: ("◆", "warn", ""),
     GOOD: ("■", "done", ""),
 }
 HEIGHTS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
@@ -161,7 +161,7 @@ class FleetTable(LineView, inherit_bindings=False):
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
         code = worst.status.status if worst is not None and worst.status is not None else ""
         last = line.newest_error if line.errors_hour and line.shows != ERROR else None
-        more = f" ◂{last.status}" if last is not None and last.status else ""
+        more = f" was {last.status}" if last is not None and last.status else ""
         more += f" +{len(line.instances) - 1}" if len(line.instances) > 1 else ""
         more += " clock?" if line.agent.skew_s else ""
         return [
@@ -183,7 +183,7 @@ class FleetTable(LineView, inherit_bindings=False):
         room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)
         name = clip(plain(group.name), max(8, room - len(words) - 1))
         return [
-            ("● ", style) if told else ("◆ ", "glow") if group.errors_an_hour else ("○ ", "done"),
+            ("● ", style) if told else ("◆ ", "warn") if group.errors_an_hour else ("○ ", "done"),
             (name, "strong"),
             (
                 pad(clip(words, room - len(name)), room - len(name)),

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, Final, cast
+from typing import ClassVar, cast
 
-from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.project.edit import AddField, fields_of, first_name
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.forms.fields import (
     TITLES,
     ProjectPart,
@@ -24,23 +23,17 @@ from trcvtui.tui.forms.fields import (
     values_of,
 )
 from trcvtui.tui.view_model.validity import fault_of, said_before
-from trcvtui.tui.widgets.dialogs import FormDialog
-from trcvtui.tui.widgets.typed_lines import TypedField
+from trcvtui.tui.widgets.dialogs import FormDialog, FormField
 
-HINT: Final = 30
+HINT, HINT_ROWS = 27, 2  # columns, lines
 
 
-class ChoiceField(TypedField):
-    """One field; up and down walk through what is known to fit."""
+class ChoiceField(FormField):
+    """One field; where something is known to fit, up and down walk through it."""
 
-    BINDINGS: ClassVar = [
-        Binding("up", "choose(-1)", show=False),
-        Binding("down", "choose(1)", show=False),
-    ]
-
-    def __init__(self, key: str, choices: tuple[str, ...], value: str) -> None:
+    def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)
-        self.key = key
+        self.key, self.proposed = key, proposed
         self._choices = choices
 
     async def action_submit(self) -> None:
@@ -50,8 +43,9 @@ class ChoiceField(TypedField):
         """Let the form have the fields that this one asks for."""
         await cast("AddScreen", self.screen).follow(self)
 
-    def action_choose(self, step: int) -> None:
+    def action_step(self, step: int) -> None:
         if not self._choices:
+            super().action_step(step)
             return
         known = self.value in self._choices
         at = (self._choices.index(self.value) + step) % len(self._choices) if known else 0
@@ -65,6 +59,7 @@ class AddScreen(FormDialog[str]):
     TAKES: ClassVar = "add"
     DEFAULT_CSS = """
     AddScreen #form { width: 76; max-height: 100%; }
+    AddScreen VerticalScroll { max-height: 70vh; }
     AddScreen .name { width: 23; }
     AddScreen .hint { width: 30; color: $text-muted; padding: 0 0 0 1; }
     AddScreen #form-line { height: auto; min-height: 3; color: $text-muted; margin: 1 0 0 0; }
@@ -97,7 +92,10 @@ class AddScreen(FormDialog[str]):
 
     async def _lay_out(self) -> None:
         specs = self._specs(self._project())
-        self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
+        self._fields = [
+            ChoiceField(s.key, s.choices, self._given.get(s.key, s.first), s.first) for s in specs
+        ]
+        self._block = next((field.value for field in self._fields if field.key == "block"), "")
         self.query_one("#form").border_title = plain(self._heading())
         rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
         await self._rows.remove_children()
@@ -105,7 +103,7 @@ class AddScreen(FormDialog[str]):
         self._judge()
 
     def _specs(self, project: Project) -> list[AddField]:
-        name = AddField("name", "a name of its own", first=first_name(self.kind, project))
+        name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
     def _heading(self) -> str:
@@ -139,28 +137,20 @@ class AddScreen(FormDialog[str]):
             self._judge()
 
     async def follow(self, field: ChoiceField) -> None:
-        """Lay out other fields for another kind, or another block; what has been typed stays."""
+        """Lay out other fields for another kind, or another block; what was typed stays."""
         project = self._project()
         if field is self._kind_field:
             if field.value in kinds_of(project) and field.value != self.kind:
                 self.kind, self._given, self._block = field.value, {}, ""
                 await self._lay_out()
-        elif self._asks_otherwise(field, project):
-            self._given = {field.key: field.value for field in self._fields}
-            self._block = field.value
+        elif field.key == "block" and field.value != self._block and field.value in project.dialect.blocks:
+            typed = {each.key: each.value for each in self._fields if each.value != each.proposed}
+            self._given, self._block = {**typed, "block": field.value}, field.value
             at = field.cursor_position
             await self._lay_out()
             block = next(field for field in self._fields if field.key == "block")
             block.cursor_position = at
             self.set_focus(block)
-
-    def _asks_otherwise(self, field: ChoiceField, project: Project) -> bool:
-        if field.key != "block" or field.value not in project.dialect.blocks:
-            return False
-        before, self._block = self._block, field.value
-        keys = [spec.key for spec in self._specs(project)]
-        self._block = before
-        return keys != [shown.key for shown in self._fields]
 
     def take(self) -> None:
         if not self.line or not fault_of(self.line, self._project()):
@@ -168,10 +158,11 @@ class AddScreen(FormDialog[str]):
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
+    lines = wrapped(hint, HINT)
     return Horizontal(
         Static(name, markup=False, classes="name"),
         field,
-        Static(clip(plain(hint), HINT - 1), markup=False, classes="hint"),
+        Static("\n".join(lines[:HINT_ROWS]) + " …" * bool(lines[HINT_ROWS:]), markup=False, classes="hint"),
     )
 
 

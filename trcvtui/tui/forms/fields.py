@@ -12,6 +12,7 @@ from trcvtui.project.edit import AddField, entry, fields_of, keys_of_line, keys_
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import BOOLS, EDITED, OFFERED, TABLES, entries_of
 from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.project.proposals import NEW
 from trcvtui.tui.view_model.view_model import ViewModel
 
 TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED}
@@ -92,7 +93,7 @@ def fields_to_change(
 
     A key that has several texts now, such as `replies`, has no field: the line changes it.
     """
-    known = [*fields_of(part.kind, project, block, to_change=True)]
+    known = [_of_what_is_there(each) for each in fields_of(part.kind, project, block, to_change=True)]
     bare = keys_of_line(part.kind, project).bare
     if part.kind != "instance":
         keys = {each.key for each in known}
@@ -112,6 +113,11 @@ def fields_to_change(
     }
     kept = [each for each in known if each.key not in away]
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
+
+
+def _of_what_is_there(field: AddField) -> AddField:
+    there = tuple([each for each in field.choices if each != NEW])
+    return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 
 
 def set_line(

@@ -13,9 +13,8 @@ from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import FieldsDialog, ListDialog
+from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.types import StringType, type_text
@@ -105,10 +104,10 @@ class MessagesScreen(ListDialog[str]):
 
 MOST_FIELDS: Final = 64  # more are written by hand
 NAME, TYPE = 24, 14
-KEYS_LINE: Final = "tab member · enter take · esc leave"
+KEYS_LINE: Final = "↑↓ member · enter take · esc leave"
 
 
-class MemberField(TypedField):
+class MemberField(FormField):
     """One member; what it holds is written into the payload, nothing where it is empty."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:

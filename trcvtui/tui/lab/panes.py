@@ -13,10 +13,9 @@ from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, SENDER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
-from trcvtui.tui.widgets.dialogs import FieldsDialog, ResultScreen
+from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
-from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.compare.fit_report import named, same_words
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.literals import parse_integer
@@ -44,7 +43,7 @@ MOST_FIELDS: Final = 32
 NAME: Final = 34
 
 
-class NumberField(TypedField):
+class NumberField(FormField):
     """The value of one constant; empty: it stays unknown."""
 
     def __init__(self, name: str) -> None:
@@ -71,7 +70,7 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
     def __init__(self, names: Sequence[str], where: str) -> None:
         title = clip(f"Constants that {plain(where)} uses", 66)
         rows = [({"name": clip(plain(name), NAME - 1)}, NumberField(name)) for name in names[:MOST_FIELDS]]
-        super().__init__({}, title, "tab field · enter take · esc leave", rows)
+        super().__init__({}, title, "↑↓ field · enter take · esc leave", rows)
 
     def _judge(self) -> None:
         bad = [field for field in self._fields if field.value.strip() and field.number is None]

@@ -11,7 +11,7 @@ from typing import Final
 from textual.widget import Widget
 
 from trcvtui.history.records import HistoryRequest
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.snapshot import DataSnapshot, FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.face import Face, OriginLine
@@ -21,6 +21,7 @@ from trcvtui.tui.widgets.hex_view import (
     NOT_CAPTURED,
     OPENS,
     HexView,
+    marked,
     marks_of_data,
     marks_of_part,
     numbers_at,
@@ -131,7 +132,22 @@ class DataFace(Face):
             return "Received", ""
         declared = self._view_model.declaration
         name = "RESULT" if instance.data_pin == "RESULT" else "Sent" if instance.sends else "Received"
-        return name, f"{declared.name}, {declared.size} B" if declared else "no DATA"
+        new = self._newest()
+        size = (
+            f" · {new.newest} of {new.longest} B are new"
+            if new
+            else f", {declared.size} B"
+            if declared
+            else ""
+        )
+        return name, f"{declared.name}{size}" if declared else "no DATA"
+
+    def _newest(self) -> DataSnapshot | None:
+        """Return what was written to DATA last, None where no older bytes stand behind it."""
+        instance, snapshot = self._view_model.instance, self._view_model.snapshot
+        if snapshot is None or instance is None or instance.sends:
+            return None
+        return next((d for d in snapshot.data if d.name == instance.data and d.newest < d.longest), None)
 
     def ask(self, instance: InstanceSnapshot) -> None:
         wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.in_view()))
@@ -155,6 +171,8 @@ class DataFace(Face):
             self._show_origin()
             return
         self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
+        if self.data.frame is None and (new := self._newest()) is not None:
+            self.data.frame = marked(0, new.newest, 0, 0)
         declared = self._view_model.declaration
         if declared is not None:  # as high before its bytes have come: one layout, not two
             self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines

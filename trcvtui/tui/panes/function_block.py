@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
+from trcvtui.diagnosis.link import LISTENING
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
@@ -115,13 +117,13 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
 def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
     value = (instance.pin(pin.name) if instance else None) or 0
     if pin.is_bool:
-        style = LAMP_STYLES.get(pin.name, "on") if value else "glow" if glowing else ""
+        style = LAMP_STYLES.get(pin.name, "on") if value or glowing else ""
         return f"{int(value)} {lamp(bool(value), glowing)}", style
     if pin.name == "STATUS":
         return status_word(value), _status_style(instance)
     if pin.name == "Error":
         return str(int(value)), _status_style(instance)
-    return str(int(value)), "glow" if glowing else ""
+    return str(int(value)), "done" if glowing else ""
 
 
 def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
@@ -131,14 +133,12 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
     done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)
     error = None if instance.outputs.error else afterglow.glow(instance.name, ERROR, t_ns)
     texts = {
-        **dict.fromkeys(DONE_PINS, f"{done.scan}" if done else ""),
-        "RCVD_LEN": f"{done.rcvd_len}" if done and done.rcvd_len is not None else "",
-        "ERROR": f"{error.scan}" if error else "",
-        "STATUS": f"{error.status:04X}" if error and error.status else "",
+        **dict.fromkeys(DONE_PINS, f" scan {done.scan}" if done else ""),
+        "RCVD_LEN": f" {done.rcvd_len} B" if done and done.rcvd_len is not None else "",
+        "ERROR": f" scan {error.scan}" if error else "",
+        "STATUS": f" was {error.status:04X}" if error and error.status else "",
     }
-    text = texts.get(pin.name, "")
-    blank = "" if pin.name == "RCVD_LEN" and len(text) > 4 else " "  # the frame has no room for both
-    return f"{blank}◂{text}" if text else ""
+    return texts.get(pin.name, "")
 
 
 def _status_style(instance: InstanceSnapshot | None) -> str:
@@ -198,11 +198,12 @@ def why_not(pin: str, instance: InstanceSnapshot) -> str:
     return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
 
 
-IN_BOX: Final = 8
+IN_BOX: Final = 6
 OUT_BOX: Final = 8
 TIGHT_BOX: Final = 6  # where long names need the room
 LEAST_BOX: Final = 4
 JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
+LEAD: Final = 2  # the letter of an input
 ROOMY: Final = 72  # room for what each output means
 LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
 
@@ -224,6 +225,7 @@ class FunctionBlock(LineView):
         self._cursor = 0
         self._told: list[Row] = []  # below the box of a block on a ComBuffer
         self._hover: int | None = None
+        self.proposed: Callable[[str], str] = lambda pin: ""  # the value of a number that a remedy names
 
     def keys(self) -> tuple[tuple[str, str], ...]:
         """Return the letters of the pins of this very block."""
@@ -309,10 +311,7 @@ class FunctionBlock(LineView):
         return TIGHT_JOINTS if self._is_tight() else JOINTS
 
     def _left(self) -> int:
-        return self.drawing().name_width + self._lead() + len(self._joints()[0])
-
-    def _lead(self) -> int:
-        return 2 if self._is_tight() else 3
+        return self.drawing().name_width + LEAD + len(self._joints()[0])
 
     def _is_tight(self) -> bool:
         drawing = self.drawing()
@@ -343,12 +342,12 @@ class FunctionBlock(LineView):
         value, pending = self.value_of(pin)
         text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else self._value_text(pin)
         return [
-            (f" {pin.letter or ' '} "[-self._lead() :], "key"),
+            (f"{pin.letter or ' '} ", "key"),
             (pin.name.rjust(drawing.name_width), "strong" if value else ""),
             (" ▷┤" if pin.edge else self._joints()[0], "dim"),
             (
                 f" {text}{'…' if pending else ''}".ljust(self._box()),
-                "warn" if pending else "on" if pin.is_bool and value else "",
+                "busy" if pending else "on" if pin.is_bool and value else "",
             ),
         ]
 
@@ -358,17 +357,17 @@ class FunctionBlock(LineView):
         text, style = output_text(pin, view_model.instance, bool(glow))
         roomy = self.line_width >= ROOMY
         joint = self._joints()[1]
-        name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
-        if glow and not roomy:
-            used = self._left() + self._box() + self._out_box()
-            name = clip(name, max(4, self.line_width - used - len(joint) - len(glow)))
+        name = pin.label if roomy or not glow else pin.label.partition(" ")[0]
+        used = self._left() + self._box() + self._out_box() + len(joint)
+        if used + cells(name + glow) > self.line_width:  # pane 3 has it whole
+            name, glow = pin.label, ""
         gap = " " * (1 + self.drawing().label_width - cells(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
             (text.rjust(self._out_box() - 1) + " ", style),
             (joint.rstrip(), "dim"),
             (" " * (len(joint) - len(joint.rstrip())) + name, style),
-            (glow, "glow"),
+            (glow, "error" if pin.name in ("ERROR", "STATUS") else "done"),
             (about, "faint"),
         ]
 
@@ -420,7 +419,10 @@ class FunctionBlock(LineView):
             return ""
         if connection.udp:
             return self._address() or f"  UDP, {connection.state}"
-        return f"  {'active' if connection.active else 'passive'}, {connection.state}"
+        if connection.active:
+            return f"  active, {connection.state}"
+        listens = connection.state == "establishing" and connection.retry_in_ns is None
+        return f"  passive, {LISTENING if listens else connection.state}"
 
     def _secured(self, instance: InstanceSnapshot) -> list[Part]:
         found = security_of(self._view_model.project.connect(instance.connect))
@@ -455,6 +457,11 @@ class FunctionBlock(LineView):
         missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
         return f"{instance.block} has no {missing}" if instance is not None else "no instance is here"
 
+    def place_of_pin(self, letter: str) -> str:
+        """Say where the letter of a drawn pin works, "" where no pin has it."""
+        pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
+        return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
+
     def letter_of(self, name: str) -> str:
         """Return the letter of an input, "" where it has none."""
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
@@ -473,7 +480,7 @@ class FunctionBlock(LineView):
                 f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
             )
         elif not pin.is_bool:
-            self._actions.open_prompt(f"set {instance.name} {pin.name}=")
+            self._actions.open_prompt(f"set {instance.name} {pin.name}={self.proposed(pin.name)}")
         elif pin.edge:
             self._actions.submit(f"pulse {instance.name} {pin.name}")
         else:
@@ -517,7 +524,7 @@ class FunctionBlock(LineView):
         place, drawing = self.place_of(event), self.drawing()
         if place is None or not 1 <= place[1] <= len(drawing.inputs):
             return None
-        edge = drawing.name_width + self._lead() + 1 + len(self._joints()[0]) + self._box()
+        edge = self._left() + 1 + self._box()
         return place[1] - 1 if place[0] < edge else None
 
 

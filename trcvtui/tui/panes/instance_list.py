@@ -7,6 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual.binding import Binding
 
+from trcvtui.diagnosis.link import condition_word
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
 from trcvtui.tui.formatting import bar, cells, clip, lamp, pad, squeeze, status_word
@@ -15,6 +16,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.wording import age
 
 ROOMY: Final = 110
+MIDDLE: Final = 90  # below: the lamps alone tell of a pulse
 NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
 MANY: Final = 8  # from here on there are keys to find one
@@ -100,9 +102,9 @@ class InstanceList(LineView):
 
     def _has_words(self, instance: InstanceSnapshot) -> bool:
         pulses = self._pulses(instance)
-        codes = {instance.outputs.status, *(pulse.status for pulse in pulses)}
+        codes = {instance.outputs.status, *(pulse.status for pulse in pulses.values())}
         spoken = (
-            f"{instance.name} {instance.block} {self._view_model.project.dialect.label(instance.condition)}",
+            f"{instance.name} {instance.block} {self._word(instance)}",
             _partner(self._view_model.connection_of(instance), True),
             " ".join(f"16#{code:04X}" for code in codes),
             "error" if self._shows_error(instance) else "",
@@ -110,14 +112,17 @@ class InstanceList(LineView):
         text = " ".join(spoken).casefold()
         return all(word in text for word in self.words)
 
-    def _pulses(self, instance: InstanceSnapshot) -> list[PinPulse]:
+    def _word(self, instance: InstanceSnapshot) -> str:
+        return condition_word(self._view_model.project, instance.name, instance)
+
+    def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
+        """Return the pulses that still glow by the styles of their lamps."""
         glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
-        found = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
-        return [pulse for pulse in found if pulse is not None]
+        found = {style: glow(instance.name, lamp, now) for style, lamp in (("done", DONE), ("error", ERROR))}
+        return {style: pulse for style, pulse in found.items() if pulse is not None}
 
     def _shows_error(self, instance: InstanceSnapshot) -> bool:
-        glowing = self._view_model.afterglow.glow(instance.name, ERROR, self._view_model.t_ns)
-        return instance.outputs.error or glowing is not None
+        return instance.outputs.error or "error" in self._pulses(instance)
 
     def _measure(self) -> ListColumns:
         shown, roomy = self._view_model.instances, self.line_width >= ROOMY
@@ -154,7 +159,7 @@ class InstanceList(LineView):
             (SHADOW if instance.name in self._view_model.shadows else " ", "dim"),
             (pad(squeeze(instance.name, columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
-            *_status(instance, self._view_model.project.dialect.label(instance.condition), columns),
+            *_status(instance, self._word(instance), columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
         ]
@@ -177,19 +182,20 @@ class InstanceList(LineView):
         return [(text, "dim"), (mark, style), (gap, "")]
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
-        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
-        done, error = glow(instance.name, DONE, now), glow(instance.name, ERROR, now)
+        pulses = self._pulses(instance)
         return [
             _lamp("B", instance.outputs.busy, "busy", False),
-            _lamp("D", instance.outputs.done, "done", done is not None),
-            _lamp("E", instance.outputs.error, "error", error is not None),
+            _lamp("D", instance.outputs.done, "done", "done" in pulses),
+            _lamp("E", instance.outputs.error, "error", "error" in pulses),
         ]
 
     def _progress(self, instance: InstanceSnapshot, columns: ListColumns) -> list[Part]:
-        pulse = max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
+        pulses = self._pulses(instance)
+        style = max(pulses, key=lambda style: pulses[style].scan, default="")
+        scan = f"scan {pulses[style].scan}" if style else ""
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
-            return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
+            return [(have, ""), (f" {scan}" * (self.line_width >= MIDDLE), style)]
         parts: list[Part] = [(" " * (2 + BAR + columns.numbers), "")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR)
@@ -199,8 +205,8 @@ class InstanceList(LineView):
                 (empty, "faint"),
                 (_numbers(instance).ljust(columns.numbers), ""),
             ]
-        if pulse is not None:
-            return [*parts, (f"  ◂ scan {pulse.scan}", "glow")]
+        if scan:
+            return [*parts, (f"  {scan}", style)]
         last = instance.last_receive_ns
         return [
             *parts,
@@ -255,7 +261,7 @@ def _numbers(instance: InstanceSnapshot) -> str:
 
 
 def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
-    return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
+    return f"{letter}{lamp(on, glowing)} ", style if on or glowing else "faint"
 
 
 def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) -> list[Part]:

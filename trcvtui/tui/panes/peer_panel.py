@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot
+from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot, SentMessage
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
@@ -42,8 +42,8 @@ class PeerList(LineView):
     """The cursor is the peer that the composer and the buttons speak for."""
 
     KEYS: ClassVar = (
-        ("tab", "payload"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"), ("w", "keep"),
-        ("p", "library"), ("E", "change"),
+        ("s", "send"), ("i", "edit"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"),
+        ("w", "keep"), ("p", "library"), ("E", "change"),
     )  # fmt: skip
     BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
@@ -52,13 +52,19 @@ class PeerList(LineView):
         super().__init__(id="peers")
         self._view_model = view_model
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        peer = self._view_model.peer_snapshot
+        if not self._view_model.project.peers:
+            return (("A", "add"),)
+        return (("c", "connect" if peer is None or peer.active else "listen"), *self.KEYS)
+
     def row_count(self) -> int:
         return max(1, len(self._view_model.project.peers))
 
     def row_at(self, y: int) -> Row:
         peers = self._view_model.peers
         if not self._view_model.project.peers:
-            return row(("no peer in this project: the partner is a real device", "dim"))
+            return row((NO_PEER, "dim"))
         if y >= len(peers):
             return row((f"  {self._view_model.project.peers[y].name}", "dim"))
         return self._row(peers[y])
@@ -144,6 +150,12 @@ def _tally(tally: CheckTally) -> str:
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 
 
+def _sent(sent: SentMessage) -> Row:
+    """Return a message that went out, by a key, a line, `every` or a rule."""
+    shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
+    return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
+
+
 NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
 
 
@@ -161,7 +173,8 @@ class PeerNotes(TextView, can_focus=False):
         if peer is None:
             return []
         check = [row(check_text(peer.check))] if peer.check is not None else []
-        return [*check, *self._trial(peer), *self._replies(peer)]
+        replies, sent = self._replies(peer), [*map(_sent, peer.last_sent)]
+        return [*check, *self._trial(peer), *([*replies, *sent] if peer.replies else [*sent, *replies])]
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._view_model.picture.trial if self._view_model.picture else None
@@ -201,6 +214,7 @@ class PeerPanel(Vertical):
         ("p", "library", "named messages and sequences of the project"),
         ("w", "keep", "the message under a name into the library"),
         ("i", "payload", "edit the payload"),
+        Binding("A", "app.add('peer')", "add a peer", show=False),
     ]
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
@@ -378,32 +392,29 @@ class PeerPanel(Vertical):
     def on_button_pointed(self) -> None:
         self._show_preview()
 
-    def _lacks_peer(self) -> bool:
+    def lacks_peer(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
-        if not self._view_model.peer:
+        if not self._view_model.project.peers:
             self._actions.complain(NO_PEER)
-        return not self._view_model.peer
-
-    @property
-    def has_peers(self) -> bool:
-        return bool(self._view_model.project.peers)
-
-    def takes_from_afar(self, letter: str) -> bool:
-        """Return whether a key of this pane means one thing from everywhere, and no harm."""
-        harms = any(b.letter == letter and b.harms for b in self._buttons_now())
-        return len(self._view_model.project.peers) == 1 and not harms
+        return not self._view_model.project.peers
 
     def action_button(self, letter: str) -> None:
+        if self.lacks_peer():
+            return
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
-        if button is not None and not self._lacks_peer():
+        if button is not None:
             self._do(button)
+        else:
+            self._actions.complain(f"{letter} does nothing: {self._view_model.peer} has no such button now")
 
     def action_mode(self) -> None:
-        if not self._lacks_peer():
+        """Write the payload in the next way; what is typed now goes into it."""
+        if not self.lacks_peer():
             self.composer.next_mode()
+            self.composer.edit()
 
     def action_cuts(self) -> None:
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
@@ -415,7 +426,7 @@ class PeerPanel(Vertical):
     def action_library(self) -> None:
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
-        if not self._lacks_peer():
+        if not self.lacks_peer():
             self.app.push_screen(
                 MessagesScreen(self._view_model.peer, self._view_model.project), self._picked
             )
@@ -426,7 +437,7 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
@@ -439,7 +450,7 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        if self._lacks_peer():
+        if self.lacks_peer():
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
@@ -455,7 +466,7 @@ class PeerPanel(Vertical):
             self._show_preview()
 
     def action_payload(self) -> None:
-        if not self._lacks_peer():
+        if not self.lacks_peer():
             self.composer.edit()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Final
 
 from textual.binding import Binding
@@ -32,8 +32,8 @@ class Received(Vertical):
         Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
         Binding("D", "messages", "messages as a table: values, filter, CSV; or DATA", show=False),
         Binding("slash", "find", "find bytes, text or a number", show=False),
-        Binding("n", "find_next(True)", "find the next", show=False),
-        Binding("N", "find_next(False)", "find the one before", show=False),
+        Binding("n", "find_next(True)", "the next hit, else the next DONE", show=False),
+        Binding("N", "find_next(False)", "the hit before, else the DONE before", show=False),
         Binding("left_square_bracket", "done(False)", "the DONE before", show=False),
         Binding("right_square_bracket", "done(True)", "the next DONE", show=False),
         Binding("d", "before", "diff against the job before", show=False),
@@ -42,10 +42,10 @@ class Received(Vertical):
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel, tell: Callable[[str], None]) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
+        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes, tell)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
@@ -97,9 +97,7 @@ class Received(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave n to the screen before a search and in another pane, escape while nothing is marked."""
-        if action == "find_next":
-            return self.face.is_searched
+        """Leave escape to the screen while nothing is marked."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
@@ -123,8 +121,9 @@ class Received(Vertical):
             self.action_past()
 
     def action_done(self, is_forward: bool) -> None:
+        """Go to the DONE before or the next one; from the present to the newest."""
         self._open_past()
-        self._look_from(self.stream.window.end + 1, is_forward)
+        self._look_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 
     def action_dropped(self) -> None:
         if not self.is_past:
@@ -183,7 +182,10 @@ class Received(Vertical):
         self.screen.set_focus(self.face.first)
 
     def action_find_next(self, is_forward: bool) -> None:
-        self._go_on(is_forward, again=True)
+        if self.face.is_searched or self.is_table:
+            self._go_on(is_forward, again=True)
+        else:
+            self.action_done(is_forward)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
         wanted, face = self._find.wanted, self.face

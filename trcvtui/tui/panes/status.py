@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.diagnosis.link import condition_word
+from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
 from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wrapped
@@ -21,20 +22,23 @@ WORD: Final = 14  # at least; wider where a condition or a lamp is
 LAMP: Final = 7
 LEAST_CONDITION, MOST_CONDITION = 19, 32  # columns; `waiting for a frame` is never cut
 CURSOR: Final = "▸"
+HISTORY_DIGIT: Final = 4  # of the bench
 LEAST_WHY: Final = 10  # characters; less would say nothing
 
 
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("esc", "now"))
+    KEYS: ClassVar = (("↑↓", "explain"), ("!", "ERROR"), ("/", "code"), ("n N", "more"), ("esc", "now"))
     BINDINGS: ClassVar = [
         ("exclamation_mark", "error_before", "the ERROR before"),
         ("slash", "ask_code", "find a code"),
+        ("n", "hit(1)", "the code of / before, else the ERROR before"),
+        ("N", "hit(-1)", "the next code of /, else the next ERROR"),
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 4) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = HISTORY_DIGIT) -> None:
         super().__init__(id="history")
         self._digit = digit
         self._view_model = view_model
@@ -42,6 +46,11 @@ class StatusHistory(LineView):
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._longest, self._lamp = WORD, LAMP
+        self.code: int | None = None  # that `find` looks for, until escape
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave n to the screen of the scenarios: the next step."""
+        return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
@@ -69,7 +78,7 @@ class StatusHistory(LineView):
         return f"{self._view_model.history.skipped} lines came too fast for this list"
 
     def _label(self, edge: StatusEdge, width: int) -> str:
-        condition = self._view_model.project.dialect.label(edge.condition)
+        condition = condition_word(self._view_model.project, edge.instance, edge)
         return f"{status_word(edge.outputs.status)} {clip(condition, width)}"
 
     @property
@@ -127,19 +136,28 @@ class StatusHistory(LineView):
 
     def action_error_before(self) -> None:
         """Choose the next older ERROR; after the oldest comes the newest."""
+        self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
+
+    def action_hit(self, step: int) -> None:
+        """Choose the next older edge to the code of `find`, else ERROR; -1: the next newer one."""
+        code = self.code
+        what = "ERROR" if code is None else f"{code:04X}"
+        self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
+
+    def _choose_where(self, holds: Callable[[Outputs], bool], what: str, step: int) -> None:
+        edges = [(y, line.event) for y, line in enumerate(self._edges)][::step]
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
-        errors = [
-            y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.outputs.error
-        ]
-        if errors:
-            self._choose(next((y for y in errors if y > here), errors[0]))
+        found = [y for y, edge in edges if isinstance(edge, StatusEdge) and holds(edge.outputs)]
+        if found:
+            self._choose(next((y for y in found if (y - here) * step > 0), found[0]))
         else:
-            self._actions.complain(f"no ERROR in what is known of {self._view_model.selected}")
+            self._actions.complain(f"no {what} in what is known of {self._view_model.selected}")
 
     def action_ask_code(self) -> None:
         self._actions.open_prompt("find ")
 
     def action_now(self) -> None:
+        self.code = None
         self._choose(-1)
 
     def click(self, x: int, y: int) -> None:
@@ -162,7 +180,7 @@ class StatusHistory(LineView):
         self.show()
 
     def forget(self) -> None:
-        self._chosen = None
+        self._chosen = self.code = None
         self._edges, self._longest, self._lamp = [], WORD, LAMP
         self.scroll_to(y=0, animate=False)
 
@@ -181,31 +199,80 @@ def _lamp(edge: StatusEdge) -> str:
 if TYPE_CHECKING:
     from trcvtui.diagnosis.advice import Advice
     from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.job import DoLine
 
 LABEL: Final = 7
 BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
-PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=\w+)?`")
+PIN_COMMAND: Final = re.compile(r"(?:pulse|set) (\S+) (\w+)(=\w+)?")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 
 class StatusCard(TextView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
+    BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
+
     def keys(self) -> tuple[tuple[str, str], ...]:
         messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
-        return (*messages, ("esc", "now")) if self._past is not None else messages
+        if self._past is not None:
+            return (*messages, ("esc", "now"))
+        has_lines = any(do.lines for do in self._do) and not self._commands_nothing
+        return ((("enter", "do"),) if has_lines else ()) + messages
+
+    @property
+    def _commands_nothing(self) -> bool:
+        is_bench = self._digit == BENCH_DIGIT and self._view_model.position is None
+        return not is_bench or getattr(self.app, "only_looks", False)
 
     def __init__(
-        self, view_model: ViewModel, digit: int = 3, letter_of: Callable[[str], str] = lambda pin: ""
+        self,
+        view_model: ViewModel,
+        actions: PaneActions,
+        digit: int = 3,
+        letter_of: Callable[[str], str] = lambda pin: "",
     ) -> None:
         """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
         super().__init__(id="status")
         self._letter_of = letter_of
         self._digit = digit
         self._view_model = view_model
+        self._actions = actions
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
+        self._do: tuple[DoLine, ...] = ()
+        self._do_rows = range(0)
+
+    def _lines(self) -> tuple[str, ...]:
+        """Return the bench lines of the first remedy that is to do, and was tried or needs no trial."""
+        instance = self._view_model.instance
+        if instance is None or self._past is not None:
+            return ()
+        done = [f"set {instance.name} {pin}={int(value)}" for pin, value in instance.inputs]
+        some = (do.lines for do in self._do if do.lines and not do.needs_trial)
+        return next((lines for lines in some if lines[0] not in done), ())
+
+    def proposed(self, pin: str) -> str:
+        """Return the value that the remedy gives a number of the selected instance, "": none."""
+        begin = f"set {self._view_model.selected} {pin}="
+        return next((line.removeprefix(begin) for line in self._lines() if line.startswith(begin)), "")
+
+    def action_remedy(self) -> None:
+        """Type the bench lines of the remedy, or say why there is none."""
+        untried = [line for do in self._do if do.needs_trial for line in do.lines]
+        if self._commands_nothing:
+            self._actions.complain("`do` is a text here: this screen commands nothing")
+        elif self._past is not None:
+            self._actions.complain("this is the past: esc leads back to now, and to what to do")
+        elif lines := self._lines():
+            self._actions.open_prompt(*lines)
+        else:
+            wrong = "no bench line does what stands here"
+            self._actions.complain(f"{untried[0]} was not tried: J tries it" if untried else wrong)
+
+    def click(self, x: int, y: int) -> None:
+        if y in self._do_rows:
+            self.action_remedy()
 
     def offer(self) -> Offer | None:
         return self._explainer.offer()
@@ -217,6 +284,7 @@ class StatusCard(TextView):
 
     def show(self) -> None:
         self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self._do, self._do_rows = (), range(0)
         self._rows = self._card()
         super().show()
 
@@ -279,7 +347,9 @@ class StatusCard(TextView):
         style = "warn" if shown.cause.injected else ""
         rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
         rows += self._paragraph("note", self._expected(shown), "dim")
-        rows += self._paragraph("do", told.do, "")
+        self._do, first = told.do, len(rows)
+        rows += self._paragraph("do", [self._with_keys(do) for do in told.do], "")
+        self._do_rows = range(first, len(rows))
         if told.code is not None:  # the last attempt's row says more than "connecting"
             found = self._view_model.project.dialect.row(told.code, shown.block) or found
         if found is not None:
@@ -317,16 +387,23 @@ class StatusCard(TextView):
         return rows
 
     def _sentence(self, text: str) -> str:
-        text = PIN_COMMAND.sub(self._key_of, text)
         first = A_WORD.match(text)
         if first is not None and first.group() not in self._names():
             text = text[:1].upper() + text[1:]
         return text if text.endswith((".", "?", "!", MARK)) else f"{text}."
 
-    def _key_of(self, command: re.Match[str]) -> str:
-        instance, pin, value = command.groups()
-        letter = self._letter_of(pin) if instance == self._view_model.selected and self._past is None else ""
-        return f"press `{letter}` ({pin}{value or ''})" if letter else command.group()
+    def _with_keys(self, do: DoLine) -> str:
+        """Return the sentence with the letter of a pin in place of each bench line that one does."""
+        text = do.text
+        for line in do.lines if self._past is None else ():
+            command = PIN_COMMAND.fullmatch(line)
+            if (
+                command
+                and command[1] == self._view_model.selected
+                and (letter := self._letter_of(command[2]))
+            ):
+                text = text.replace(f"`{line}`", f"press `{letter}` ({command[2]}{command[3] or ''})")
+        return text
 
     def _names(self) -> set[str]:
         """Return the names of the project: they are never written in another way."""
@@ -346,7 +423,7 @@ class StatusCard(TextView):
                 continue
             what = f" {pulse.rcvd_len} B" if pulse.rcvd_len else ""
             what = f" {status_word(pulse.status)}" if name == ERROR and pulse.status else what
-            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
+            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", style))
         if (
             instance.last_error_status is not None
             and not instance.last_is_expected

@@ -95,7 +95,7 @@ class TimingView:
         return ends[0], ends[1]
 
 
-STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
+STYLES: Final = {"": "faint", "pulse": "strong", "gap": "warn", "mark": "key", "high": "strong"}
 
 
 class Drawn(NamedTuple):
@@ -171,7 +171,9 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
         parts = [(text, "ghost") for text, _ in pieces]
     else:
         high = lamp_of(name) or "strong"
-        parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
+        parts = [
+            (text, high if kind in ("high", "pulse") else STYLES.get(kind, kind)) for text, kind in pieces
+        ]
     if cursor is None:
         return parts
     return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")
@@ -217,7 +219,7 @@ class Timing(LineView):
         self._chosen = 0
         self._ready: dict[int, Row] = {}
         self._note = ""
-        self._last_code = ""
+        self.code: int | None = None  # that was looked for last
 
     # -- what is drawn ------------------------------------------------------------------------------
 
@@ -339,11 +341,11 @@ class Timing(LineView):
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
-        self._actions.open_prompt(f"find {self._last_code}")
+        self._actions.open_prompt("find " if self.code is None else f"find {self.code:04X}")
 
     def find(self, status: int) -> None:
-        self._last_code = f"{status:04X}"
-        self._search(lambda edge: edge.outputs.status == status, f"no {self._last_code}")
+        self.code = status
+        self._search(lambda edge: edge.outputs.status == status, f"no {status:04X}")
 
     def _search(self, holds: Callable[[StatusEdge], bool], nothing: str) -> None:
         wave, here = self.wave, self.view.cursor

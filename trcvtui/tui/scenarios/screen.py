@@ -90,7 +90,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.instances = InstanceList(view_model, self.follow_selected, digit=3)
         self.traces = TraceList(view_model)
         actions = PaneActions(self._refuse, self._refuse, self._complain)
-        self.status = StatusCard(view_model, STATUS)
+        self.status = StatusCard(view_model, actions, STATUS)
         self.history = StatusHistory(view_model, actions, HISTORY)
         self.timing = Timing(view_model, actions, TIMING)
         self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
@@ -326,7 +326,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._trouble = ""
         self.send(f"scenario {words}")
 
-    def _refuse(self, line: str) -> None:
+    def _refuse(self, *lines: str) -> None:
         self._complain("no prompt here: v shows all panes, with the scenario on them")
 
     def _complain(self, text: str) -> None:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.diagnosis.advice import Advice, advice_on, because
 from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.diagnosis.job import DoLine
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.view_model.view_model import ViewModel
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.data_view import Offer
+
+
+NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # it changes no job
 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
@@ -39,19 +44,25 @@ class Explainer:
         verdict, remedy = self._verdict(instance.name)
         return replace(told, causes=(verdict, *told.causes), do=(remedy, *told.do)) if verdict else told
 
-    def _verdict(self, name: str) -> tuple[str, str]:
+    def _verdict(self, name: str) -> tuple[str, DoLine]:
         """Return the doctor's first finding and its remedy, "" where it has not looked or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
-            return "", ""
+            return "", DoLine("")
         from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
         from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
             remedy = f"{one.mends[0].text}. " if one.mends else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
-            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", f"{remedy}`J` shows the evidence"
-        return "", ""
+            steps = [mend for mend in one.mends if mend.is_tried] or [*one.mends[:1]]
+            # What was tried was all of it: where a part has no line, the others alone may do harm.
+            is_whole = all(mend.command or mend.set for mend in steps)
+            lines = tuple([mend.command for mend in steps if mend.command and is_whole])
+            needs_trial = not all(mend.is_tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
+            do = DoLine(f"{remedy}`J` shows the evidence", lines, needs_trial)
+            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", do
+        return "", DoLine("")
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""

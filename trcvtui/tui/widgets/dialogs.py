@@ -126,7 +126,7 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
         background: $surface; border-subtitle-color: $text-muted;
     }
     FormDialog VerticalScroll { height: auto; max-height: 100%; }
-    FormDialog Horizontal { height: 1; }
+    FormDialog Horizontal { height: auto; }
     FormDialog TypedField { width: 1fr; background: $panel; padding: 0 1; }
     FormDialog TypedField:focus { background: $panel; background-tint: $primary 18%; }
     FormDialog TypedField.-bad { color: $error; text-style: underline; }
@@ -139,7 +139,19 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
         self._line = Static("", markup=False, id="form-line")
 
 
-Field = TypeVar("Field", bound=TypedField)
+class FormField(TypedField):
+    """One field of a form; up and down go to the one above and the one below."""
+
+    BINDINGS: ClassVar = [
+        Binding("up", "step(-1)", show=False),
+        Binding("down", "step(1)", show=False),
+    ]
+
+    def action_step(self, step: int) -> None:
+        (self.screen.focus_next if step > 0 else self.screen.focus_previous)()
+
+
+Field = TypeVar("Field", bound=FormField)
 Columns = Mapping[str, str]  # what stands before a field, by the class of its style
 
 

@@ -9,7 +9,6 @@ from textual.app import App
 from textual.binding import Binding
 from textual.widget import Widget
 
-from trcvtui.plc.snapshot import buffer_pins
 from trcvtui.tui.formatting import wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ResultScreen
@@ -21,65 +20,74 @@ TAKEN: Final = frozenset("hjkqgbpvy")
 
 EVERYWHERE: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
-    ("tab, shift+tab", "next, previous pane or field"),
+    ("tab, shift+tab", "next, previous pane or field; in a form ↑ ↓, too, where a field has no list"),
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
-    ("F", "freeze the view while the PLC runs on; again: live"),
+    ("F", "freeze the view while the PLC runs on, its keys act as before; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
     ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
-    ("ctrl+p", "command palette: everything by name"),
+    ("ctrl+p", "command palette: everything by name, or by words such as copy, graph, recent projects"),
     ("y", "yank what the pane shows: hex, 16#.., members, history; y y takes the first"),
     ("K", "mark: what a saved session will expect begins here"),
-    ("A", "add an instance (with the CONNECT and DATA that it lacks), connection, DATA, peer, message"),
+    ("A", "add an instance (with CONNECT and DATA of its own), connection, DATA, peer; it is selected"),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
-    ("ctrl+z", "undo: takes the newest add, change or remove back; `save project` keeps them"),
+    ("ctrl+z", "undo: takes the newest add, change or remove back"),
+    ("ctrl+s", "`save project`: what was added, changed and removed, into its file"),
     ("P", "a picture of the screen as SVG, its path is told"),
     ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
-    ("other keys", "a key that one pane alone has works from everywhere; else the last line names the way"),
+    ("other keys", "one that a single pane has works from everywhere, if it only looks; else go there first"),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),
 )
-BLOCK: Final = "Block"
-LETTERS: Final = (
+MOVES: Final = ("↑ ↓ j k, g G", "in a list, page up and down, too; home and end: the first row, the last one")
+LETTERS: Final = (  # of panes 1 to 3
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
 )
+PINS: Final = (*LETTERS, ("a letter", "the pin before which it stands in pane 2, also by a click"))
 INSTANCES: Final = (
-    ("↑ ↓, g G", "choose an instance; the first, the last one"),
     ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
     ("!", "the next one with an ERROR"),
 )
-PINS: Final = (
-    *INSTANCES,
-    *LETTERS,
+BLOCK: Final = (
+    ("enter", "toggle the pin under the cursor"),
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
-    ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
+    MOVES,
 )
-BYTES: Final = (
-    ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
-    ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
-    ("v", "members of DATA, or of what the running job has collected so far"),
-    ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
-    ("enter", "in the members: the curve, a member over time; in the history: explain that edge"),
+STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no trial; so does a click on `do`")
+HISTORY: Final = (
+    ("↑ ↓", "explain an edge"),
+    ("/", "a code, as in `find 7004`"),
+    ("n N", "the code of / before, the next one, until esc; without /: as !, and back"),
+    ("!", "the ERROR before"),
+)
+RECEIVED: Final = (
+    ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
-    ("end, n N [ ]", "in the table: follow the newest; the next message, the one before"),
-    ("/", "in the table: weight > 3, STATUS=80C5, RCVD_LEN!=12; it acts as you type, esc: all"),
-    ("y", "in the table: what passes the filter as CSV, to the clipboard and a file"),
+    ("/", 'find hex, else a text ("29" too), =number in either byte order; @offset, #job; esc: no marks'),
+    ("n N", "after /: the next hit, the hit before, until another pane is chosen; without: as ] and ["),
     ("[ ]", "the DONE before, the next one"),
-    ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
-    ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
-    ("n N", "after a search: the next hit, the hit before, until another pane is chosen"),
-    ("d, u", "the job before, or the marked message, where it differs; fewer rulers"),
+    ("d u", "the job before, or the marked message, where it differs; fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),
+)
+TABLE: Final = (
+    ("n N [ ]", "the next message, the one before; end: follow the newest"),
+    ("/", "weight > 3, STATUS=80C5, RCVD_LEN!=12; it acts as you type, esc: all"),
+    ("y", "what passes the filter as CSV, to the clipboard and a file"),
+)
+MEMBERS: Final = (
+    ("enter", "the curve: the member over time"),
+    ("v", "members of DATA, or of what the running job has collected so far"),
+    ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
 )
 CURVE: Final = (
     ("enter", "in the members, or a click on the small curve behind a number; esc leaves"),
@@ -88,29 +96,34 @@ CURVE: Final = (
     ("p", "another number of the type on the same time axis, with an axis of its own; after the last none"),
 )
 TIMING: Final = (
-    ("← →, shift", "scan by scan; edge by edge of any pin"),
-    ("↑ ↓, n N", "choose a row; next and previous edge of that pin"),
-    ("! and /", "next ERROR; next edge to a code, as in `find 7008`"),
-    ("+ -, wheel", "fewer or more scans a column; a pulse stays visible"),
+    ("← → h l, shift", "scan by scan; edge by edge of any pin"),
+    ("n N", "next and previous edge of the chosen row"),
+    ("! /", "next ERROR; next edge to a code, as in `find 7008`"),
+    ("+ = -, wheel", "fewer or more scans a column; a pulse stays visible"),
     ("m", "first and second marker: the distance in scans and ms stands in the title"),
     ("f, esc", "follow or stand; back to now"),
     ("o", "the other instances of this CONNECT, too"),
     ("e", "write a VCD (GTKWave, PulseView)"),
 )
-PEER: Final = (
-    ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),
-    ("i, m", "edit the payload; as hex, text or udt"),
-    ("enter", "in the payload: send it"),
-    ("s c f", "send the message; connect or listen; FIN (UDP: close)"),
+PEER_ACTS: Final = (  # its commands go out, or the prompt opens with them
+    ("c s f", "connect or listen; send the message; FIN (UDP: close)"),
     ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
     ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
     ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
-    ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("e", "try every split of the message, as a table; y copies it"),
-    ("o", "a UDT as a form: its members as fields"),
-    ("w", "the message under a name into the project's library; p picks from it"),
     ("a d", "a reply rule more; no replies"),
+)
+PEER: Final = (
+    *PEER_ACTS,
+    ("i, m", "edit the payload; the next way of hex, text, udt, and edit it; enter there: send it"),
+    ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
+    ("o w p", "a UDT as a form; the message under a name into the library; pick one of the library"),
     ("← → enter", "walk the buttons, press one"),
+    ("A", "add a peer"),
+)
+FEED: Final = (
+    ("enter i", "type bytes for the simulated line"),
+    ("s → ← b", "the same again; byte by byte; from the first byte; the cable pulled"),
 )
 LINE: Final = (
     ("↑ ↓", "choose a conversation and one of its directions"),
@@ -157,24 +170,24 @@ TIME_LINE: Final = (
     ("9 or esc", "the keys to the time line; a pane that has the focus keeps its other ones"),
 )
 KeyTable = tuple[tuple[str, str], ...]
-# Which table is about a pane, by the id of it or of what it stands in.
-SECTION_OF: Final = {
-    "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
-    "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "talks": "Line",
-    "peer": "Peer",
-    "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
-    "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
-}  # fmt: skip
-SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
-    ("Everywhere", EVERYWHERE),
-    ("Block", PINS),
-    ("Bytes and past", BYTES),
-    ("Curve", CURVE),
-    ("Timing", TIMING),
-    ("Peer", PEER),
-    ("Line", LINE),
-    ("Scenarios", SCENARIOS),
-    ("Lab", LAB),
+# All keys by pane: a title, the ids of what has the focus there, and the rows.
+SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
+    ("Everywhere", (), EVERYWHERE),
+    ("Panes 1 to 3: pins", (), PINS),
+    ("1 Instances", ("instances",), (*INSTANCES, MOVES)),
+    ("2 Block", ("block",), BLOCK),
+    ("3 STATUS", ("status",), (STATUS, MOVES)),
+    ("4 History", ("history",), HISTORY),
+    ("5 Messages", ("messages",), TABLE),
+    ("5 Received", ("received",), RECEIVED),
+    ("6 Members", ("udt",), MEMBERS),
+    ("Curve", (), CURVE),
+    ("7 Line", ("talks",), LINE),
+    ("7 Simulated line", ("lines",), FEED),
+    ("7 Peer", ("peer",), PEER),
+    ("8 Timing", ("timing",), TIMING),
+    ("Scenarios", ("scenarios", "text", "traces"), SCENARIOS),
+    ("Lab", ("lab-tree", "lab-hex", "lab-fit", "lab-cure"), LAB),
 )
 
 
@@ -245,17 +258,18 @@ def _status_rows(view_model: ViewModel, width: int) -> Iterator[Row]:
 
 def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     """Return the tables of keys, that of the pane with the focus first."""
-    sections: list[tuple[str, KeyTable]] = [*SECTIONS, ("Signs", SIGNS)]
+    sections: list[tuple[str, KeyTable]] = [(title, table) for title, _, table in SECTIONS]
+    sections.append(("Signs", SIGNS))
     around = [widget.id for widget in focused.ancestors_with_self] if focused is not None else []
-    title = next((SECTION_OF[id] for id in around if id in SECTION_OF), None)
+    title = next((title for id in around for title, ids, _ in SECTIONS if id in ids), None)
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
-    if title == BLOCK and here:  # the pane tells its own letters; those of the other blocks are none here
-        is_buffered = any(what in buffer_pins() for _, what in here)
-        table = tuple(line for line in table if line not in (LETTERS if is_buffered else LETTERS[2:]))
+    if table is BLOCK and here:  # the pane tells the letters of its own pins
+        sections = [section for section in sections if section[1] is not PINS]
     if not here and not table:
         return sections
-    first = (f"Here: {title}" if title else "Here", (*here, *table))
+    more = [pair for pair in here if pair[0] not in dict(table)]
+    first = (f"Here: {title}" if title else "Here", (*more, *table))
     return [first, *(section for section in sections if section[0] != title)]
 
 

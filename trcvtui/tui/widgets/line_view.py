@@ -51,7 +51,7 @@ MOVES: Final[list[BindingType]] = [
     Binding("up,k", "move(-1)", show=False),
     *ARROW_MOVES[2:],
 ]
-LAMPS: Final = frozenset(("busy", "done", "error", "on", "glow", "warn"))  # styles of what is so now
+LAMPS: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles of what is so now
 
 
 def ruled(width: int, *parts: Part) -> Row:

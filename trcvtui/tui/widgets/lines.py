@@ -341,10 +341,10 @@ class HeaderLine(WordLine):
             pieces.append(HeaderWord(f"recording: {clip(now.recorded, MOST_TRIGGER)}", "warn", 3))
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER)}", "warn", 3))
-        if now.position is None:  # a replay is late for nothing
-            pieces.append(HeaderWord(f"p99 late {duration(timing.late_p99_ns)}", "dim", 40))
-            style = "warn" if timing.overruns else "dim"
-            pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
+        if timing.late_ns:
+            pieces.append(HeaderWord(f"{duration(timing.late_ns)} late", "warn", 40))
+        if timing.overruns:
+            pieces.append(HeaderWord(count(timing.overruns, "overrun"), "warn", 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))
         if 0 < snapshot.connections_limit < NO_LIMIT:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"

@@ -18,7 +18,7 @@ from textual.widget import Widget
 # fmt: off
 STYLE_NAMES: Final = (
     "dim", "faint", "strong", "label", "key",                    # weights of text
-    "on", "busy", "done", "error", "warn", "glow",               # lamps and judgements
+    "on", "busy", "done", "error", "warn",                       # lamps and judgements
     "cursor", "cursor-blurred", "hover", "link", "byte-cursor",  # what is pointed at
     "run", "hold", "stop",                                       # chips of the header
     "null", "printable", "space", "control", "high", "ghost",    # classes of bytes

@@ -200,7 +200,7 @@ class FilterLine(TypedLine):
         self._narrow(self._input.value)
 
 
-HINT = '29 00 · "abc" · =1234 · =1.5 · @offset · #job'
+HINT = "29 00 · abc · =1.5 · @offset · #job"
 _GOALS: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
 
 
@@ -229,7 +229,10 @@ class FindInput(LineInput):
 
 
 class FindLine(Horizontal):
-    """Closed it takes no room; `find` is called when enter takes it, `left` when it closes."""
+    """Closed it takes no room; `find` is called when enter takes it, `left` when it closes.
+
+    `tell` is told what is wrong with it as it is typed: here a mistake would be cut.
+    """
 
     DEFAULT_CSS = """
     FindLine { height: 1; display: none; background: $panel; }
@@ -238,10 +241,9 @@ class FindLine(Horizontal):
     FindLine #find-about { width: auto; max-width: 60%; color: $text-muted; padding: 0 1; }
     """
 
-    def __init__(self, find: Callable[[], None], left: Callable[[], None]) -> None:
+    def __init__(self, find: Callable[[], None], left: Callable[[], None], tell: Callable[[str], None]):
         super().__init__(id="find-line")
-        self._find = find
-        self._left = left
+        self._find, self._left, self._tell = find, left, tell
         self._field = FindInput(self.submit, self.close, placeholder=HINT)
         self._about = Static("", id="find-about", markup=False)
 
@@ -255,6 +257,7 @@ class FindLine(Horizontal):
 
     def close(self) -> None:
         self._left()
+        self._tell("")
         self.display = False
 
     def on_input_changed(self) -> None:
@@ -262,8 +265,10 @@ class FindLine(Horizontal):
 
     def _judge(self) -> None:
         text = self._field.value.strip()
-        asked = self._read(text) if text else HINT
-        self._about.update(Content(plain(asked if isinstance(asked, str) else asked.about)))
+        asked = self._read(text) if text else ""
+        wrong, about = (asked, "") if isinstance(asked, str) else ("", asked.about)
+        self._about.update(Content(plain(about)))
+        self._tell(wrong)
 
     @property
     def wanted(self) -> Wanted | Goal | None:

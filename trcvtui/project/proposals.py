@@ -1,0 +1,50 @@
+"""What a form proposes for a new instance to work on: the newest part that is free for it, else `new`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from trcvtui.blocks.table import BlockRow, block_row
+from trcvtui.project.project import Project
+
+NEW: Final = "new"  # in a line: one is made
+
+
+def free(kind: str) -> Callable[[Project, str], str]:
+    """Return what proposes a part of a kind, for a project and a block."""
+    return lambda project, block: _free(kind, project, block_row(block))
+
+
+def _free(kind: str, project: Project, row: BlockRow) -> str:
+    is_for_one = kind in ("addr", "data")
+    taken = {name for i in project.instances for name in (i.addr, i.data, *i.pointers) if is_for_one}
+    on = [(i.connect, block_row(i.block)) for i in project.instances if not is_for_one]
+    fits = [c for c in project.connects if c.is_datagram == row.speaks_udp or not row.moves_bytes]
+    if (
+        (kind == "connect" and row.speaks_udp and not fits)
+        or (kind == "udp_config" and row.datagrams and fits)
+        or (kind == "addr" and not row.speaks_udp)
+    ):
+        return ""
+    parts: Sequence[Any] = {
+        "connect": fits, "udp_config": project.udp_configs, "combuffer": project.combuffers,
+        "addr": project.addrs, "data": project.data,
+    }[kind]  # fmt: skip
+    names = (each.name for each in reversed(parts) if each.name not in taken)
+    return next((n for n in names if not any(at == n and _in_the_way(row, r) for at, r in on)), NEW)
+
+
+def _in_the_way(row: BlockRow, other: BlockRow) -> bool:
+    """Return whether a block wants what another one works on for itself: not for the other direction."""
+    if row.id_alone:
+        return False  # it works on what another one has built
+    if row.on_buffer:
+        is_user = row.reads_buffer or row.writes_buffer
+        return is_user and (other.reads_buffer or other.writes_buffer)
+    same_way = (row.receives and other.receives) or (row.sends and other.sends)
+    return same_way or (_opens(row) and _opens(other) and not (row.builds and other.builds))
+
+
+def _opens(row: BlockRow) -> bool:
+    return row.builds or (row.has_id and not row.id_alone)  # TCON

@@ -1,0 +1,53 @@
+"""The projects that were opened last: ten paths in a file of the state folder."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from pathlib import Path
+from shlex import quote
+from typing import Final
+
+from trcvtui import paths
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import read_bytes, reason_of, write_file
+
+FILE: Final = "recent.json"
+MOST: Final = 10
+MOST_BYTES: Final = 100_000
+
+
+def recent_projects() -> list[str]:
+    """Return their paths, the newest first; raise UserError."""
+    path, expected = paths.state_folder() / FILE, "a JSON list of paths; without the file it begins anew"
+    try:
+        found = json.loads(read_bytes(path, MOST_BYTES))
+    except FileNotFoundError:
+        return []
+    except OSError as failed:
+        raise mistake(str(path), reason_of(failed), expected) from None
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+        raise mistake(str(path), "something else", expected)
+    return found[:MOST]
+
+
+def remember(project: Path) -> None:
+    """Put a project first; where this cannot be written or read, nothing is changed."""
+    path = os.path.abspath(project)
+    if project != paths.demo_path():
+        with suppress(OSError, UserError):
+            kept = [each for each in recent_projects() if each != path]
+            paths.state_folder().mkdir(parents=True, exist_ok=True, mode=0o700)
+            file = paths.state_folder() / FILE
+            write_file(file, json.dumps([path, *kept][:MOST]) + "\n", str(file), is_own=True)
+
+
+def run_line(path: str) -> str:
+    """Return the line that opens a project in a shell; what cannot be printed stands there in octal."""
+    if path.isprintable():
+        return f"trcvtui run {quote(path)}"
+    letters = (chr(c) if 32 <= c < 127 and c not in b"\\'" else f"\\{c:03o}" for c in os.fsencode(path))
+    return f"trcvtui run $'{''.join(letters)}'"

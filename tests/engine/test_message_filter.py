@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf, nan
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,7 @@ def test_a_name_without_an_instance_is_its_member_or_pin(
     row = row_of(project, {**values, "pts[1].y": -3})
     assert read_filter(condition, project, "X")(row) is is_let_through
     layout = project.data_decl("rx").layout  # type: ignore[union-attr]
-    is_of_x = condition.startswith(("X", "rx", "STATUS", "DONE", "RCVD"))
+    is_of_x = condition.startswith(("X", "rx", "STATUS", "DONE"))
     if not is_of_x and "status" not in condition:
         assert read_layout_filter(condition, layout)(row) is is_let_through, "without a project, too"
 
@@ -58,6 +59,15 @@ def test_what_a_row_does_not_know_makes_no_condition_true(condition: str, projec
         row._replace(have=6), row._replace(have=0),
     ):  # fmt: skip
         assert not lets_through(less), "bytes are gone, are too few, or stand behind a hole"
+
+
+@pytest.mark.parametrize(
+    ("condition", "speeds"),
+    [("speed = NaN", [nan]), ("speed != NaN", [inf, 0.0]), ("speed < NaN", []), ("speed=Infinity", [inf])],
+)
+def test_a_nan_is_found_by_its_name(condition: str, speeds: list[float], project: Project) -> None:
+    lets_through = read_filter(condition, project, "X")
+    assert repr([x for x in (nan, inf, 0.0) if lets_through(row_of(project, {"speed": x}))]) == repr(speeds)
 
 
 @pytest.mark.parametrize("condition", ["STATUS=7006", "STATUS!=7006"])

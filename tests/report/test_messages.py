@@ -217,10 +217,33 @@ def test_the_files_of_a_split_run_have_each_message_once_with_the_jobs_number(ru
     assert main(record) == 0
     files = [str(file) for file in sorted((folder / "out").iterdir())]
     assert len(files) > 2
-    whole = rows(run, "b.toml", "--for", "T#3s", "--instance", "R1")
-    assert rows(run, *files, "--instance", "R1") == whole and len(whole) > 400
+    whole, of_files = rows(run, "b.toml", "--for", "T#3s"), rows(run, *files)
+    names = "n", "scan", "instance", "length", "status", "reason", "count"
+    assert told(of_files, *names) == told(whole, *names) and len(whole) > 400
     [first, *_] = rows(run, files[1], "--instance", "R1")
     assert int(first["n"]) > 1
+    of_run, of_shadow = (
+        rows(run, files[0], "--instance", "R1", *words) for words in ([], ["--project", "b.toml"])
+    )
+    times = "n", "time", "t_s", "gap_ms", "hex"
+    assert told(of_run, *times) == told(of_shadow, *times)[: len(of_run)], "of our own sender, too"
+
+
+def test_another_recording_has_its_own_times_and_no_columns_of_another_type(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, _, rest = SENDS.partition("[[data]]")
+    (folder / "b.toml").write_text(start + (folder / "p.toml").read_text() + "[[data]]" + rest)
+    for name, kind in (("a", TYPE), ("b", TYPE), ("c", TYPE.replace("REAL", "DINT"))):
+        (folder / "t.st").write_text(kind)
+        monkeypatch.setattr("trcvtui.recording.recorder.SIM_WALL_NS", 10**18 + ord(name) * 10**9)
+        assert main(["record", "b.toml", "--kernel", "sim", "--out", name, "--duration", "T#50ms"]) == 0
+    files = [str(*(folder / name).iterdir()) for name in "abc"]
+    alone = [told(rows(run, file), "n", "time", "hex") for file in files]
+    found = rows(run, *files)
+    assert told(found, "n", "time", "hex") == [row for of_file in alone for row in of_file]
+    is_known = [row["count"] != "" for row in found if row["instance"] == "R1"]
+    assert any(is_known) and is_known == sorted(is_known, reverse=True) and not is_known[-1]
 
 
 CHANGES = """
@@ -294,6 +317,8 @@ A, B, L = bytes(range(12)), bytes(range(12, 24)), bytes(1460)
         ((A + B + A[:3],), [(27, "", True)]),
         ((L, L, L[: 1460 - 24], L, L, L), [(12, "", True)] * 728),
         ((A[:10], 5 * A), [(10, "", True), (60, "", True)]),
+        ((5 * A, 0.1, A[:10]), [(60, "", True), (10, "FIN", True)]),
+        ((5 * A, 0.1, 5 * A, 0.1, A), [(12, "", True)] * 11),
         ((A[:5], A, A, A + B), [(5, "", True)] + [(12, "", True)] * 4),
         ((L, L, L[: 1460 - 20]), [(4360, "", True)]),
         ((L, L, L[:1460 - 24]), [(12, "", True)] * 363),
@@ -308,6 +333,12 @@ def test_a_type_cuts_what_pauses_and_segments_end(
     segments: tuple[bytes | int | float, ...], rows: list[tuple[int, str, bool]]
 ) -> None:
     assert Cut(12).play(*segments) == rows
+
+
+@pytest.mark.parametrize(("size", "rows"), [(10, [10] * 8), (12, [10, 10, 60])])
+def test_what_a_plc_has_read_is_cut_by_pauses_alone(size: int, rows: list[int]) -> None:
+    reads = 0.1, A[:10], 0.1, A[:2], A[:8], 0.1, A[:4], A[:6], A[:6], A[:4], A, A, A, A[:4]
+    assert [row[0] for row in Cut(size).play(*reads, largest=0)] == rows, "its jobs end at 12 bytes"
 
 
 def test_without_a_type_pauses_end_messages_and_what_is_held_is_bounded() -> None:
@@ -355,6 +386,25 @@ def test_a_mistake_is_one_line(run: Run, folder: Path) -> None:
         assert (code, out) == (2, "")
         said.append((line, err.splitlines()))
     golden.agree("mistakes", "messages", said)
+
+
+SCL = 'TYPE "T"\nSTRUCT\n "my name" : Int;\n "a=b" : Real;\n "q,r" : Bool;\nEND_STRUCT;\nEND_TYPE'
+
+
+def test_names_in_quotes_may_have_blanks_commas_and_operators(run: Run, folder: Path) -> None:
+    (folder / "t.scl").write_text(SCL)
+    sent = [struct.pack(">hf?x", n, n / 2, n % 2) for n in range(4)]
+    (folder / "c.pcapng").write_bytes(capture(stream(*sent)))
+    asked = "c.pcapng", "--udt", "t.scl", "--layout", "s7-standard", "--members", 'my name, "q,r"'
+    for where, numbers in (
+        ("my name = 2", "3"),
+        ('"a=b" > 0.5', "34"),
+        ('"q,r"=1', "24"),
+        ('"a=b" != 1', "124"),
+    ):
+        found = rows(run, *asked, "--where", where)
+        assert "".join(row["n"] for row in found) == numbers
+        assert [*found[0]][-3:] == ["hex", "my name", "q,r"]
 
 
 def test_out_is_a_new_file_and_nothing_half_is_left(

@@ -312,6 +312,8 @@ def _messages(args: Args) -> int:
     from trcvtui.udt.literals import parse_time
 
     layout, time_ns = None, None if args.time is None else parse_time(args.time, "--for")
+    if time_ns is not None and time_ns <= 0:
+        raise mistake("--for", args.time, "more than T#0s")
     if args.udt is not None:
         from trcvtui.udt.command import layout_of
 

@@ -3,7 +3,9 @@
 Rule 1: a pause ends a message. Of a type a segment does so, too, unless it is as large as segments get: the
 rest follows then. What is a multiple of the type's size is records of it; anything else is one message.
 Rule 2: no record goes across a hole, or across a message of another size.
-Rule 3: what is held is bounded.
+Rule 3: several records in one piece wait until a message of its own has that size, or another one: six
+messages of 10 bytes are five of 12, too.
+Rule 4: what is held is bounded.
 """
 
 from __future__ import annotations
@@ -34,15 +36,18 @@ class MessageCutter:
         self._is_write = self._is_full = True  # all segments but the last are as large as they get; that, too
         self._rest = 0  # so many bytes belong to a message of which a hole has the beginning
         self._good = self._odd = 0  # segments that were one record; messages of another size
+        self._waiting: list[tuple[bytes, list[tuple[int, int]]]] = []  # pieces of several records, their ends
         self._last = 0, 0  # time and size of the newest segment
 
     def segment(self, ns: int, data: bytes, largest: int) -> None:
-        """Take bytes; no segment of their direction was larger than `largest`."""
+        """Take bytes; no segment of their direction was larger than `largest`, 0: a PLC has read them so."""
         record, (last_ns, last_size) = self._record, self._last
         self._last = ns, len(data)
         if not self._held and not self._rest:
-            if len(data) == record:
+            if len(data) == record and (largest or not self._odd):
                 self._good += 1
+                if self._waiting:
+                    self._decide()
                 self._take(ns, data, record, "", True)  # nearly all of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
@@ -65,7 +70,8 @@ class MessageCutter:
         if len(self._held) >= (record or MOST_HELD) and not (record and self._is_full):
             self.end(ns)
         elif len(self._held) >= max(MOST_HELD, 2 * record):
-            self._give_records()
+            if largest or self._good:
+                self._give_records()
             if len(self._held) >= MOST_HELD:
                 self.end(ns)
 
@@ -98,11 +104,12 @@ class MessageCutter:
         size, record = len(self._held), self._record
         if not self._rest and record and size % record == 0 and (self._is_write or size == record):
             self._give_records()
-        if not record or ns - self._last[0] >= PAUSE_NS:
-            reason = ""
+        is_short = record and ns - self._last[0] < PAUSE_NS
         if self._held:
-            self._give(size, HOLE if self._rest else reason, begins=not self._rest)
+            self._give(size, HOLE if self._rest else reason if is_short else "", begins=not self._rest)
         self._rest = 0
+        if reason:
+            self._decide()
 
     @property
     def _is_regular(self) -> bool:
@@ -111,25 +118,38 @@ class MessageCutter:
 
     def _hold(self, ns: int, data: bytes, largest: int) -> None:
         self._is_write = not self._held or self._is_full
-        self._is_full = self._is_write and fills_segment(len(data), largest, 0)
+        is_read = self._record > 0 and not largest
+        self._is_full = self._is_write and (is_read or fills_segment(len(data), largest, 0))
         self._held += data
         self._ends.append((len(self._held), ns))
 
     def _give_records(self) -> None:
-        record, content, at, ends = self._record, bytes(self._held), 0, iter(self._ends)
-        end, ns = 0, 0
+        record, content, ends = self._record, bytes(self._held), self._ends
         self._good += len(content) == record
-        while 0 < record <= len(content) - at and (self._is_regular or len(content) == record):
-            at += record
-            while end < at:
-                end, ns = next(ends)
-            self._take(ns, content[at - record : at], record, "", True)
+        at = len(content) - len(content) % record if record else 0
+        if not at or not (self._is_regular or len(content) == record):
+            return
+        self._waiting.append((content[:at], ends))
         del self._held[:at]
-        self._ends = [(end - at, ns) for end, ns in self._ends if end > at]
+        self._ends = [(end - at, ns) for end, ns in ends if end > at]
+        if self._good or self._odd or sum([len(piece) for piece, _ in self._waiting]) > MOST_HELD:
+            self._decide()
+
+    def _decide(self) -> None:
+        """Give what waits: as records, or where messages have another size as one."""
+        waiting, self._waiting = self._waiting, []
+        for content, ends in waiting:
+            record = self._record if self._is_regular or len(content) == self._record else len(content)
+            passed, (end, ns) = iter(ends), (0, 0)
+            for at in range(record, len(content) + 1, record):
+                while end < at:
+                    end, ns = next(passed)
+                self._take(ns, content[at - record : at], record, "", True)
 
     def _give(self, size: int, reason: str, missing: int = 0, begins: bool = True) -> None:
         content, ns = bytes(self._held[:size]), self._ends[-1][1]
         self._odd += reason != HOLE
+        self._decide()
         self._held.clear()
         self._ends.clear()
         self._take(ns, content, size + missing, reason, begins)
@@ -160,7 +180,7 @@ class MessageCutters:
         elif kind is SegmentKind.BYTES:
             if other is not None:
                 other.turn(ns)
-            cutter.segment(ns, data, direction.largest)
+            cutter.segment(ns, data, direction.largest if conversation.sent is None else 0)
         elif kind is SegmentKind.MISSING:
             if conversation.protocol != "udp":
                 cutter.hole(ns, size)

@@ -30,6 +30,7 @@ OF_A_ROW: Final[Mapping[str, Callable[[MessageRow], int]]] = {
     "done": lambda row: not row.reason,
 }
 # What columns are called is known, too.
+_RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "", shows="rcvd_len")
 _COLUMNS: Final = (
     Pin("length", Direction.OUT, "UDINT", "", shows="rcvd_len"),
     Pin("status", Direction.OUT, "WORD", "", shows="status"),
@@ -40,7 +41,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
     """Return what tells whether a row of an instance is let through; raise UserError."""
     decl = project.instance(instance)
     assert decl is not None
-    comparison = _read(text, where)
+    comparison = read_comparison(text.strip(), where, FORM)
     named, _, rest = comparison.subject.partition(" ")
     if rest and project.instance(named) is not None:
         if named != instance:
@@ -52,11 +53,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
     """Return the same for messages of a type that is known without a project, or of none."""
-    return _filter(_read(text, where), "", (), layout)
-
-
-def _read(text: str, where: str) -> ConditionText:
-    return read_comparison(text.strip(), where, FORM)
+    return _filter(read_comparison(text.strip(), where, FORM), "", (_RCVD_LEN,), layout)
 
 
 def _filter(
@@ -74,7 +71,9 @@ def _filter(
     known = {pin.name.casefold(): pin for pin in (*_COLUMNS, *pins.values())} | pins
     pin = known.get(subject) or known.get(subject.casefold())
     if pin is None:
-        raise unknown_member(where, subject, layout, [*(each.name for each in _COLUMNS), *pins])
+        leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
+        names = [*(each.name for each in _COLUMNS), *pins, *(leaf.path for leaf in leaves if leaf.path)]
+        raise unknown_member(where, subject, names)
     of_row, compare = OF_A_ROW[pin.shows], COMPARE[comparison.operator]
     value = comparison.of_pin(instance, pin).value
     return lambda row: (now := of_row(row)) >= 0 and compare(now, value)
@@ -101,8 +100,6 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     return None
 
 
-def unknown_member(where: str, name: str, layout: Layout | None, others: Iterable[str] = ()) -> UserError:
+def unknown_member(where: str, name: str, names: Iterable[str]) -> UserError:
     """Return the mistake that a name is no member, with the nearest one."""
-    leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
-    names = [*others, *(leaf.path for leaf in leaves if leaf.path)]
     return mistake(where, shown(name), expected_name(name, names, "member"), "unknown")

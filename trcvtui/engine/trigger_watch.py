@@ -39,7 +39,7 @@ COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
 RISES, OFF = "rises", "off"
 WITH_DONE: Final = "RCVD_LEN"
 FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
-_COMPARISON: Final = re.compile(r"([^=!<>]+?)\s*(!=|<=|>=|=|<|>)\s*(.+)", re.DOTALL)
+_COMPARISON: Final = re.compile(r'((?:"[^"]*"|"(?![^"]*")|[^=!<>"])+?)\s*(!=|<=|>=|=|<|>)\s*(.+)', re.DOTALL)
 _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
 
@@ -142,6 +142,9 @@ class ConditionText(NamedTuple):
             code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
             read = lambda part: code.unpack(part)[0]  # noqa: E731
         value = read(leaf_bytes(layout, leaf, self.value, self.where))
+        if value != value and self.operator in ("=", "!="):  # NaN, equal to nothing: is it one?
+            number, value = read, True
+            read = lambda part: (now := number(part)) != now  # noqa: E731
         return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)
 
     def _check_order(self, what: str, has_none: bool) -> None:

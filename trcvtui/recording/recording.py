@@ -420,6 +420,15 @@ class Recording:
         raise mistake(where, "no keyframe", "one, as the index says")
 
 
+def begin_of_run(path: FileName) -> RunBegins | None:
+    """Return what a recording begins with; None: it is none."""
+    try:
+        first = next(iter(Recording(path).entries()), None)
+    except UserError:
+        return None
+    return first if isinstance(first, RunBegins) else None
+
+
 def _with_check(magic: bytes, content: bytes) -> bytes:
     return magic + _LENGTH.pack(zlib.crc32(content)) + content
 

@@ -19,8 +19,8 @@ from trcvtui.capture.pcap import open_capture
 from trcvtui.diagnosis.doctor import DoctorQuestion, finding_row, judge, same_finding
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, noting_reads, unnamed
-from trcvtui.recording.journal import RunBegins, entries_of
-from trcvtui.recording.recording import Recording, RecordingWriter
+from trcvtui.recording.journal import entries_of
+from trcvtui.recording.recording import RecordingWriter, begin_of_run
 from trcvtui.recording.writer import POST_NS, write_all
 from trcvtui.replay.job_facts import PassScan, recorded_facts
 from trcvtui.replay.run_again import ReplayRun
@@ -77,11 +77,8 @@ def _first_packet_ns(path: str) -> int:
 
 
 def _run_begins_ns(path: str) -> int:
-    try:
-        first = next(iter(Recording(path).entries()), None)
-    except UserError:
-        return _first_packet_ns(path)
-    return first.wall_ns if isinstance(first, RunBegins) else 0
+    begins = begin_of_run(path)
+    return begins.wall_ns if begins is not None else _first_packet_ns(path)
 
 
 class DoctorInput:

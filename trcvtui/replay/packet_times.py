@@ -8,20 +8,20 @@ from typing import Final
 
 from trcvtui.capture.command import in_time_order
 from trcvtui.capture.plc_end import address_text
-from trcvtui.capture.reassembly import Conversation, ConversationEvent, Conversations, SegmentKind
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
 
 MOST_KEPT: Final = 20_000  # packets of a connection
 AHEAD_NS: Final = 1_000_000_000  # a packet stands in the file so long after the scan at most
 
 
 class PacketTimes:
-    """The packets to the PLC of connections that begin in a file; `now_ns`: how far its run is, UTC."""
+    """The packets of connections that begin in a file; `now_ns`: how far its run is, UTC."""
 
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
         self._packets = in_time_order([path], [])
         self._found = Conversations(self._take)
-        self._talks: dict[tuple[str, str], list[Conversation]] = {}  # by partner and PLC end
-        self._said: dict[Conversation, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
+        self._talks: dict[tuple[str, str], list[WireDirection]] = {}  # by partner and PLC end
+        self._said: dict[WireDirection, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
         self._wall_ns, self._now_ns = wall_ns, now_ns
         self._reached_ns = 0
 
@@ -49,15 +49,11 @@ class PacketTimes:
 
     def _take(self, event: ConversationEvent) -> None:
         ns, talk, direction, kind, at, size, _ = event
-        if (
-            not talk.begins_with_syn
-            or talk.sent is None
-            or direction is not (talk.back, talk.there)[not talk.sent]
-        ):
+        if not talk.begins_with_syn:
             return
-        if talk not in self._said:
-            self._said[talk] = deque(maxlen=MOST_KEPT)
+        if direction not in self._said:
+            self._said[direction] = deque(maxlen=MOST_KEPT)
             ends = address_text(direction.address), address_text(direction.other.address)
-            self._talks.setdefault(ends, []).append(talk)
+            self._talks.setdefault(ends, []).append(direction)
         if kind is SegmentKind.BYTES:
-            self._said[talk].append((at + size, ns))
+            self._said[direction].append((at + size, ns))

@@ -18,12 +18,12 @@ from trcvtui.engine.message_filter import find_member, names_before, unknown_mem
 from trcvtui.errors import mistake, one_line
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl
-from trcvtui.udt.layout.coding import HALF, Value
+from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, shape
 from trcvtui.udt.layout.layout_tree import Values
 from trcvtui.udt.layout.value_text import mark_text, real_text, value_text
 from trcvtui.udt.layout.values import decode, decode_leaves
-from trcvtui.udt.report import json_value
+from trcvtui.udt.report import json_members, json_value, own_bytes
 from trcvtui.udt.types import Elementary, StringType, ValueKind
 from trcvtui.wording import SECOND, in_columns, json_text, utc_text
 
@@ -31,14 +31,15 @@ OF_AN_INSTANCE: Final = ("instance",)
 OF_A_CONVERSATION: Final = ("conversation", "direction")
 FIRST: Final = ("n", "time", "t_s", "scan", "gap_ms")
 LAST: Final = ("length", "status", "reason", "hex")
-MARKS, ESCAPED = "marks", "escaped"
-_TAKEN: Final = frozenset((*FIRST, *OF_AN_INSTANCE, *OF_A_CONVERSATION, *LAST, MARKS, ESCAPED))
+_TAKEN: Final = frozenset((*FIRST, *OF_AN_INSTANCE, *OF_A_CONVERSATION, *LAST, "marks", "escaped"))
 MOST_MEMBERS: Final = 1024  # columns
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 HEX_SHOWN: Final = 16  # bytes in text
 SPACED: Final = 43_690  # bytes as hex with blanks, so that no program takes them for a number, and
 MOST_HEX: Final = 65_535  # without: Python's csv reads no cell of more than 131,072 characters
 LOOKED_AT: Final = 256  # rows, for the width of the columns of text: a wider cell moves the rest of its line
+
+_MEMBER: Final = re.compile(r'(?:"[^"]*"|\[[^]]*\]|[^,])+')  # of `a, b.c[1,2], "a,b"`
 
 Cell = Callable[[Any, bytes], object]  # a value, and the bytes of its message
 
@@ -67,7 +68,7 @@ class MessageTable:
         begun_ns: int | None = None,
     ) -> None:
         chosen = _chosen(types, members)
-        is_one = len({(shape(one.layout), *_paths(one.layout)) for one in types}) == 1
+        is_one = len({_key(one.data) for one in types}) == 1
         if is_one:
             chosen = [tuple(dict.fromkeys(chain.from_iterable(chosen)))]
         self.left_out = max(0, sum(map(len, chosen)) - MOST_MEMBERS)
@@ -75,10 +76,8 @@ class MessageTable:
             raise mistake("--members", f"{MOST_MEMBERS + self.left_out} of them", f"at most {MOST_MEMBERS}")
         parts, self._names = list[_Part](), list[str]()
         for one, numbers in zip(types, chosen, strict=not is_one):
-            numbers, cell_of = numbers[: MOST_MEMBERS - len(self._names)], CELLS[form]
-            parts.append(
-                _Part(one.layout, numbers, "" if is_one else one.instance, len(self._names), cell_of)
-            )
+            numbers = numbers[: MOST_MEMBERS - len(self._names)]
+            parts.append(_Part(one.layout, numbers, "" if is_one else one.instance, len(self._names), form))
             self._names += parts[-1].names
         parts *= len(types) if is_one else 1
         self._parts = {one.instance: part for one, part in zip(types, parts, strict=True)}
@@ -96,8 +95,9 @@ class MessageTable:
         number, scan, t_ns, gap_ns, size, status, _, _, reason, have, content, _ = row
         content = (content or b"")[:have]
         part = self._parts.get(labels[0] if of is None else of)
+        seconds = f"{abs(t_ns) // SECOND}.{abs(t_ns) % SECOND:09d}"
         cells = [
-            number, self._time(t_ns), f"{t_ns // SECOND}.{t_ns % SECOND:09d}", scan or "",
+            number, self._time(t_ns), seconds if t_ns >= 0 else f"-{seconds}", scan or "",
             "" if gap_ns is None else f"{gap_ns / 1e6:.6f}", *labels,
             size, f"{status:04X}" if status >= 0 else "", reason, self._hex(content),
         ]  # fmt: skip
@@ -132,13 +132,8 @@ class MessageTable:
         record = {name: None if cell == "" else cell for name, cell in zip(self._columns, cells, strict=True)}
         record["hex"] = None if row.content is None else cells[-1]
         if part is not None:
-            values = dict(zip(part.names, part.values(content), strict=True))
-            leaves = zip(part.names, part.leaves, strict=True)
-            marks = {name: mark for name, leaf in leaves if (mark := _mark(leaf, content))}
-            texts = [(name, value) for name, value in values.items() if isinstance(value, str)]
-            escaped = [name for name, value in texts if HALF.search(value)]
-            record |= {name: json_value(value) for name, value in values.items()}
-            record |= {key: odd for key, odd in ((MARKS, marks), (ESCAPED, escaped)) if odd}
+            values, odd = json_members(part.named, part.values(content), content)
+            record |= values | odd
         self._out.write(json_text(record, separators=(",", ":")) + "\n")
 
     def _hex(self, content: bytes) -> str:
@@ -168,17 +163,29 @@ def csv_of(
 
 def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
     """Return the leaves of each type that become columns; raise UserError for a name that is no member."""
-    if not members:
+    names = [name.strip() for name in _MEMBER.findall(members) if name.strip()]
+    if not names:
         return [range(one.layout.leaf_count) for one in types]
     chosen = [dict[int, None]() for _ in types]
-    for name in map(str.strip, re.split(r",(?![^\[]*\])", members)):
+    for name in names:
         found = [find_member(one.layout, name, *names_before(one.instance, one.data)) for one in types]
         if not any(found):
-            raise unknown_member("--members", name, types[0].layout if types else None)
+            paths = chain.from_iterable(_paths(one.layout) for one in types)
+            raise unknown_member("--members", name, paths)
         for numbers, place in zip(chosen, found, strict=True):
             if place is not None:
                 numbers.update(dict.fromkeys(range(place[0], place[0] + place[1].leaves)))
     return [tuple(numbers) for numbers in chosen]
+
+
+def is_same_type(one: DataDecl | Layout | None, other: DataDecl | Layout | None) -> bool:
+    """Return whether all bytes of two DATA mean the same, by the same names."""
+    return one is other or (one is not None and other is not None and _key(one) == _key(other))
+
+
+def _key(data: DataDecl | Layout) -> object:
+    layout = data.layout if isinstance(data, DataDecl) else data
+    return shape(layout), *_paths(layout)
 
 
 def _paths(layout: Layout) -> list[str]:
@@ -188,20 +195,14 @@ def _paths(layout: Layout) -> list[str]:
 class _Part:
     """The columns of one type, from column `first` of all members on."""
 
-    def __init__(
-        self,
-        layout: Layout,
-        numbers: Sequence[int],
-        instance: str,
-        first: int,
-        cell_of: Callable[[Leaf], Cell | None],
-    ) -> None:
+    def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first
-        self.leaves = [layout.leaf(number) for number in numbers]
+        leaves = [layout.leaf(number) for number in numbers]
         self._numbers = None if [*numbers] == [*range(layout.leaf_count)] else numbers
         taken = _TAKEN.union(map(str.casefold, _paths(layout)))
-        self.names = [_column_name(leaf.path or layout.name, taken, instance) for leaf in self.leaves]
-        cells = enumerate(map(cell_of, self.leaves))
+        self.names = [_column_name(leaf.path or layout.name, taken, instance) for leaf in leaves]
+        self.named = [*zip(self.names, leaves, strict=True)]
+        cells = enumerate(map(_text_cell if form == "text" else _csv_cell, leaves))
         self._cells = [(place, cell) for place, cell in cells if cell is not None]
 
     def values(self, content: bytes) -> Values:
@@ -247,20 +248,10 @@ def _guarded(value: str, _: bytes) -> str:
 
 
 def _marked(leaf: Leaf, value: Value, content: bytes) -> str:
-    text, mark = str(value).upper() if isinstance(value, bool) else str(value), _mark(leaf, content)
+    text = str(value).upper() if isinstance(value, bool) else str(value)
+    mark = mark_text(leaf, own_bytes(leaf, content))
     return f"{text} ({mark})" if mark else text
 
 
-def _mark(leaf: Leaf, content: bytes) -> str:
-    return mark_text(leaf, content[leaf.offset : leaf.offset + leaf.size])
-
-
 def _text_cell(leaf: Leaf) -> Cell:
-    return lambda value, content: value_text(leaf, value, content[leaf.offset : leaf.offset + leaf.size])
-
-
-CELLS: Final[dict[str, Callable[[Leaf], Cell | None]]] = {
-    "text": _text_cell,
-    "csv": _csv_cell,
-    "jsonl": lambda leaf: None,
-}
+    return lambda value, content: value_text(leaf, value, own_bytes(leaf, content))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from functools import partial
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Final, NamedTuple, TextIO
@@ -25,11 +24,17 @@ from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import LEAST_SPANS_KEPT
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.project.project import Project
+from trcvtui.project.project import DataDecl, Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.recording.journal import SIM_WALL_NS, RunBegins
-from trcvtui.recording.recording import Recording
-from trcvtui.report.message_table import OF_A_CONVERSATION, OF_AN_INSTANCE, MessageTable, MessageType
+from trcvtui.recording.journal import SIM_WALL_NS
+from trcvtui.recording.recording import Recording, begin_of_run
+from trcvtui.report.message_table import (
+    OF_A_CONVERSATION,
+    OF_AN_INSTANCE,
+    MessageTable,
+    MessageType,
+    is_same_type,
+)
 from trcvtui.udt.layout.layout import Layout
 
 GOOD, NO_ROW = 0, 1
@@ -75,7 +80,7 @@ def messages(asked: MessagesQuestion) -> int:
                 _run(rows, asked.kernel, asked.time_ns)
             elif asked.project is not None:
                 _play(rows, asked.project)
-            elif asked.layout is None and asked.plc is None and all(map(_begin_of_run, asked.files)):
+            elif asked.layout is None and asked.plc is None and all(map(begin_of_run, asked.files)):
                 for path in asked.files:
                     _run_again(rows, path)
             else:
@@ -109,54 +114,56 @@ class _Rows:
         self.asked, self._out = asked, out
         self.table: MessageTable | None = None
         self._filters: dict[str, Filter | None] = {}
+        self.project: Project | None = None  # that of the columns
+        self.begun_ns = 0
 
-    def begin_bench(self, project: Project, begun_ns: int) -> None:
-        names, only = [each.name for each in project.instances], self.asked.instance
-        if only is not None and only not in names:
-            raise mistake("--instance", shown(only), expected_name(only, names, "instance"), "unknown")
-        of = {name: project.received_data(name) for name in names if only in (None, name)}
-        filters = {name: partial(read_filter, project=project, instance=name) for name in of}
-        types = [MessageType(name, data) for name, data in of.items() if data is not None]
-        self._begin(types, OF_AN_INSTANCE, begun_ns, filters)
-
-    def begin_capture(self, begun_ns: int) -> None:
-        if self.asked.instance is not None:
+    def begin(self, project: Project | None, begun_ns: int) -> None:
+        """Begin the table: of a project's instances, or without one of the two ways of a capture."""
+        asked, self.project, self.begun_ns = self.asked, project, begun_ns
+        if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
-        types = {TO_PLC: self.asked.layout, FROM_PLC: None}
-        filters = {way: partial(read_layout_filter, layout=layout) for way, layout in types.items()}
-        some = [MessageType(way, layout) for way, layout in types.items() if layout is not None]
-        self._begin(some, OF_A_CONVERSATION, begun_ns, filters)
-
-    def _begin(
-        self,
-        types: Sequence[MessageType],
-        labels: Sequence[str],
-        begun_ns: int,
-        filters: Mapping[str, Callable[..., Filter]],
-    ) -> None:
-        where, wrong = self.asked.where, list[UserError]()
-        self._filters = dict.fromkeys(filters)
-        for name, read in filters.items() if where is not None else ():
-            try:
-                self._filters[name] = read(where, where="--where")
-            except UserError as refused:  # another one may have that name
-                del self._filters[name]
-                wrong.append(refused)
-        if not self._filters and wrong:
-            raise wrong[0]
-        self.table = MessageTable(self._out, self.asked.form, types, labels, self.asked.members, begun_ns)
+        types = self._types(project)
+        if asked.instance is not None and not types:
+            names = [each.name for each in project.instances] if project is not None else ()
+            expected = expected_name(asked.instance, names, "instance")
+            raise mistake("--instance", shown(asked.instance), expected, "unknown")
+        wrong = self._read_filters(types, project)
+        if wrong and len(wrong) == len(self._filters):
+            raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone
+        some = [MessageType(name, type_) for name, type_ in types.items() if type_ is not None]
+        labels = OF_A_CONVERSATION if project is None else OF_AN_INSTANCE
+        self.table = MessageTable(self._out, asked.form, some, labels, asked.members, begun_ns)
         if self.table.left_out:
             _say(f"{self.table.left_out} members have no column: --members names those that shall")
 
-    def change(self, before: Project, project: Project) -> frozenset[str]:
-        """Read filters anew for an edited project; return the instances with another DATA than before."""
-        for name in self._filters if self.asked.where is not None else ():
-            with suppress(UserError):
-                self._filters[name] = _nothing
-                self._filters[name] = read_filter(self.asked.where or "", project, name)
-        names = [each.name for each in project.instances]
-        pairs = ((name, project.received_data(name), before.received_data(name)) for name in names)
-        return frozenset(name for name, now, then in pairs if now is not then)
+    def _types(self, project: Project | None) -> dict[str, DataDecl | Layout | None]:
+        if project is None:
+            return {TO_PLC: self.asked.layout, FROM_PLC: None}
+        names = [each.name for each in project.instances if self.asked.instance in (None, each.name)]
+        return {name: project.received_data(name) for name in names}
+
+    def _read_filters(self, names: Collection[str], project: Project | None) -> list[UserError]:
+        where, wrong = self.asked.where, list[UserError]()
+        named = (where or "").strip().partition(" ")[0]
+        for name in [named] if named in names else names:
+            self._filters[name] = None if where is None else _nothing
+            if where is None:
+                continue
+            try:
+                if project is not None:
+                    self._filters[name] = read_filter(where, project, name, "--where")
+                else:
+                    layout = self.asked.layout if name == TO_PLC else None
+                    self._filters[name] = read_layout_filter(where, layout, "--where")
+            except UserError as refused:  # another one may have that name
+                wrong.append(refused)
+        return wrong
+
+    def change(self, project: Project) -> frozenset[str]:
+        """Read filters anew for another project; return the instances whose type has no columns."""
+        types, first = self._types(project), self._types(self.project)
+        self._read_filters(types, project)
+        return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
 
     def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
@@ -185,13 +192,13 @@ class _BenchMessages:
         self._streams = StreamReader(bench, self.reader).streams
         self._messages = MessageRows(bench, self.reader, self._streams, after)
         self._rows, self._add_ns, self._bench = rows, add_ns, bench
-        self._begun = self._project = bench.project
+        self._project = rows.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
 
     def take(self) -> None:
         if self._bench.project is not self._project:
             self._project = self._bench.project
-            self._changed = self._rows.change(self._begun, self._project)
+            self._changed = self._rows.change(self._project)
         for name, row in self._messages.take():
             row = row._replace(t_ns=row.t_ns + self._add_ns)
             self._rows.take(name, (name,), row, name not in self._changed)
@@ -205,7 +212,7 @@ def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
     from trcvtui.scenario.scenario import load_bench
 
     project = load_bench(Path(rows.asked.files[0]))
-    rows.begin_bench(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
+    rows.begin(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
     bench = fresh_bench(project, kernel)
     found, pace = _BenchMessages(bench, rows), LivePace() if kernel == "live" else VirtualPace()
     try:
@@ -214,15 +221,6 @@ def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
             found.take()
     finally:
         bench.close()
-
-
-def _begin_of_run(path: str) -> RunBegins | None:
-    """Return what a recording begins with; None: it is none."""
-    try:
-        first = next(iter(Recording(path).entries()), None)
-    except UserError:
-        return None
-    return first if isinstance(first, RunBegins) else None
 
 
 def _run_again(rows: _Rows, path: str) -> None:
@@ -235,8 +233,8 @@ def _run_again(rows: _Rows, path: str) -> None:
     run = keyframes.begin()
     begun_ns = run.begins.wall_ns
     if rows.table is None:
-        rows.begin_bench(run.bench.project, begun_ns)
-    found = _BenchMessages(run.bench, rows, after=keyframes.offset)
+        rows.begin(run.bench.project, begun_ns)
+    found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
     try:
@@ -255,7 +253,7 @@ def _run_again(rows: _Rows, path: str) -> None:
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
     """Return the time at which t_s is 0: where a run of ours began, else that of the first packet."""
-    begins = _begin_of_run(paths[0])
+    begins = begin_of_run(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
 
@@ -273,7 +271,7 @@ def _play(rows: _Rows, project: Path) -> None:
     plan, found, troubles = plan_capture(paths, project, rows.asked.plc, None)
     first_ns = found.first_ns or 0
     zero_ns = _zero_ns(paths, first_ns)
-    rows.begin_bench(plan.project, zero_ns)
+    rows.begin(plan.project, zero_ns)
     player = CapturePlayer(plan, found.all, first_ns, _NoLines())
     bench = player.shadows.bench
     messages, ledger = _BenchMessages(bench, rows, first_ns - zero_ns), bench.runtime.ledger
@@ -315,7 +313,7 @@ class _CaptureMessages:
         if troubles and not found.packets:
             raise UserError(troubles)
         if rows.table is None:
-            rows.begin_capture(0)
+            rows.begin(None, 0)
         self._cutters.end(max([each.last_ns for each in found.all], default=0))
         if self._given is not None and found.all and not self._cutters.are_any:
             raise fits_nothing("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
@@ -347,5 +345,5 @@ class _CaptureMessages:
     def _take(self, event: ConversationEvent) -> None:
         if self._rows.table is None:
             self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or event.ns)
-            self._rows.begin_capture(self._zero_ns)
+            self._rows.begin(None, self._zero_ns)
         self._cutters.take(event)

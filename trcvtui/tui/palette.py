@@ -97,7 +97,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     if key.widget.can_focus:
         main.set_focus(key.widget)
     whose, name, parameters = parse(key.binding.action)
-    target = main if whose == "screen" else key.widget
+    target = {"screen": main, "app": main.app}.get(whose, key.widget)
     act: Callable[..., Awaitable[object] | object] = getattr(target, f"action_{name}")
     done = act(*parameters)
     if isawaitable(done):
@@ -325,7 +325,7 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 def _of_recent(main: MainScreen) -> Iterator[SystemCommand]:
     try:
-        for path in recent_projects():
+        for path in () if getattr(main.app, "only_looks", False) else recent_projects():
             line = run_line(path)
             yield SystemCommand(f"Recent projects: {Path(path).name}", line, partial(main.yank_line, line))
     except UserError as wrong:

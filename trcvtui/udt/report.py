@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.errors import one_line
 from trcvtui.udt.layout.coding import HALF, Value
 from trcvtui.udt.layout.layout import Layout, Leaf
-from trcvtui.udt.layout.layout_tree import Data
+from trcvtui.udt.layout.layout_tree import Data, Values
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
@@ -68,18 +68,24 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
     code units that are no characters.
     """
     leaves = layout.leaves(0, most)
-    pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
-    values = {leaf.path or name: value for leaf, value in pairs}
-    escaped = [path for path, value in values.items() if isinstance(value, str) and HALF.search(value)]
-    markable = [leaf for leaf in leaves if leaf.coding.odd]
-    marks = {one.path or name: mark for one in markable if (mark := mark_text(one, _own_bytes(one, data)))}
+    named = [(leaf.path or name, leaf) for leaf in leaves]
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
+    texts, odd = json_members(named, decode_leaves(layout, data, 0, len(leaves)), data)
+    return json_lines({**head, "values": texts, **odd})
+
+
+def json_members(
+    named: Sequence[tuple[str, Leaf]], values: Values, data: Data
+) -> tuple[dict[str, Value | None], dict[str, object]]:
+    """Return the values of leaves by name, and what is odd about them: `marks`, `escaped`."""
+    found = {name: value for (name, _), value in zip(named, values, strict=True)}
+    marks = {name: mark for name, leaf in named if (mark := mark_text(leaf, own_bytes(leaf, data)))}
+    escaped = [name for name, value in found.items() if isinstance(value, str) and HALF.search(value)]
     odd = ("marks", marks), ("escaped", escaped)
-    texts = {path: json_value(value) for path, value in values.items()}
-    return json_lines({**head, "values": texts, **{key: found for key, found in odd if found}})
+    return {name: json_value(each) for name, each in found.items()}, {key: some for key, some in odd if some}
 
 
-def _own_bytes(leaf: Leaf, data: Data) -> bytes:
+def own_bytes(leaf: Leaf, data: Data) -> bytes:
     return bytes(data[leaf.offset : leaf.offset + leaf.size])
 
 
@@ -97,7 +103,7 @@ def member_rows(
     """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
     leaves = layout.leaves(0, most)
     for leaf, value in zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True):
-        shown = missing if value is None else value_text(leaf, value, _own_bytes(leaf, data))
+        shown = missing if value is None else value_text(leaf, value, own_bytes(leaf, data))
         yield place_text(leaf), leaf_type_text(layout, leaf), leaf.path or name, shown
 
 

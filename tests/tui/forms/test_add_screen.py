@@ -122,7 +122,7 @@ async def test_a_hint_ends_at_a_word() -> None:
 
 async def test_what_was_added_is_selected_and_a_key_typed_at_once_is_for_it() -> None:
     async with on_a_bench(SMALL) as looker:
-        await looker.press("7", "A", "enter", "t")
+        await looker.press("6", "A", "enter", "t")
         assert len(looker.lines) == 1, "it waits"
         looker.bench.scan(2)
         await looker.pictures()

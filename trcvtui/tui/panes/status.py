@@ -218,11 +218,12 @@ class StatusCard(TextView):
         if self._past is not None:
             return (*messages, ("esc", "now"))
         has_lines = any(do.lines for do in self._do) and not self._commands_nothing
-        return (*((("enter", "do"),) if has_lines else ()), *messages)
+        return ((("enter", "do"),) if has_lines else ()) + messages
 
     @property
     def _commands_nothing(self) -> bool:
-        return self._view_model.position is not None or getattr(self.app, "only_looks", False)
+        is_bench = self._digit == BENCH_DIGIT and self._view_model.position is None
+        return not is_bench or getattr(self.app, "only_looks", False)
 
     def __init__(
         self,

@@ -422,12 +422,10 @@ class BenchApp(TerminalApp):
 
     # -- the project --------------------------------------------------------------------------------
 
-    def action_add(self, kind: str = "") -> None:
+    def action_add(self, kind: str) -> None:
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:
-            wants_peer = self.main.peer.has_focus_within and not self.view_model.project.peers
-            kind = kind or ("peer" if wants_peer else "instance")
             self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._added)
 
     def _added(self, line: str | None) -> None:

@@ -146,7 +146,7 @@ class MainScreen(FullScreen[None]):
         Binding("V", "theirs", show=False, id="theirs"),
         Binding("y", "yank", show=False, id="yank"),
         Binding("K", "mark", show=False, id="mark"),
-        Binding("A", "app.add", show=False, id="add"),
+        Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("E", "change", show=False, id="change"),
         Binding("ctrl+z", "undo", show=False, id="undo"),
         Binding("ctrl+s", "save", show=False, id="save"),

@@ -214,6 +214,7 @@ class PeerPanel(Vertical):
         ("p", "library", "named messages and sequences of the project"),
         ("w", "keep", "the message under a name into the library"),
         ("i", "payload", "edit the payload"),
+        Binding("A", "app.add('peer')", "add a peer", show=False),
     ]
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:

@@ -177,7 +177,7 @@ ANYWHERE: Final = (("ctrl+p", "palette"), ("F1", "help"))
 ACTIONS: Final = {
     ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "L": "app.lab", "M": "zoom",
     "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm",
-    "l": "pin('l')", "F1": "help", "A": "app.add", "E": "change",
+    "l": "pin('l')", "F1": "help", "A": "app.add('instance')", "E": "change",
 }  # fmt: skip
 
 

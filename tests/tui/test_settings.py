@@ -266,7 +266,7 @@ async def test_a_project_with_a_wide_name_fits_its_header() -> None:
     [
         ("2", "Here: 2 Block", "toggle the pin under the cursor"),
         ("5", "Here: 5 Received", "byte by byte"),
-        ("7", "Here: 7 Peer", "edit the payload"),
+        ("7", "Here: 7 Peer", "send the message"),
         ("8", "Here: 8 Timing", "edge by edge"),
     ],
 )

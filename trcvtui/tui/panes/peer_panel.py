@@ -394,9 +394,9 @@ class PeerPanel(Vertical):
 
     def lacks_peer(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
-        if not self._view_model.peer:
+        if not self._view_model.project.peers:
             self._actions.complain(NO_PEER)
-        return not self._view_model.peer
+        return not self._view_model.project.peers
 
     def action_button(self, letter: str) -> None:
         if self.lacks_peer():

@@ -119,6 +119,7 @@ PEER: Final = (
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("o w p", "a UDT as a form; the message under a name into the library; pick one of the library"),
     ("← → enter", "walk the buttons, press one"),
+    ("A", "add a peer"),
 )
 FEED: Final = (
     ("enter i", "type bytes for the simulated line"),

@@ -102,7 +102,7 @@ def test_its_pins_are_drawn_with_their_letters_and_help(project: Project) -> Non
 def test_the_form_offers_it(project: Project) -> None:
     fields = {field.key: field for field in fields_of("instance", project, "BEACON")}
     assert "BEACON" in fields["block"].choices
-    assert fields["connect"].choices == ("C1",) and fields["data"].choices == ("lamp",)
+    assert fields["connect"].choices == ("new", "C1") and fields["data"].choices == ("new", "lamp")
 
 
 def test_the_prompt_completes_it(project: Project) -> None:

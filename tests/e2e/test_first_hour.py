@@ -47,7 +47,7 @@ class FirstHour:
             screen = self.terminals[-1].wait(shown)
             assert " : ✗" not in screen
             if found := PORT.search(screen):
-                self.ports.setdefault("2000", found[1])
+                self.ports["2000"] = found[1]  # the form proposes one, the bench takes the next that is free
 
     def close(self) -> None:
         for terminal in self.terminals:

@@ -45,7 +45,7 @@ def contents(rows: list[MessageRow]) -> bytes:
 def test_the_screen_gets_each_row_once_and_no_more_than_a_picture_holds() -> None:
     told, rows = talking()
     sent, known = frames(told, 600), KnownMessages()
-    assert crossed(rows, known) == 3
+    assert crossed(rows, known) == 5
     assert [row.number for row in known.rows] == [*range(1, 601)]
     assert contents(known.rows) == sent
     more = frames(told, 3)

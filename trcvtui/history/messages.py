@@ -24,7 +24,7 @@ from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
 ROWS: Final = 10_000  # of an instance
 MOST_ROWS: Final = 100_000  # of all
-ROWS_A_PICTURE: Final = 256
+ROWS_A_PICTURE: Final = 128  # more would make a scan of T#1ms late
 BYTES_A_PICTURE: Final = 65_536  # of its rows; one row alone may have as many
 MOST_ERRORS: Final = 1000  # whose times are kept, of an instance
 MOST_PIECES: Final = 256  # of a message: the bytes of one in more are not kept
@@ -52,6 +52,9 @@ class MessageRow(NamedTuple):
     have: int = 0
     content: bytes | None = None
     others: tuple[tuple[int, int], ...] = ()  # all of its pieces, where it has more than one
+
+
+CONTENT: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
@@ -127,7 +130,7 @@ class KeptRows:
                 yield name, self._with_content(of.rows.popleft())
 
     def _with_content(self, row: MessageRow) -> MessageRow:
-        return row._replace(content=self._content(row), others=())
+        return MessageRow._make((*row[:CONTENT], self._content(row), ()))
 
     def _content(self, row: MessageRow) -> bytes | None:
         ring = self._received(row.stream) if row.position >= 0 else None
@@ -209,7 +212,9 @@ class MessageRows(KeptRows):
         pieces = first_of(reads, size) if is_known else []
         have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
         reason = reason if not done else HOLE if have < size else ""
-        t_ns = self._arrival(connect, reads, size) if reads else t_ns
+        if reads:
+            is_live = not self._streams.index.has_packets
+            t_ns = reads[-1].t_ns if is_live else self._arrival(connect, reads, size)
         self.add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
 
     def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:

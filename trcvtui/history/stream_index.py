@@ -179,7 +179,7 @@ class StreamIndex:
         self._incarnations: dict[str, int] = {}
         self._down: dict[str, deque[tuple[int, int]]] = {}
         self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
-        self.has_holes = False  # in a capture, bytes may be missing
+        self.has_holes = self._are_packets = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
@@ -217,6 +217,7 @@ class StreamIndex:
     def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         peer, message, local, remote, offset, size = event
         self.has_holes = self.has_holes or peer == A_HOLE
+        self._are_packets = self._are_packets or peer == A_PACKET
         ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))
@@ -308,6 +309,10 @@ class StreamIndex:
                 )
             place += 1
         return found
+
+    @property
+    def has_packets(self) -> bool:
+        return self._are_packets or self.packet_times is not None
 
     def packet_ns(self, link: Link, offset: int, datagram: int | None = None) -> int | None:
         """Return when the packet with a byte stands in its capture, or that of a datagram's number."""

@@ -183,6 +183,8 @@ class MessageRows(KeptRows):
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
         super().__init__(bench.runtime.received, reader.catch_up, after)
         self._bench, self._streams = bench, streams
+        self._asked: tuple[object, ...] = ()
+        self._answer = MessagesDelta("", 0, 0, ())
         self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
         instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
         self._status = {each.name: each.outputs.status for each in instances if each is not None}
@@ -199,9 +201,16 @@ class MessageRows(KeptRows):
         reader.lost.append(self._lose)
 
     def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
-        decl = self._bench.project.instance(instance)
-        down = self._streams.index.down_times(decl.connect) if decl is not None else ()
-        return replace(super().news(instance, since, until), gaps=tuple(down))
+        """Return the same object as long as nothing is new: it does not cross to the screen again."""
+        self._catch_up()
+        index, of = self._streams.index, self._of.get(instance)
+        state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
+        if state != self._asked or self._answer.rows:
+            decl = self._bench.project.instance(instance)
+            down = index.down_times(decl.connect) if decl is not None else ()
+            self._asked = state
+            self._answer = replace(super().news(instance, since, until), gaps=tuple(down))
+        return self._answer
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, number, connect, _, _, size, done, reason = event

@@ -178,6 +178,7 @@ class StreamIndex:
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
         self._down: dict[str, deque[tuple[int, int]]] = {}
+        self.down_changes = 0
         self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = self._are_packets = False  # in a capture, bytes may be missing
         self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
@@ -234,6 +235,7 @@ class StreamIndex:
 
     def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         down = self._down.setdefault(event.connection, deque(maxlen=KEPT_DOWN))
+        self.down_changes += 1
         if event.what in ENDINGS and (not down or down[-1][1] < NOW):
             down.append((t_ns, NOW))
         elif down and (event.what is EventKind.CONNECTED or event.detail == "UDP"):
@@ -338,7 +340,7 @@ class StreamIndex:
         sent = self._messages(link)
         if sent is None:
             return "", Sizes()
-        sizes = tuple(size for _, size, *_ in sent.told[-KEPT_SIZES:])
+        sizes = tuple([told[1] for told in sent.told[-KEPT_SIZES:]])
         return sent.told[-1][3], Sizes(sent.forgotten + len(sent.told), sizes)
 
     # -- what a connection has received -----------------------------------------------------------------

@@ -69,8 +69,7 @@ def _line(place: tuple[str, str, str, str]) -> Iterator[IncomingMessage]:
     is_bad = bool(errors) and chance > 0.9
     state = "listening" if 0.5 < chance < 0.6 else "connected"
     rates = round(random.uniform(20, 900), 1), round(random.uniform(0, 90), 1), random.randint(12, 60)
-    trip = round(random.uniform(0.4, 9), 2)
-    yield _told((*place[:3], ""), FiguresMessage(NOW - 8, state, *rates, errors, trip, random.randint(0, 3)))
+    yield _told((*place[:3], ""), FiguresMessage(NOW - 8, state, *rates, errors))
     shown = (code, words, False) if is_bad else ("7006", "receiving", True)
     done, age = random.randint(100, 9000), random.uniform(2, 5000)
     yield _told(place, StatusMessage(NOW - 1, *shown, False, is_bad, done, errors, 7, 12, age))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.errors import one_line
@@ -109,19 +108,16 @@ def real_text(value: float, size: int) -> str:
     if size == 8:
         return repr(value)
     stored = struct.pack("<f", value)
-    return next(repr(number) for number in _rounded(value) if _packed(number) == stored)
+    for digits in range(6, 9):  # nine tell any two REALs apart
+        number = float(f"{value:.{digits}g}")
+        if _packed(number) == stored:
+            return repr(number)  # Python's form: 1e+06 reads 1000000.0
+    return repr(value)
 
 
 def special_text(value: float) -> str:
     """Return the name of a number that is none: NaN, Infinity or -Infinity."""
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-
-
-def _rounded(value: float) -> Iterator[float]:
-    # Nine digits tell any two REALs apart; Python writes the last form, so that 1e+06 reads 1000000.0.
-    for digits in range(6, 9):
-        yield float(f"{value:.{digits}g}")
-    yield value
 
 
 def _packed(number: float) -> bytes:

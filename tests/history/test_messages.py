@@ -7,26 +7,19 @@ from itertools import count, islice
 import pytest
 
 from tests.history.test_received import ADDED_AGAIN, frames
-from tests.properties.test_history import Generator, history_bench
+from tests.history.test_received import talking as reading
+from tests.properties.test_history import Generator
 from trcvtui.history import messages
-from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import KeptRows, MessageRow, MessageRows
 from trcvtui.history.records import NOW
-from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.plc.ledger import KEPT_LINES, BenchNote
 from trcvtui.tui.view_model.known_messages import KnownMessages
 
 
 def talking() -> tuple[Generator, MessageRows]:
-    bench = history_bench()
-    ledger = LedgerReader(bench)
-    told, reader = Generator(bench, ledger), StreamReader(bench, ledger)
-    told.do("set X CONT=1 EN_R=1")
-    told.scan(3)
-    told.do("peer P1 connect")
-    told.scan(4)
-    return told, MessageRows(bench, ledger, reader.streams)
+    told, reader = reading()
+    return told, MessageRows(told.bench, told.ledger, reader.streams)
 
 
 def crossed(rows: KeptRows, known: KnownMessages, until: int = NOW) -> int:

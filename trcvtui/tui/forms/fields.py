@@ -93,7 +93,7 @@ def fields_to_change(
 
     A key that has several texts now, such as `replies`, has no field: the line changes it.
     """
-    known = [_of_what_is_there(each) for each in fields_of(part.kind, project, block, to_change=True)]
+    known = [_without_new(each) for each in fields_of(part.kind, project, block, to_change=True)]
     bare = keys_of_line(part.kind, project).bare
     if part.kind != "instance":
         keys = {each.key for each in known}
@@ -115,7 +115,8 @@ def fields_to_change(
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
 
 
-def _of_what_is_there(field: AddField) -> AddField:
+def _without_new(field: AddField) -> AddField:
+    """Return the field of a part that stands: only what is there can be chosen."""
     there = tuple([each for each in field.choices if each != NEW])
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 

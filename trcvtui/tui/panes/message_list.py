@@ -139,11 +139,11 @@ class MessageLines(LineView):
         if of != self._of or view_model.message_type is not self._declared:
             self._at = self._at if of == self._of else None
             self._of, self._declared, self._longest = of, view_model.message_type, {}
-            self._look_anew()
+            self._forget_rows()
             self._text, self._passes = "", all_pass
             self.narrow(self._typed)
         if known.stop < self._looked:
-            self._look_anew()
+            self._forget_rows()
         if gone := bisect_left(self._found, known.first):
             del self._found[:gone]
             if self._at is not None:  # what is in view stays in view
@@ -157,7 +157,7 @@ class MessageLines(LineView):
     def _passing(self, rows: range | list[int]) -> list[int]:
         return [each for each in rows if (shown := self._row(each)) is not None and self._passes(shown)]
 
-    def _look_anew(self) -> None:
+    def _forget_rows(self) -> None:
         self._found, self._looked, self._oldest = [], 0, 0
 
     def _measure(self) -> None:
@@ -255,7 +255,7 @@ class MessageLines(LineView):
         try:
             self._passes = read_filter(self._typed, project, selected) if has_filter else all_pass
             self._text = self._typed
-            self._look_anew()
+            self._forget_rows()
         except UserError as wrong:
             self._wrong = wrong.lines()[0]
 

@@ -31,7 +31,7 @@ from trcvtui.line.live_screen import _PipeServed
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
-from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest, packed
 from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.recording.worker_process import FilesJudge
 
@@ -359,7 +359,7 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     jobs, reader = 0, UpdateReader(ours)
 
     def picture() -> Any:
-        ours.send(UpdateRequest())
+        ours.send_bytes(packed(UpdateRequest()))
         return next(filter(None, (ours.poll(None) and reader.next() for _ in count())))
 
     while not jobs:

@@ -12,7 +12,7 @@ from trcvtui import files
 from trcvtui.history import waveform_text as wave_files
 from trcvtui.tui import clipboard_and_files
 from trcvtui.tui import clipboard_and_files as keepsake
-from trcvtui.tui.app import READ_ONLY_LINES
+from trcvtui.picture.protocol import READ_ONLY_LINES
 
 
 @pytest.mark.parametrize("size", [SMALL, WIDE], ids=["80x24", "140x45"])

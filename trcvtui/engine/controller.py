@@ -26,7 +26,7 @@ from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
-from trcvtui.engine.trigger_watch import TriggerWatch
+from trcvtui.engine.trigger_watch import KeptScan, TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRows, MessagesDelta
@@ -480,8 +480,23 @@ class Controller:
 
     # -- pictures --------------------------------------------------------------------------------------
 
-    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
+    def take_answers(self) -> tuple[Answer, ...]:
+        """Return what was answered since the last time."""
+        answers = tuple(self._answers)
+        self._answers.clear()
+        return answers
+
+    def take_kept(self) -> KeptScan | None:
+        """Return the bench in the scan of a trigger that has fired since the last time."""
+        return self._trigger_watch.take_kept()
+
+    def picture(
+        self, request: UpdateRequest, timing: EngineTiming, most_lines: int, kept: KeptScan | None = None
+    ) -> BenchUpdate:
+        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest.
+
+        `kept` stands in its place, where the screen knows this bench.
+        """
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
@@ -490,20 +505,16 @@ class Controller:
         internal = self.bench.containment.take_newest()
         if internal:
             self.complain(internal)
-        answers = tuple(self._answers)
-        self._answers.clear()
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1
-        kept = self._trigger_watch.take_kept() if known else None
+        kept = (kept or self.take_kept()) if known else None
         lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
             lines = tuple([line for line in kept.lines if line.seq > since])
             last = kept.snapshot.ledger_seq
             wanted = replace(wanted, scan=kept.snapshot.scan) if wanted else None
-        if known:
-            self._trigger_watch.told = lines[-1].seq if lines else since
         return BenchUpdate(
             snapshot=kept.snapshot if kept else runtime.snapshot(self.bench.faults()),
             lines=lines,
@@ -511,7 +522,7 @@ class Controller:
             data=kept.data if kept else tuple((name, runtime.data(name, MOST_DATA)) for name in data_of),
             partial=kept.partial if kept else tuple((name, runtime.partial(name)) for name in partial_of),
             peers=kept.peers if kept else self.bench.peer_snapshots(),
-            answers=answers,
+            answers=self.take_answers(),
             timing=timing,
             holding=self.holding,
             kernel=self.kernel or self.bench.kernel_name,

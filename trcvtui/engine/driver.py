@@ -8,6 +8,8 @@ from __future__ import annotations
 import multiprocessing
 import signal
 from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -35,12 +37,16 @@ class ProcessDriver:
     def _start(self) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         context = multiprocessing.get_context("spawn")
-        self._channel, theirs = context.Pipe()
+        ours, theirs = context.Pipe()
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
+        self._listen(ours)
+
+    def _listen(self, channel: Channel) -> None:
         from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
 
+        self._channel = channel
         self._arriving = UpdateReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
@@ -132,9 +138,11 @@ class ProcessDriver:
                 raise self._ended(message)
         return message
 
-    def _send(self, message: object) -> None:
+    def _send(self, message: tuple[int, str] | UpdateRequest) -> None:
+        from trcvtui.picture.bench_update import packed
+
         try:
-            self._channel.send(message)
+            self._channel.send_bytes(packed(message))
         except OSError:
             while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
                 self.picture()
@@ -170,3 +178,55 @@ class EngineDriver(ProcessDriver):
 
     def _arguments(self) -> tuple[Any, ...]:
         return *self._asked, self._record
+
+
+class SharedEngineDriver(EngineDriver):
+    """The bench of `trcvtui serve`, and the door by which its tabs come in."""
+
+    def __init__(self, path: Path, kernel: str, read_only: bool) -> None:
+        """Begin; raise UserError where no door can be made."""
+        from trcvtui.net.os.tab_door import TabDoor
+
+        self.door = TabDoor()
+        super().__init__(path, kernel, read_only=read_only)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return *super()._arguments(), self.door
+
+    def fileno(self) -> int:
+        return self._channel.fileno()
+
+    def restart(self) -> None:
+        super().close()
+        self._start()
+
+    def close(self) -> None:
+        super().close()
+        self.door.remove()
+
+
+class AttachedDriver(ProcessDriver):
+    """The bench of `trcvtui serve` for one of its tabs: the engine ends with `serve`, not with a tab."""
+
+    def __init__(self, door: Path) -> None:
+        """Come in; raise UserError where there is no bench."""
+        self._door = door
+        self._number = 0
+        self._start()
+
+    def _start(self) -> None:
+        from trcvtui.net.os.tab_door import enter
+
+        self._listen(Channel(enter(self._door)))
+
+    def restart(self) -> None:
+        """Come in once more: `serve` starts an engine where it has none."""
+        self.close()
+        with suppress(UserError):  # the next picture says that it has ended
+            self._start()
+
+    def _ended(self, trace: str = "") -> EngineStopped:
+        return EngineStopped(trace or "the engine has ended; `trcvtui serve` says why in its terminal")
+
+    def close(self) -> None:
+        self._channel.close()

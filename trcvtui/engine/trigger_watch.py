@@ -215,7 +215,6 @@ class TriggerWatch:
         self._statistics = LinkStatistics(reader.index)
         reader.lost.append(self._statistics.lose)
         self._seq = 0  # of the last line that was read while a trigger is armed
-        self.told = 0  # of the last line that a picture has brought
         self._kept: KeptScan | None = None
 
     def arm(self, text: str, where: str) -> str:
@@ -269,7 +268,7 @@ class TriggerWatch:
         return KeptScan(
             fired,
             runtime.snapshot(bench.faults()),
-            runtime.ledger.since(self.told, BEFORE),
+            runtime.ledger.since(0, BEFORE),
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.engine.controller import Controller
+from trcvtui.engine.trigger_watch import KeptScan
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
@@ -152,9 +153,11 @@ class ReplayController(Controller):
             return None
         return self.messages.news(*request.messages[:2])
 
-    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
+    def picture(
+        self, request: UpdateRequest, timing: EngineTiming, most_lines: int, kept: KeptScan | None = None
+    ) -> BenchUpdate:
         """Return the bench after its last scan, with the position in the recording."""
-        picture = super().picture(request, timing, most_lines)
+        picture = super().picture(request, timing, most_lines, kept)
         of = "replay" if self.position is None or self.position.first_ns is None else "capture"
         last = 0 if self.position is None else self.position.last_scan  # the doctor has seen all of it
         doctor = replace(picture.doctor, scan=last)

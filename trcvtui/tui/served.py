@@ -4,7 +4,8 @@ Rule 1: 127.0.0.1 alone, and only for pages that come from here: another page in
 speak to the bench (the Host and the Origin of every request are looked at).
 Rule 2: only for who has the address that was printed: other users of this machine reach the port as well.
 The address holds a random token; the browser gets a cookie for it, and every later request shows that.
-Rule 3: each screen is a process of its own; at most MOST_SCREENS run.
+Rule 3: there is one engine, which ends with this process; each tab is a process of its own that shows it.
+At most MOST_TABS run.
 """
 
 from __future__ import annotations
@@ -18,21 +19,26 @@ import shlex
 import socket
 import subprocess
 import sys
-from asyncio import BoundedSemaphore
-from contextlib import suppress
+from asyncio import BoundedSemaphore, get_running_loop
+from contextlib import closing, suppress
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from trcvtui.engine.driver import SharedEngineDriver
 from trcvtui.errors import mistake
+from trcvtui.files import reason_of
+from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
 if TYPE_CHECKING:
     from aiohttp import web
     from textual_serve.app_service import AppService
 
+    from trcvtui.project.project import Project
+
 HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
-MOST_SCREENS: Final = 8
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
 MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
@@ -43,7 +49,18 @@ FONT: Final = """<style>@font-face {
 QUIET: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
 FOREIGN: Final = "this bench is only for pages of its own\n"
 UNKNOWN: Final = "open the whole address that `trcvtui serve` has printed\n"
-FULL: Final = f"{MOST_SCREENS} screens are open already; close one\n"
+FULL: Final = f"{MOST_TABS} screens are open already; close one\n"
+# The head of the page: a name, a picture, and the keys for the terminal as soon as it is there.
+HEAD: Final = """<head>
+    <title>%s</title>
+    <link rel="icon" href="data:image/svg+xml,%%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 8 8'%%3E\
+%%3Crect width='8' height='8' rx='1' fill='%%230c181f'/%%3E%%3Cpath d='M2 1.5v5L6.5 4z' fill='%%2340c463'/%%3E%%3C/svg%%3E">
+    <script>
+      const waits = setInterval(() => {
+        const keys = document.querySelector("textarea");
+        if (keys) { keys.focus(); clearInterval(waits); }
+      }, 20);
+    </script>"""
 
 
 def refuse_root(write: bool, as_root: bool) -> None:
@@ -92,7 +109,7 @@ class Entrance:
 
 
 def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None) -> None:
-    """Serve until Ctrl+C; raise UserError where textual-serve is not there or the port is taken."""
+    """Serve until Ctrl+C; raise UserError where that cannot be."""
     try:
         import textual_serve.server  # noqa: F401
         from aiohttp import web
@@ -102,10 +119,46 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     door = listening(port)
     entrance = Entrance(door.getsockname()[1])
     how = "every command is carried out" if write else "read-only; --write lets it command"
-    command = command_line(project, kernel, write, theme)
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
-    app = application(command, entrance, f"trcvtui {project.name}", about)
-    web.run_app(app, sock=door, print=None)
+    try:
+        with closing(SharedEngineDriver(project, kernel, not write)) as engine:
+            shown = engine.project()
+            command = command_line(project, engine.door.path, write, theme)
+
+            async def begin() -> web.Application:
+                look_after(engine, shown)
+                return await application(command, entrance, f"trcvtui {project.name}", about)
+
+            web.run_app(begin(), sock=door, print=None)
+    except EngineStopped as stopped:
+        raise mistake(str(project), str(stopped).splitlines()[-1], "a bench that starts") from None
+    except OSError as failed:
+        raise mistake("trcvtui serve", reason_of(failed), "room for it: see `ulimit -n`") from None
+
+
+def look_after(engine: SharedEngineDriver, project: Project) -> None:
+    """Say why the engine ends when it does; then start another one for the next tab that comes in."""
+    from trcvtui.bench.error_report import write_report
+
+    loop = get_running_loop()
+
+    def hear() -> None:
+        try:
+            engine.picture()
+        except EngineStopped as stopped:
+            loop.remove_reader(engine)
+            words = str(stopped).strip()
+            report = f"\n{write_report(words, project, (), None)}" if stopped.is_internal else ""
+            sys.stderr.write(f"{words}{report}\n")
+            engine.door.turn_away()
+            loop.add_reader(engine.door, begin_anew)
+
+    def begin_anew() -> None:
+        loop.remove_reader(engine.door)
+        engine.restart()
+        loop.add_reader(engine, hear)
+
+    loop.add_reader(engine, hear)
 
 
 async def application(command: str, entrance: Entrance, title: str, about: str) -> web.Application:
@@ -130,10 +183,10 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
                         await getattr(app_service, what)()
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
-            """Give the page out without what it would fetch from elsewhere."""
+            """Give the page out with a head of ours, and without what it would fetch from elsewhere."""
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
-                page.text = OUTSIDE.sub(FONT, page.text or "")
+                page.text = OUTSIDE.sub(FONT, page.text or "").replace("<head>", HEAD % escape(title), 1)
                 page.headers.update(QUIET)
             return page
 
@@ -143,7 +196,7 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
             sys.stdout.flush()
             sys.stderr.write(about)
 
-    screens = BoundedSemaphore(MOST_SCREENS)
+    screens = BoundedSemaphore(MOST_TABS)
 
     @web.middleware
     async def _only_who_may(request, handler):  # type: ignore[no-untyped-def]
@@ -195,9 +248,9 @@ def listening(port: int) -> socket.socket:
     return door
 
 
-def command_line(project: Path, kernel: str, write: bool, theme: str | None) -> str:
-    """Return what a browser's screen is started with; textual-serve gives it to a shell."""
-    words = [sys.executable, "-m", "trcvtui", "run", str(project), "--kernel", kernel]
+def command_line(project: Path, door: Path, write: bool, theme: str | None) -> str:
+    """Return what a tab is started with; textual-serve gives it to a shell."""
+    words = [sys.executable, "-m", "trcvtui", "run", str(project), "--attach", str(door)]
     words += [] if write else ["--read-only"]
     words += ["--theme", theme] if theme else []
     return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.msgpack import encode
 
 from tests.line.test_watch import Record, Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, SYN, answer, capture, handshake, tcp, udp
@@ -31,7 +32,7 @@ from trcvtui.line.live_screen import _PipeServed
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
-from trcvtui.picture.bench_update import UpdateRequest, packed
+from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.recording.worker_process import FilesJudge
 
@@ -359,7 +360,7 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     jobs, reader = 0, UpdateReader(ours)
 
     def picture() -> Any:
-        ours.send_bytes(packed(UpdateRequest()))
+        ours.send_bytes(encode(UpdateRequest()))
         return next(filter(None, (ours.poll(None) and reader.next() for _ in count())))
 
     while not jobs:

@@ -65,6 +65,8 @@ def add_serve(parser: CommandParser) -> None:
 def _serve(args: Args) -> int:
     from trcvtui.tui.served import refuse_root, serve
 
+    if sys.platform == "win32":
+        raise mistake("trcvtui serve", "Windows", "Linux or macOS: its tabs need a Unix socket")
     refuse_root(args.write, args.as_root)
     serve(args.project, args.kernel, args.port, args.write, args.theme)
     return GOOD

@@ -26,7 +26,7 @@ from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
-from trcvtui.engine.trigger_watch import KeptScan, TriggerWatch
+from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRows, MessagesDelta
@@ -183,7 +183,7 @@ class Controller:
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
         self._messages = MessageRows(bench, reader, self._history.streams)
-        self._trigger_watch = TriggerWatch(bench, reader)
+        self.trigger_watch = TriggerWatch(bench, reader)
         self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()
         self.session = Session(bench, reader, self._waves)
@@ -207,7 +207,7 @@ class Controller:
             if verb == SCENARIO:
                 return self._scenario(rest.strip())
             if verb == TRIGGER:
-                self._told = self._trigger_watch.arm(rest, "prompt")
+                self._told = self.trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
                 self.session.mark()
@@ -456,8 +456,8 @@ class Controller:
         if not self._may_scan():
             return False
         self.bench.step(now)
-        if self._trigger_watch.armed:
-            fired = self._trigger_watch.scanned()
+        if self.trigger_watch.armed:
+            fired = self.trigger_watch.scanned()
             if fired is not None and fired.holds:
                 self.holding, self.wanted = True, 0
         if self.player is not None:
@@ -486,17 +486,8 @@ class Controller:
         self._answers.clear()
         return answers
 
-    def take_kept(self) -> KeptScan | None:
-        """Return the bench in the scan of a trigger that has fired since the last time."""
-        return self._trigger_watch.take_kept()
-
-    def picture(
-        self, request: UpdateRequest, timing: EngineTiming, most_lines: int, kept: KeptScan | None = None
-    ) -> BenchUpdate:
-        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest.
-
-        `kept` stands in its place, where the screen knows this bench.
-        """
+    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
+        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
@@ -508,7 +499,7 @@ class Controller:
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1
-        kept = (kept or self.take_kept()) if known else None
+        kept = self.trigger_watch.take_kept() if known else None
         lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
@@ -537,10 +528,10 @@ class Controller:
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
-            facts=kept.facts if kept else self._trigger_watch.facts(partial_of),
+            facts=kept.facts if kept else self.trigger_watch.facts(partial_of),
             recorded=self.recorded,
             is_recording=self.black_box is not None and self.black_box.is_recording,
-            armed=self._trigger_watch.armed if known else "",
+            armed=self.trigger_watch.armed if known else "",
             fired=kept.fired if kept else None,
             shadows=self.shadows,
             talks=self.talks(),

@@ -8,12 +8,14 @@ from __future__ import annotations
 import multiprocessing
 import signal
 from collections.abc import Callable
-from contextlib import suppress
+from multiprocessing.connection import Client
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.errors import UserError
+from msgspec.msgpack import encode
+
+from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import EngineStopped
 
 if TYPE_CHECKING:
@@ -83,7 +85,7 @@ class ProcessDriver:
 
     def submit(self, line: str) -> int:
         self._number += 1
-        self._send((self._number, line))
+        self._send((self._number, line.encode(errors="surrogatepass")))
         return self._number
 
     def request(self, request: UpdateRequest) -> None:
@@ -138,11 +140,9 @@ class ProcessDriver:
                 raise self._ended(message)
         return message
 
-    def _send(self, message: tuple[int, str] | UpdateRequest) -> None:
-        from trcvtui.picture.bench_update import packed
-
+    def _send(self, message: tuple[int, bytes] | UpdateRequest) -> None:
         try:
-            self._channel.send_bytes(packed(message))
+            self._channel.send_bytes(encode(message))
         except OSError:
             while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
                 self.picture()
@@ -160,7 +160,7 @@ class EngineDriver(ProcessDriver):
     """The bench.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project.
+    it opens no file but those of the project. With `is_shared` tabs come in at `door`.
     """
 
     def __init__(
@@ -170,63 +170,42 @@ class EngineDriver(ProcessDriver):
         netns: bool = False,
         read_only: bool = False,
         record: RecordTo | None = None,
+        is_shared: bool = False,
     ) -> None:
         from trcvtui.engine.engine import engine_main
 
+        self._door = None
+        if is_shared:
+            from trcvtui.net.os.tab_door import TabDoor
+
+            self._door = TabDoor()
         self._record = record
         super().__init__(engine_main, path, kernel, netns, read_only)
 
-    def _arguments(self) -> tuple[Any, ...]:
-        return *self._asked, self._record
-
-
-class SharedEngineDriver(EngineDriver):
-    """The bench of `trcvtui serve`, and the door by which its tabs come in."""
-
-    def __init__(self, path: Path, kernel: str, read_only: bool) -> None:
-        """Begin; raise UserError where no door can be made."""
-        from trcvtui.net.os.tab_door import TabDoor
-
-        self.door = TabDoor()
-        super().__init__(path, kernel, read_only=read_only)
+    @property
+    def door(self) -> Path:
+        assert self._door is not None
+        return self._door.path
 
     def _arguments(self) -> tuple[Any, ...]:
-        return *super()._arguments(), self.door
-
-    def fileno(self) -> int:
-        return self._channel.fileno()
-
-    def restart(self) -> None:
-        super().close()
-        self._start()
-
-    def close(self) -> None:
-        super().close()
-        self.door.remove()
+        return *self._asked, self._record, self._door
 
 
 class AttachedDriver(ProcessDriver):
-    """The bench of `trcvtui serve` for one of its tabs: the engine ends with `serve`, not with a tab."""
+    """The bench of `trcvtui serve` for one of its tabs: the engine is that of `serve`."""
 
     def __init__(self, door: Path) -> None:
-        """Come in; raise UserError where there is no bench."""
-        self._door = door
-        self._number = 0
+        self._door, self._number = door, 0
         self._start()
 
     def _start(self) -> None:
-        from trcvtui.net.os.tab_door import enter
-
-        self._listen(Channel(enter(self._door)))
-
-    def restart(self) -> None:
-        """Come in once more: `serve` starts an engine where it has none."""
-        self.close()
-        with suppress(UserError):  # the next picture says that it has ended
-            self._start()
+        try:
+            self._listen(Client(str(self._door)))
+        except OSError:
+            raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
 
     def _ended(self, trace: str = "") -> EngineStopped:
-        return EngineStopped(trace or "the engine has ended; `trcvtui serve` says why in its terminal")
+        return EngineStopped(trace or "the engine of `trcvtui serve` has ended")
 
     def close(self) -> None:
         self._channel.close()

@@ -15,6 +15,8 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from msgspec.structs import replace
+
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
@@ -130,7 +132,8 @@ class Engine:
     def _begin(self, bench: Bench) -> None:
         quiet_collector()
         self._bench = bench
-        self._screens.forget_kept()
+        for screen in self._screens.all:
+            screen.kept = None
         self._interval = bench.runtime.interval_ns
         self._timing = ScanTiming(self._mode)
         if self._timing_file:
@@ -200,13 +203,13 @@ class Engine:
                 screen.request, screen.asked_at = message, clock.now_ns()
             else:
                 screen.is_answered = False
-                self._take(screen, *message)
+                self._take(*message)
 
-    def _take(self, screen: AttachedScreen, number: int, line: str) -> None:
+    def _take(self, number: int, line: str) -> None:
         if self._read_only and not may_say(line):
-            screen.answers.append(Answer(number, line, REFUSED))
+            self._screens.hand_out([Answer(number, line, REFUSED)])
             return
-        self._controller.take(self._screens.line_number(screen, number), line)
+        self._controller.take(number, line)
         self._screens.hand_out(self._controller.take_answers())
         if self._controller.bench is not self._bench:
             if self._recorder is not None:
@@ -227,19 +230,24 @@ class Engine:
             if screen.request is not None and is_free and self._may_make(screen, now, until):
                 self._make(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
-                screen.go_on(part)
+                screen.pipe.go_on(part)
             if clock.now_ns() >= part:
-                break
+                break  # the next one has the next turn
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
 
     def _make(self, screen: AttachedScreen, request: UpdateRequest) -> None:
-        began = clock.now_ns()
-        self._screens.hand_out_kept(self._controller.take_kept())
-        timing, most = self._timing.summary(began), request.most_lines
-        picture = self._controller.picture(request, timing, most, screen.kept)
-        screen.pipe.begin(self._screens.own(picture, screen))
+        began, watch = clock.now_ns(), self._controller.trigger_watch
+        for each in self._screens.all:
+            each.kept = watch.kept or each.kept
+        watch.kept = screen.kept
+        picture = self._controller.picture(request, self._timing.summary(began), request.most_lines)
+        watch.kept, screen.kept = None, watch.kept
+        self._screens.hand_out(picture.answers)
+        answers, tabs = tuple(screen.answers), len(self._screens.all) - 1
+        screen.answers.clear()
+        screen.pipe.begin(replace(picture, answers=answers, tabs=tabs))
         self._make_ns, self._made_at = clock.now_ns() - began, began
         screen.request, screen.is_answered = None, True
 

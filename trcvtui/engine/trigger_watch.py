@@ -215,7 +215,7 @@ class TriggerWatch:
         self._statistics = LinkStatistics(reader.index)
         reader.lost.append(self._statistics.lose)
         self._seq = 0  # of the last line that was read while a trigger is armed
-        self._kept: KeptScan | None = None
+        self.kept: KeptScan | None = None
 
     def arm(self, text: str, where: str) -> str:
         """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError.
@@ -250,7 +250,7 @@ class TriggerWatch:
         self._trigger = None
         scans = self._bench.runtime.scans
         fired = TriggerEvent(self._count, trigger.text, scans, ledger.t_ns, trigger.holds)
-        self._kept = self._keep(fired)
+        self.kept = self._keep(fired)
         return fired
 
     def _still_armed(self) -> Trigger | None:
@@ -295,5 +295,5 @@ class TriggerWatch:
 
     def take_kept(self) -> KeptScan | None:
         """Return the bench in the scan of a trigger that has fired since the last time."""
-        kept, self._kept = self._kept, None
+        kept, self.kept = self.kept, None
         return kept

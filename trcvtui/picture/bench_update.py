@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Final
 
-from msgspec import Meta, MsgspecError, Struct
-from msgspec.msgpack import Decoder, encode
+from msgspec import Meta, Struct
+from msgspec.msgpack import Decoder
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
@@ -53,19 +53,9 @@ MOST_NUMBER: Final = 1 << 32  # of lines of a screen
 _said: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER)], bytes] | UpdateRequest)
 
 
-def packed(message: tuple[int, str] | UpdateRequest) -> bytes:
-    """Return what a screen says: a line with its number, or a request. A file's name may be no text."""
-    if isinstance(message, UpdateRequest):
-        return encode(message)
-    return encode((message[0], message[1].encode(errors="surrogatepass")))
-
-
 def unpacked(content: bytes) -> tuple[int, str] | UpdateRequest:
-    """Return what a screen has said; raise ValueError for all else."""
-    try:
-        said = _said.decode(content)
-    except (MsgspecError, RecursionError) as wrong:
-        raise ValueError(str(wrong)) from None
+    """Return what a screen says; raise ValueError or MsgspecError. A file it names may be no text."""
+    said = _said.decode(content)
     return said if isinstance(said, UpdateRequest) else (said[0], said[1].decode(errors="surrogatepass"))
 
 

@@ -110,6 +110,9 @@ class UpdatePipe:
             self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
         except BlockingIOError:
             return False
+        except OSError:  # the screen is gone, as its reader will find
+            self._unsent = self._unsent[:0]
+            return False
         finally:
             os.set_blocking(descriptor, True)
         return True
@@ -123,7 +126,7 @@ class MessageReader:
         self._bytes = bytearray()
         self._has_ended = False
 
-    def next(self) -> bytes | None:
+    def take(self) -> bytes | None:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._channel.recv_bytes(self._most) if self._channel.poll() else None
@@ -134,17 +137,15 @@ class MessageReader:
         return message
 
     def _whole(self) -> bytes | None:
-        if len(self._bytes) < LENGTH.size:
-            return None
-        size = LENGTH.unpack_from(self._bytes)[0]
-        if not 0 <= size <= self._most:
-            raise OSError(f"a message of {size} bytes")
-        end = LENGTH.size + size
-        if len(self._bytes) < end:
-            return None
-        message = bytes(memoryview(self._bytes)[LENGTH.size : end])
-        del self._bytes[:end]
-        return message
+        if len(self._bytes) >= LENGTH.size:
+            end = LENGTH.size + (size := LENGTH.unpack_from(self._bytes)[0])
+            if not 0 <= size <= self._most:
+                raise OSError(f"a message of {size} bytes")
+            if len(self._bytes) >= end:
+                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                del self._bytes[:end]
+                return message
+        return None
 
     def _has_read(self) -> bool:
         descriptor = self._channel.fileno()
@@ -161,19 +162,19 @@ class MessageReader:
             os.set_blocking(descriptor, True)
 
 
-class UpdateReader:
+class UpdateReader(MessageReader):
     """The screen's end. A message is taken when the whole of it is there; nobody waits for more.
 
     The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
     """
 
     def __init__(self, channel: Channel) -> None:
-        self._messages = MessageReader(channel, MOST_PICTURE)
+        super().__init__(channel, MOST_PICTURE)
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
-        message = self._messages.next()
+        message = self.take()
         return None if message is None else self._read(message)
 
     def _read(self, message: bytes) -> Any:

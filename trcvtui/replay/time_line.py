@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.engine.controller import Controller
-from trcvtui.engine.trigger_watch import KeptScan
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
@@ -102,21 +101,21 @@ class ReplayController(Controller):
     @property
     def armed(self) -> str:
         """Return the trigger that is looked for, "" for none."""
-        return self._trigger_watch.armed
+        return self.trigger_watch.armed
 
     def step(self, now: int | None = None) -> bool:
         passed = self.run.scan()
         if self.armed:
-            fired = self._trigger_watch.scanned()
+            fired = self.trigger_watch.scanned()
             if fired is not None:
-                self._trigger_watch.take_kept()  # it stands at this very scan
+                self.trigger_watch.take_kept()  # it stands at this very scan
                 self.fired = fired.text
         return passed
 
     def disarm(self) -> None:
         self.fired = ""
         if self.armed:
-            self._trigger_watch.arm("off", "")
+            self.trigger_watch.arm("off", "")
 
     def follow(self, before: Controller) -> None:
         self._answers.extend(before._answers)
@@ -153,11 +152,9 @@ class ReplayController(Controller):
             return None
         return self.messages.news(*request.messages[:2])
 
-    def picture(
-        self, request: UpdateRequest, timing: EngineTiming, most_lines: int, kept: KeptScan | None = None
-    ) -> BenchUpdate:
+    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan, with the position in the recording."""
-        picture = super().picture(request, timing, most_lines, kept)
+        picture = super().picture(request, timing, most_lines)
         of = "replay" if self.position is None or self.position.first_ns is None else "capture"
         last = 0 if self.position is None else self.position.last_scan  # the doctor has seen all of it
         doctor = replace(picture.doctor, scan=last)

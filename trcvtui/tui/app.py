@@ -284,13 +284,14 @@ class BenchApp(TerminalApp):
             return
         picture = self.view_model.live
         is_recording = picture is not None and picture.is_recording
-        if picture is not None and picture.tabs:
-            what = "ends the recording" if is_recording else "records the run"
-            what = "starts the engine anew, from the project's file" if self.last_words else what
-            if not self._is_meant("R", f"R once more {what}, for all tabs ({picture.tabs} are open)"):
-                return
+        is_shared = picture is not None and picture.tabs > 0
         if not self.last_words:
-            self.submit("record stop" if is_recording else "record")
+            text = f"R once more {'ends the recording' if is_recording else 'records the run'}, for all tabs"
+            if not is_shared or self._is_meant("R", text):
+                self.submit("record stop" if is_recording else "record")
+            return
+        if is_shared:
+            self.exit()  # the page has a button that begins anew
             return
         self.last_words = ""
         self._engines, self._starts = self._engines + 1, True
@@ -298,7 +299,7 @@ class BenchApp(TerminalApp):
         self._engine.restart()
         if picture is not None:
             self._again = ()
-        if picture is not None and self._is_on_a_bench and not picture.tabs:
+        if picture is not None and self._is_on_a_bench:
             self._again = *self._edits, *lines_again(picture.snapshot, self.view_model.project)
         for line in self._again:
             self._engine.submit(line)
@@ -460,14 +461,14 @@ class BenchApp(TerminalApp):
             self.call_after_refresh(self.obey_kept)
 
     async def action_quit(self) -> None:
-        """End the bench, or leave it to `serve`; what would be lost or cut is told first.
+        """End the bench; what would be lost or cut is told first, what is lost again after another key.
 
-        What is lost is told again after another key.
+        A tab of `serve` loses nothing.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not (picture and picture.tabs):
-            what = count(unsaved, picture.unsaved_word if picture else "")
-            if not self._is_meant(unsaved, f"{what} to the project unsaved: `save project` keeps them, q quits"):
+            what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
+            if not self._is_meant(unsaved, f"{what}: `save project` keeps them, q quits"):
                 return
         if isinstance(self.screen, CutScreen):
             self.screen.action_leave()

@@ -17,24 +17,22 @@ import re
 import secrets
 import shlex
 import socket
-import subprocess
 import sys
-from asyncio import BoundedSemaphore, get_running_loop
+from asyncio import BoundedSemaphore
+from collections.abc import Callable
 from contextlib import closing, suppress
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.engine.driver import SharedEngineDriver
+from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
-from trcvtui.files import reason_of
 from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
 if TYPE_CHECKING:
     from aiohttp import web
     from textual_serve.app_service import AppService
-
-    from trcvtui.project.project import Project
 
 HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
@@ -50,17 +48,14 @@ QUIET: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
 FOREIGN: Final = "this bench is only for pages of its own\n"
 UNKNOWN: Final = "open the whole address that `trcvtui serve` has printed\n"
 FULL: Final = f"{MOST_TABS} screens are open already; close one\n"
-# The head of the page: a name, a picture, and the keys for the terminal as soon as it is there.
 HEAD: Final = """<head>
     <title>%s</title>
-    <link rel="icon" href="data:image/svg+xml,%%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 8 8'%%3E\
-%%3Crect width='8' height='8' rx='1' fill='%%230c181f'/%%3E%%3Cpath d='M2 1.5v5L6.5 4z' fill='%%2340c463'/%%3E%%3C/svg%%3E">
-    <script>
-      const waits = setInterval(() => {
-        const keys = document.querySelector("textarea");
-        if (keys) { keys.focus(); clearInterval(waits); }
-      }, 20);
-    </script>"""
+    <link rel="icon" href="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 8 8'>
+      <path d='M1 1v6l6-3z' fill='limegreen'/></svg>">
+    <script>const waits = setInterval(() => {
+      const keys = document.querySelector("textarea");
+      if (keys) { keys.focus(); clearInterval(waits); }
+    }, 20);</script>"""
 
 
 def refuse_root(write: bool, as_root: bool) -> None:
@@ -121,48 +116,29 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     how = "every command is carried out" if write else "read-only; --write lets it command"
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
     try:
-        with closing(SharedEngineDriver(project, kernel, not write)) as engine:
-            shown = engine.project()
-            command = command_line(project, engine.door.path, write, theme)
+        with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
+            engine.project()
+            command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
+            title = f"trcvtui {project.name}"
+            web.run_app(application(command, entrance, title, about, begin), sock=door, print=None)
+    except (EngineStopped, OSError) as failed:
+        found = str(failed).splitlines()[-1]
+        raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n`") from None
 
-            async def begin() -> web.Application:
-                look_after(engine, shown)
-                return await application(command, entrance, f"trcvtui {project.name}", about)
 
-            web.run_app(begin(), sock=door, print=None)
+def revive(engine: EngineDriver) -> None:
+    """Start another engine where the one before has ended, and say why it has."""
+    try:
+        engine.picture()
     except EngineStopped as stopped:
-        raise mistake(str(project), str(stopped).splitlines()[-1], "a bench that starts") from None
-    except OSError as failed:
-        raise mistake("trcvtui serve", reason_of(failed), "room for it: see `ulimit -n`") from None
-
-
-def look_after(engine: SharedEngineDriver, project: Project) -> None:
-    """Say why the engine ends when it does; then start another one for the next tab that comes in."""
-    from trcvtui.bench.error_report import write_report
-
-    loop = get_running_loop()
-
-    def hear() -> None:
-        try:
-            engine.picture()
-        except EngineStopped as stopped:
-            loop.remove_reader(engine)
-            words = str(stopped).strip()
-            report = f"\n{write_report(words, project, (), None)}" if stopped.is_internal else ""
-            sys.stderr.write(f"{words}{report}\n")
-            engine.door.turn_away()
-            loop.add_reader(engine.door, begin_anew)
-
-    def begin_anew() -> None:
-        loop.remove_reader(engine.door)
+        sys.stderr.write(f"{str(stopped).strip()}\n")
         engine.restart()
-        loop.add_reader(engine, hear)
-
-    loop.add_reader(engine, hear)
 
 
-async def application(command: str, entrance: Entrance, title: str, about: str) -> web.Application:
-    """Return what answers the requests; it starts `command` for each screen, and says first where it is."""
+async def application(
+    command: str, entrance: Entrance, title: str, about: str, begin: Callable[[], None]
+) -> web.Application:
+    """Return what answers the requests, and says first where it is; each tab is `begin` and `command`."""
     from aiohttp import web
     from textual_serve.server import Server
 
@@ -212,6 +188,7 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
         if screens.locked():
             return web.Response(status=503, text=FULL)
         async with screens:
+            begin()
             asked = request.query
             size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
             return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
@@ -238,8 +215,7 @@ def listening(port: int) -> socket.socket:
     """Return a socket that listens on loopback; raise UserError for a port that cannot be had."""
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        if sys.platform != "win32":
-            door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         door.bind((HOST, port))
         door.listen()  # before the address is told
     except (OSError, OverflowError) as failed:
@@ -253,4 +229,4 @@ def command_line(project: Path, door: Path, write: bool, theme: str | None) -> s
     words = [sys.executable, "-m", "trcvtui", "run", str(project), "--attach", str(door)]
     words += [] if write else ["--read-only"]
     words += ["--theme", theme] if theme else []
-    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+    return shlex.join(words)

@@ -26,10 +26,10 @@ from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from trcvtui.cli.main import main
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.protocol import MOST_TABS
 from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.served import (
     MOST_CELLS,
-    MOST_SCREENS,
     MOST_TYPED,
     Entrance,
     application,
@@ -132,7 +132,7 @@ async def answering(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Any,
     monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
     door = listening(0)
     entrance = Entrance(door.getsockname()[1])
-    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it"))
+    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it", lambda: None))
     await runner.setup()
     try:
         await SockSite(runner, door).start()
@@ -154,7 +154,7 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with answering(monkeypatch) as (connect, _):
-        open_ones = [await connect() for _ in range(MOST_SCREENS)]
+        open_ones = [await connect() for _ in range(MOST_TABS)]
         with pytest.raises(WSServerHandshakeError) as full:
             await connect()
         assert full.value.status == 503
@@ -230,9 +230,9 @@ def test_without_textual_serve_one_line_says_how_to_get_it(
 
 
 def test_a_served_screen_is_read_only_unless_told_otherwise() -> None:
-    path = Path("a folder/it's.toml")
-    assert command_line(path, "live", False, None).endswith("--kernel live --read-only")
-    written = command_line(path, "sim", True, "light")
+    path, door = Path("a folder/it's.toml"), Path("/tmp/door")
+    assert command_line(path, door, False, None).endswith("--attach /tmp/door --read-only")
+    written = command_line(path, door, True, "light")
     assert "--read-only" not in written and written.endswith("--theme light")
     assert "'a folder/it'\"'\"'s.toml'" in written, "a shell reads it as one word"
 

@@ -22,6 +22,7 @@ from trcvtui.cli.options import (
     dialect_names,
     follow,
     given,
+    load_bench,
     print_lines,
     record_to,
 )
@@ -68,6 +69,7 @@ def _serve(args: Args) -> int:
     if sys.platform == "win32":
         raise mistake("trcvtui serve", "Windows", "Linux or macOS: its tabs need a Unix socket")
     refuse_root(args.write, args.as_root)
+    load_bench(args.project)
     serve(args.project, args.kernel, args.port, args.write, args.theme)
     return GOOD
 

@@ -13,8 +13,6 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from msgspec.msgpack import encode
-
 from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import EngineStopped
 
@@ -141,6 +139,8 @@ class ProcessDriver:
         return message
 
     def _send(self, message: tuple[int, bytes] | UpdateRequest) -> None:
+        from msgspec.msgpack import encode
+
         try:
             self._channel.send_bytes(encode(message))
         except OSError:
@@ -174,18 +174,14 @@ class EngineDriver(ProcessDriver):
     ) -> None:
         from trcvtui.engine.engine import engine_main
 
-        self._door = None
+        self._door, self.door = None, Path()
         if is_shared:
             from trcvtui.net.os.tab_door import TabDoor
 
             self._door = TabDoor()
+            self.door = self._door.path
         self._record = record
         super().__init__(engine_main, path, kernel, netns, read_only)
-
-    @property
-    def door(self) -> Path:
-        assert self._door is not None
-        return self._door.path
 
     def _arguments(self) -> tuple[Any, ...]:
         return *self._asked, self._record, self._door

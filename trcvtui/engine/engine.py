@@ -25,9 +25,7 @@ from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, close_files, noting_reads
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.picture.protocol import REFUSED, may_say
 from trcvtui.signals import OF_A_TERMINAL, leave
-from trcvtui.snapshots.bench import Answer
 
 if TYPE_CHECKING:
     from trcvtui.net.os.tab_door import TabDoor
@@ -85,7 +83,7 @@ def _run(
                 recorder.begin(bench, path, (), is_scenario=False)
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
-            Engine(AttachedScreens(channel, door, project), bench, recorder, read_only).run()
+            Engine(AttachedScreens(channel, project, read_only, door), bench, recorder).run()
 
 
 def _tell(channel: Channel, last_words: str | UserError) -> None:
@@ -108,14 +106,8 @@ TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan'
 class Engine:
     """The console with its bench, and the screens."""
 
-    def __init__(
-        self,
-        screens: AttachedScreens,
-        bench: Bench,
-        recorder: RunRecorder | None = None,
-        read_only: bool = False,
-    ) -> None:
-        self._screens, self._read_only = screens, read_only
+    def __init__(self, screens: AttachedScreens, bench: Bench, recorder: RunRecorder | None = None) -> None:
+        self._screens = screens
         self._controller = Controller(bench)
         self._recorder = recorder
         self._controller.black_box = recorder.box if recorder is not None else None
@@ -202,13 +194,9 @@ class Engine:
             if isinstance(message, UpdateRequest):
                 screen.request, screen.asked_at = message, clock.now_ns()
             else:
-                screen.is_answered = False
                 self._take(*message)
 
     def _take(self, number: int, line: str) -> None:
-        if self._read_only and not may_say(line):
-            self._screens.hand_out([Answer(number, line, REFUSED)])
-            return
         self._controller.take(number, line)
         self._screens.hand_out(self._controller.take_answers())
         if self._controller.bench is not self._bench:
@@ -219,20 +207,21 @@ class Engine:
 
     def _deliver(self, until: int) -> None:
         began = clock.now_ns()
-        if not any(screen.waits for screen in self._screens.all):
+        screens = self._screens.all
+        if not any(screen.request or screen.pipe.is_busy() for screen in screens):
             self._worked_at = began
             return
         if began >= until and began < self._worked_at + PATIENCE_NS:
             return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
-        for screen in self._screens.in_turns():
-            now, is_free = clock.now_ns(), not screen.pipe.is_busy()
-            if screen.request is not None and is_free and self._may_make(screen, now, until):
+        for screen in tuple(screens):
+            screens.rotate(-1)
+            if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
                 self._make(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
                 screen.pipe.go_on(part)
             if clock.now_ns() >= part:
-                break  # the next one has the next turn
+                break  # the next gap begins with the next one
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
@@ -245,18 +234,17 @@ class Engine:
         picture = self._controller.picture(request, self._timing.summary(began), request.most_lines)
         watch.kept, screen.kept = None, watch.kept
         self._screens.hand_out(picture.answers)
-        answers, tabs = tuple(screen.answers), len(self._screens.all) - 1
-        screen.answers.clear()
-        screen.pipe.begin(replace(picture, answers=answers, tabs=tabs))
+        answers, screen.answers, screen.request = tuple(screen.answers), [], None
+        screen.pipe.begin(replace(picture, answers=answers, tabs=len(self._screens.all) - 1))
         self._make_ns, self._made_at = clock.now_ns() - began, began
-        screen.request, screen.is_answered = None, True
 
-    def _may_make(self, screen: AttachedScreen, now: int, until: int) -> bool:
+    def _may_make(self, screen: AttachedScreen, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.
 
         With short intervals there are ten a second, and one at once where a line waits for its answer.
         """
-        least = PICTURE_NS if self._interval < FAST_NS and screen.is_answered else 0
+        least = PICTURE_NS if self._interval < FAST_NS and not screen.answers else 0
+        now = clock.now_ns()
         if now < self._made_at + least:
             return False
         return now + self._make_ns <= until or now > screen.asked_at + PATIENCE_NS

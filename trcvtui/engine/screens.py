@@ -17,7 +17,7 @@ from msgspec import MsgspecError
 from msgspec.structs import replace
 
 from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, unpacked
-from trcvtui.picture.protocol import MOST_TABS
+from trcvtui.picture.protocol import MOST_TABS, REFUSED, may_say
 from trcvtui.picture.update_pipe import MessageReader, UpdatePipe
 from trcvtui.snapshots.bench import Answer
 
@@ -39,14 +39,9 @@ class AttachedScreen:
         self.pipe, self._reader = UpdatePipe(channel), MessageReader(channel, MOST_MESSAGE)
         self.request: UpdateRequest | None = None
         self.asked_at = 0
-        self.answers: deque[Answer] = deque(maxlen=MOST_UNREAD)
-        self.is_answered = True  # all lines that were taken have their answer in a picture
+        self.answers: list[Answer] = []  # that are in no picture yet
         self.kept: KeptScan | None = None  # the scan of a trigger that it has not been shown
         self.is_gone = False
-
-    @property
-    def waits(self) -> bool:
-        return self.request is not None or self.pipe.is_busy()
 
     def message(self) -> tuple[int, str] | UpdateRequest | None:
         try:
@@ -60,17 +55,13 @@ class AttachedScreen:
 class AttachedScreens:
     """The first screen, or `serve` in its place, and the tabs that come in by the door of `serve`."""
 
-    def __init__(self, channel: Channel, door: TabDoor | None, project: Project) -> None:
+    def __init__(
+        self, channel: Channel, project: Project, read_only: bool = False, door: TabDoor | None = None
+    ) -> None:
         self.first = AttachedScreen(channel, 0)
-        self.all = deque([self.first])
-        self._door, self._came = door, 0
+        self.all = deque([self.first])  # as their turns come
+        self._read_only, self._door, self._came = read_only, door, 0
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
-
-    def in_turns(self) -> Iterator[AttachedScreen]:
-        """Yield each one; the first one of the next time is the one that was not yielded."""
-        for _ in range(len(self.all)):
-            self.all.rotate(-1)
-            yield self.all[-1]
 
     def messages(self) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
         """Yield what has come; let tabs in and out; raise EOFError when the first one is gone."""
@@ -83,7 +74,10 @@ class AttachedScreens:
             for _ in range(MOST_MESSAGES // len(self.all)):
                 if (message := screen.message()) is None:
                     break
-                yield screen, message
+                if self._read_only and not isinstance(message, UpdateRequest) and not may_say(message[1]):
+                    self.hand_out([Answer(*message, REFUSED)])
+                else:
+                    yield screen, message
             if screen.is_gone and screen is self.first:
                 raise EOFError
             if screen.is_gone:
@@ -95,4 +89,5 @@ class AttachedScreens:
             number, own = divmod(answer.number, MOST_NUMBER)
             for screen in self.all:
                 if number == screen.number or not answer.number:
+                    screen.answers[:-MOST_UNREAD] = []
                     screen.answers.append(replace(answer, number=own))

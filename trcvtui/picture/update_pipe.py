@@ -130,36 +130,34 @@ class MessageReader:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._channel.recv_bytes(self._most) if self._channel.poll() else None
-        while (message := self._whole()) is None and self._has_read():
-            pass
-        if message is None and self._has_ended:
-            raise EOFError
-        return message
+        while True:
+            if len(self._bytes) >= LENGTH.size:
+                end = LENGTH.size + (size := LENGTH.unpack_from(self._bytes)[0])
+                if not 0 <= size <= self._most:
+                    raise OSError(f"a message of {size} bytes")
+                if len(self._bytes) >= end:
+                    message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                    del self._bytes[:end]
+                    return message
+            if self._has_ended:
+                raise EOFError
+            if not self._read_channel():
+                return None
 
-    def _whole(self) -> bytes | None:
-        if len(self._bytes) >= LENGTH.size:
-            end = LENGTH.size + (size := LENGTH.unpack_from(self._bytes)[0])
-            if not 0 <= size <= self._most:
-                raise OSError(f"a message of {size} bytes")
-            if len(self._bytes) >= end:
-                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
-                del self._bytes[:end]
-                return message
-        return None
-
-    def _has_read(self) -> bool:
+    def _read_channel(self) -> bool:
         descriptor = self._channel.fileno()
         os.set_blocking(descriptor, False)
         try:
             read = os.read(descriptor, READ_BYTES)
-            self._bytes += read
-            self._has_ended = not read
-            return bool(read)
-        except OSError as why:  # a reset: the other end had not read all; what it said before that is here
-            self._has_ended = not isinstance(why, BlockingIOError)
+        except BlockingIOError:
             return False
+        except OSError:  # a reset: the other end had not read all; what it said before that is here
+            read = b""
         finally:
             os.set_blocking(descriptor, True)
+        self._bytes += read
+        self._has_ended = not read
+        return True
 
 
 class UpdateReader(MessageReader):

@@ -58,7 +58,7 @@ class ProcessDriver:
         return ""
 
     def restart(self) -> None:
-        self.close()
+        ProcessDriver.close(self)  # a door stays
         self._record = None  # the file has the run that has ended
         self._start()
 
@@ -185,6 +185,11 @@ class EngineDriver(ProcessDriver):
 
     def _arguments(self) -> tuple[Any, ...]:
         return *self._asked, self._record, self._door
+
+    def close(self) -> None:
+        super().close()
+        if self._door is not None:
+            self._door.close()
 
 
 class AttachedDriver(ProcessDriver):

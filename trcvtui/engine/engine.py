@@ -195,6 +195,8 @@ class Engine:
                 screen.request, screen.asked_at = message, clock.now_ns()
             else:
                 self._take(*message)
+            if clock.now_ns() >= self._due - SPARE_NS:
+                return  # the rest has time until the next gap
 
     def _take(self, number: int, line: str) -> None:
         self._controller.take(number, line)

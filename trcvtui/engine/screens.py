@@ -70,6 +70,7 @@ class AttachedScreens:
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))
             tab.pipe.post(self._hello)
             tab.is_gone = len(self.all) - 1 > MOST_TABS
+        self.all.rotate(-1)
         for screen in tuple(self.all):
             for _ in range(MOST_MESSAGES // len(self.all)):
                 if (message := screen.message()) is None:

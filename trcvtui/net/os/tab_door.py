@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import shutil
 import tempfile
 from pathlib import Path
@@ -15,7 +14,6 @@ class TabDoor:
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="trcvtui-")) / "bench"  # mode 0700
-        atexit.register(shutil.rmtree, self.path.parent, ignore_errors=True)
         self._listens = listening(self.path)
         self._listens.setblocking(False)
 
@@ -27,3 +25,7 @@ class TabDoor:
             return None
         with tab:
             return tab.detach() if is_trusted(tab) else None
+
+    def close(self) -> None:
+        self._listens.close()
+        shutil.rmtree(self.path.parent, ignore_errors=True)

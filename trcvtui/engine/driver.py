@@ -6,6 +6,7 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable
 from multiprocessing.connection import Client
@@ -196,7 +197,7 @@ class AttachedDriver(ProcessDriver):
     """The bench of `trcvtui serve` for one of its tabs: the engine is that of `serve`."""
 
     def __init__(self, door: Path) -> None:
-        self._door, self._number = door, 0
+        self._door, self._number, self._parent = door, 0, os.getppid()
         self._start()
 
     def _start(self) -> None:
@@ -206,7 +207,9 @@ class AttachedDriver(ProcessDriver):
             raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
 
     def _ended(self, trace: str = "") -> EngineStopped:
-        return EngineStopped(trace or "the engine of `trcvtui serve` has ended")
+        stopped = EngineStopped(trace or "the engine of `trcvtui serve` has ended")
+        stopped.ends_screen = os.getppid() != self._parent  # `serve` was killed
+        return stopped
 
     def close(self) -> None:
         self._channel.close()

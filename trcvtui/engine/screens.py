@@ -80,6 +80,8 @@ class AttachedScreens:
                 else:
                     yield screen, message
             if screen.is_gone and screen is self.first:
+                if self._door is not None:
+                    self._door.close()  # `serve` may have been killed
                 raise EOFError
             if screen.is_gone:
                 self.all.remove(screen)

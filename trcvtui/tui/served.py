@@ -229,4 +229,4 @@ def command_line(project: Path, door: Path, write: bool, theme: str | None) -> s
     words = [sys.executable, "-m", "trcvtui", "run", str(project), "--attach", str(door)]
     words += [] if write else ["--read-only"]
     words += ["--theme", theme] if theme else []
-    return shlex.join(words)
+    return f"exec {shlex.join(words)}"

@@ -1,4 +1,4 @@
-"""The screen in a browser: on loopback, read-only unless told otherwise, one bench for all tabs; a Chromium."""
+"""The screen in a browser: on loopback, read-only unless told otherwise, one bench for all; a Chromium."""
 
 from __future__ import annotations
 
@@ -323,8 +323,12 @@ async def test_a_toggle_in_one_tab_is_seen_in_another_and_a_reload_shows_the_sam
                 await first.press("n")
                 await second.until("EN_R ─┤ ■ 1")
                 scan = int(await second.until(SCAN.pattern))
-                await second.press("q")
+                await second.press(":add data more INT\r")
+                await second.until(r"\+1 unsaved")
+                await second.press("q")  # nothing is lost
                 await second.end()
+                await first.press("R")
+                await first.until("R once more records the run, for all tabs")
                 await first.press(":mark\r")
                 await first.until("marked after scan")
             async with tab() as again:

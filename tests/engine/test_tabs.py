@@ -54,6 +54,13 @@ def answers(tab: AttachedDriver, most: int) -> list[Answer]:
     return got
 
 
+def asked(tab: AttachedDriver, request: UpdateRequest) -> BenchUpdate:
+    tab.request(request)
+    while (picture := tab.picture()) is None:
+        tab.wait(1)
+    return picture
+
+
 def test_an_answer_goes_to_the_tab_that_gave_the_line_and_its_effect_is_seen_in_all(
     engine: EngineDriver,
 ) -> None:
@@ -65,6 +72,25 @@ def test_an_answer_goes_to_the_tab_that_gave_the_line_and_its_effect_is_seen_in_
         for tab in (first, second):
             picture = wait_for(tab, lambda picture: bool(picture.snapshot.instances[0].pin("EN_R")))
             assert picture.tabs == 2
+
+
+def test_the_later_answer_of_the_doctor_goes_to_the_tab_that_asked_it(engine: EngineDriver) -> None:
+    with tabs_of(engine, 2) as (asks, other):
+        asks.submit("doctor")
+        other.submit("mark")
+        looks, found = answers(asks, 2)
+        assert looks.number == found.number == 1 and "looks" in looks.told and "looks" not in found.told
+        assert [answer.line for answer in answers(other, 1)] == ["mark"]
+
+
+def test_a_scenario_that_one_tab_loads_is_on_the_bench_of_all(engine: EngineDriver) -> None:
+    scenario = sorted((CONFIGS / "scenarios" / "baosky").glob("80c5*.toml"))[0]
+    with tabs_of(engine, 2) as (loads, other):
+        loads.submit(f"scenario load {scenario} sim")
+        picture = wait_for(other, lambda picture: picture.bench == 1)
+        assert picture.player is not None and picture.holding and picture.answers == ()
+        loads.submit("scenario stop")
+        wait_for(other, lambda picture: picture.bench == 2 and picture.player is None)
 
 
 def test_many_lines_of_many_tabs_are_all_answered(engine: EngineDriver) -> None:
@@ -83,14 +109,12 @@ def test_a_tab_that_comes_late_has_what_the_others_had() -> None:
             name = early.project().instances[0].name
             seen = wait_for(early, lambda picture: picture.snapshot.instances[0].jobs_done >= 2)
         with tabs_of(engine, 1) as [late]:  # no tab was there meanwhile
-            late.request(UpdateRequest(waves=((name, 0),), messages=(name, 0, 1 << 62)))
-            picture = None
-            while picture is None:
-                late.wait(1)
-                picture = late.picture()
+            picture = asked(late, UpdateRequest(waves=((name, 0),), messages=(name, 0, 1 << 62)))
+            after = asked(late, UpdateRequest(1 << 60, waves=((name, 1 << 60),)))  # that has not been
     assert picture.snapshot.scan > seen.snapshot.scan
     assert picture.lines[0].seq == 1 and picture.lines_skipped == 0
     assert picture.messages is not None and len(picture.messages.rows) >= 2
+    assert after.lines == () and after.waves[0].changes == ()
     assert picture.waves[0].first == 1 and len(picture.waves[0].changes) > 2
 
 

@@ -116,7 +116,6 @@ class Engine:
 
             self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
         self._made_at = self._worked_at = 0  # when, for pictures
-        self._make_ns = 0  # what it took last to make a picture
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
@@ -238,7 +237,7 @@ class Engine:
         self._screens.hand_out(picture.answers)
         answers, screen.answers, screen.request = tuple(screen.answers), [], None
         screen.pipe.begin(replace(picture, answers=answers, tabs=len(self._screens.all) - 1))
-        self._make_ns, self._made_at = clock.now_ns() - began, began
+        screen.make_ns, self._made_at = clock.now_ns() - began, began
 
     def _may_make(self, screen: AttachedScreen, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.
@@ -249,4 +248,4 @@ class Engine:
         now = clock.now_ns()
         if now < self._made_at + least:
             return False
-        return now + self._make_ns <= until or now > screen.asked_at + PATIENCE_NS
+        return now + screen.make_ns <= until or now > screen.asked_at + PATIENCE_NS

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 MOST_MESSAGES: Final = 64  # that are taken at once
 MOST_MESSAGE: Final = 4 << 20  # bytes
 MOST_UNREAD: Final = 1024  # answers
+FIRST_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
 
 
 class AttachedScreen:
@@ -38,7 +39,7 @@ class AttachedScreen:
         self.channel, self.number = channel, number
         self.pipe, self._reader = UpdatePipe(channel), MessageReader(channel, MOST_MESSAGE)
         self.request: UpdateRequest | None = None
-        self.asked_at = 0
+        self.asked_at, self.make_ns = 0, FIRST_NS if number else 0  # what it took last to make a picture
         self.answers: list[Answer] = []  # that are in no picture yet
         self.kept: KeptScan | None = None  # the scan of a trigger that it has not been shown
         self.is_gone = False

@@ -116,4 +116,4 @@ def _run(channel: Channel, file: Path, timing: Path, connections: int, record: P
         bench = fresh_bench(project, "live", recorder.seam if recorder is not None else None)
         if recorder is not None:
             recorder.begin(bench, file, (), is_scenario=False)
-        Engine(AttachedScreens(channel, project), bench, recorder).run()
+        Engine(AttachedScreens(channel, project, False, None), bench, recorder).run()

@@ -36,6 +36,7 @@ from trcvtui.history.stream_reader import StreamReader
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.plc.ledger import Line
 from trcvtui.plc.runtime import Runtime
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
@@ -503,8 +504,9 @@ class Controller:
         lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
-            lines = tuple([line for line in kept.lines if line.seq > since])
             last = kept.snapshot.ledger_seq
+            numbered = enumerate(kept.stamped, last - len(kept.stamped) + 1)
+            lines = tuple([Line(seq, *item) for seq, item in numbered if seq > since])
             wanted = replace(wanted, scan=kept.snapshot.scan) if wanted else None
         return BenchUpdate(
             snapshot=kept.snapshot if kept else runtime.snapshot(self.bench.faults()),

@@ -56,9 +56,7 @@ class AttachedScreen:
 class AttachedScreens:
     """The first screen, or `serve` in its place, and the tabs that come in by the door of `serve`."""
 
-    def __init__(
-        self, channel: Channel, project: Project, read_only: bool = False, door: TabDoor | None = None
-    ) -> None:
+    def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabDoor | None) -> None:
         self.first = AttachedScreen(channel, 0)
         self.all = deque([self.first])  # as their turns come
         self._read_only, self._door, self._came = read_only, door, 0

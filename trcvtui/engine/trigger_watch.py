@@ -25,7 +25,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import InputEdge, Line
+from trcvtui.plc.ledger import InputEdge, Stamped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
@@ -191,11 +191,11 @@ Named = tuple[tuple[str, bytes], ...]
 
 
 class KeptScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `lines` are the newest of the ledger by then."""
+    """The bench in the scan of a trigger; `stamped` are the newest of the ledger by then."""
 
     fired: TriggerEvent
     snapshot: Snapshot
-    lines: tuple[Line, ...]
+    stamped: list[Stamped]
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
@@ -268,7 +268,7 @@ class TriggerWatch:
         return KeptScan(
             fired,
             runtime.snapshot(bench.faults()),
-            runtime.ledger.since(0, BEFORE),
+            runtime.ledger.stamped_since(0, BEFORE),
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),

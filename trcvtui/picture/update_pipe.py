@@ -108,10 +108,9 @@ class UpdatePipe:
         os.set_blocking(descriptor, False)
         try:
             self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
-        except BlockingIOError:
-            return False
-        except OSError:  # the screen is gone, as its reader will find
-            self._unsent = self._unsent[:0]
+        except OSError as why:
+            if not isinstance(why, BlockingIOError):
+                self._unsent = self._unsent[:0]  # the screen is gone, as its reader will find
             return False
         finally:
             os.set_blocking(descriptor, True)

@@ -52,6 +52,8 @@ def served(folder: Path, *options: str) -> Iterator[str]:
 def serving(folder: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Serve a project; give the page's address, which is the first line on stdout, and the process."""
     home = {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
+    home["TMPDIR"] = str(folder / "tmp")
+    (folder / "tmp").mkdir(mode=0o755)
     words = [sys.executable, "-m", "trcvtui", "serve", str(PROJECT), "--kernel", "sim", *options]
     process = subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **home}
@@ -370,16 +372,21 @@ async def test_an_engine_that_ended_is_started_anew_by_a_new_tab_and_ends_with_a
             async with tab() as second:
                 await second.until(SCAN.pattern)
                 assert "8083" not in second.heard
+                [door] = (tmp_path / "tmp").glob("trcvtui-*/bench")
+                assert (door.stat().st_mode & 0o777, door.parent.stat().st_mode & 0o777) == (0o600, 0o700)
                 below = children_of(process.pid)
                 assert len(below) >= 2, "an engine and a tab"
                 process.kill()
                 while any(Path(f"/proc/{pid}").exists() for pid in below):
                     await asyncio.sleep(0.05)
+                assert not door.parent.exists()
 
 
 def test_too_few_descriptors_are_told_in_one_line(tmp_path: Path) -> None:
     words = f"ulimit -n 6; exec {sys.executable} -m trcvtui serve {PROJECT} --kernel sim"
-    done = subprocess.run(["sh", "-c", words], capture_output=True, text=True, timeout=PATIENCE_S)
+    env = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run(["sh", "-c", words], capture_output=True, text=True, timeout=PATIENCE_S, env=env)
+    assert [*tmp_path.iterdir()] == []
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1 and "ulimit" in done.stderr
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import shutil
 import tempfile
 from pathlib import Path
@@ -14,6 +15,7 @@ class TabDoor:
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="trcvtui-")) / "bench"  # mode 0700
+        atexit.register(shutil.rmtree, self.path.parent, ignore_errors=True)
         self._listens = listening(self.path)
         self._listens.setblocking(False)
 

@@ -523,7 +523,9 @@ class BenchApp(TerminalApp):
             "Record", "record the run, end that; start an ended engine anew · key R", self.action_restart
         )
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
-        yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
+        picture = self.view_model.live
+        what = "close this tab" if picture is not None and picture.tabs else "end the bench"
+        yield SystemCommand("Quit", f"{what} · key q", self.action_quit)
 
 
 def _replay_screen(app: BenchApp) -> MainScreen:

@@ -49,12 +49,14 @@ def served(folder: Path, *options: str) -> Iterator[str]:
 
 
 @contextmanager
-def serving(folder: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def serving(
+    folder: Path, *options: str, project: Path = PROJECT
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Serve a project; give the page's address, which is the first line on stdout, and the process."""
     home = {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
     home["TMPDIR"] = str(folder / "tmp")
     (folder / "tmp").mkdir(mode=0o755)
-    words = [sys.executable, "-m", "trcvtui", "serve", str(PROJECT), "--kernel", "sim", *options]
+    words = [sys.executable, "-m", "trcvtui", "serve", str(project), "--kernel", "sim", *options]
     process = subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **home}
     )
@@ -141,7 +143,7 @@ async def answering(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Any,
     monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
     door = listening(0)
     entrance = Entrance(door.getsockname()[1])
-    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it", lambda: None))
+    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it", lambda: ""))
     await runner.setup()
     try:
         await SockSite(runner, door).start()
@@ -363,12 +365,20 @@ def engine_of(pid: int) -> int:
 async def test_an_engine_that_ended_is_started_anew_by_a_new_tab_and_ends_with_a_killed_serve(
     tmp_path: Path,
 ) -> None:
-    with serving(tmp_path) as (printed, process):
+    project = tmp_path / "P.toml"
+    project.write_text(PROJECT.read_text())
+    with serving(tmp_path, project=project) as (printed, process):
         async with browser(printed) as tab:
             async with tab() as first:
                 await first.until(SCAN.pattern)
                 os.kill(engine_of(process.pid), signal.SIGKILL)
                 await first.until("ENGINE ENDED")
+            project.write_text("broken")
+            with pytest.raises(WSServerHandshakeError) as refused:
+                async with tab():
+                    pass
+            assert refused.value.status == 503
+            project.write_text(PROJECT.read_text())
             async with tab() as second:
                 await second.until(SCAN.pattern)
                 assert "8083" not in second.heard

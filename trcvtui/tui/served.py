@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.errors import mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
 if TYPE_CHECKING:
@@ -126,17 +126,22 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
         raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n`") from None
 
 
-def revive(engine: EngineDriver) -> None:
-    """Start another engine where the one before has ended, and say why it has."""
+def revive(engine: EngineDriver) -> str:
+    """Start another engine where the one before has ended, and say why it has; return why none begins."""
     try:
         engine.picture()
     except EngineStopped as stopped:
         sys.stderr.write(f"{str(stopped).strip()}\n")
         engine.restart()
+        try:
+            engine.project()
+        except (UserError, EngineStopped) as wrong:
+            return f"{wrong}\n"
+    return ""
 
 
 async def application(
-    command: str, entrance: Entrance, title: str, about: str, begin: Callable[[], None]
+    command: str, entrance: Entrance, title: str, about: str, begin: Callable[[], str]
 ) -> web.Application:
     """Return what answers the requests, and says first where it is; each tab is `begin` and `command`."""
     from aiohttp import web
@@ -188,7 +193,8 @@ async def application(
         if screens.locked():
             return web.Response(status=503, text=FULL)
         async with screens:
-            begin()
+            if wrong := begin():
+                return web.Response(status=503, text=wrong)
             asked = request.query
             size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
             return await handler(request.clone(rel_url=request.rel_url.update_query(size)))

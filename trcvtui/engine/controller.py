@@ -71,7 +71,7 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     constants = {**project.constants, **given}
     if not project.udt_files:
         return replace(project, constants=constants), given, "the project names no UDT files"
-    types = read_files(project.udt_files, constants, library=project.dialect.types)
+    types = read_files(project.udt_files, constants, has_system_types=project.dialect.describes_connects)
     used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:

@@ -66,12 +66,16 @@ class MemberSpec(NamedTuple):
 
 
 class StructSpec(NamedTuple):
-    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes."""
+    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes.
+
+    `copy_of`: the members are those of this type, as they stand with a member of it.
+    """
 
     members: tuple[MemberSpec, ...]
     base: Reference | None = None
     pack: int | None = None
     is_union: bool = False
+    copy_of: Reference | None = None
 
 
 class EnumSpec(NamedTuple):

@@ -5,11 +5,12 @@ Rule: a bad type never hides a good one; each bad type knows everything that is 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
 from trcvtui.udt import ast
 from trcvtui.udt.constants import Constants
+from trcvtui.udt.system_types import UNSURE_HANDLES, system_types
 from trcvtui.udt.types import (
     BUILTIN_TYPES,
     ELEMENTARY,
@@ -43,22 +44,21 @@ class Resolver:
         constants: Constants,
         known: Mapping[str, tuple[str, Type]],
         broken: Mapping[str, tuple[Problem, ...]],
-        last_wins: Collection[str] = (),
     ) -> None:
         self.constants, self.known, self.broken = constants, known, broken
-        self.last_wins = frozenset(name.casefold() for name in last_wins)
         self.declared: dict[str, ast.Declaration] = {}
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
         self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
+        self.siemens: set[str] = set()  # those that may have members of system types
+        self.used_system: dict[str, None] = {}
+        self.copies: list[tuple[str, ast.Reference, Struct]] = []  # with the user of each
 
-    def declare(self, declaration: ast.Declaration) -> None:
+    def declare(self, declaration: ast.Declaration, is_siemens: bool = False) -> None:
         key = declaration.name.casefold()
-        if key in self.last_wins:
-            self.bad.pop(key, None)
-            self.declared[key] = declaration
+        self.siemens |= {key} if is_siemens else set()
         first = self.declared.setdefault(key, declaration)
         for problem in declaration.problems:
             self.refuse(key, problem)
@@ -203,6 +203,8 @@ class Resolver:
         made = Union if spec.is_union else Struct
         # A base is of its own kind.
         type_ = made(name, tuple(members), base, spec.pack, tuple(bits))  # type: ignore[arg-type]
+        if spec.copy_of is not None and isinstance(type_, Struct):
+            self.copies.append((user, spec.copy_of, type_))
         return type_, deepest + 1
 
     def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
@@ -273,6 +275,13 @@ class Resolver:
             self.refuse(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
+        elif user in self.siemens and key in system_types():
+            self.used_system[key] = None
+            if reference.name.upper() in UNSURE_HANDLES:
+                self.notes.setdefault(user, {})[f"{reference.name}: its size of 16 bits is not verified"] = (
+                    None
+                )
+            return system_types()[key], 0
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0

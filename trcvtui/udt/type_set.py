@@ -6,13 +6,16 @@ Rule: a bad type never hides a good one. Duplicates, recursion and unknown types
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.ast import Declarations, SenderLayout, Spec
 from trcvtui.udt.constants import Constants
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
+from trcvtui.udt.system_types import system_types
 from trcvtui.udt.types import Type
 
 
@@ -21,7 +24,8 @@ class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
 
     `problems` are those of all files in order. `unknown_constants` are the names to ask for, `notes` what is
-    to be shown beside a type, `senders` the layouts that the sources of types tell.
+    to be shown beside a type, `senders` the layouts that the sources of types tell. `used_system` are the
+    system types of Siemens that are used; with `has_system_types` a new type may use all of them.
     """
 
     where: str
@@ -32,6 +36,8 @@ class TypeSet:
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
+    used_system: tuple[str, ...] = ()
+    has_system_types: bool = False
 
     def names(self) -> list[str]:
         """Return the names of the good types, as declared, in declared order."""
@@ -85,20 +91,21 @@ def join(
     files: Iterable[Declarations],
     where: str,
     constants: Mapping[str, int] | None = None,
-    last_wins: Collection[str] = (),
+    has_system_types: bool = False,
 ) -> TypeSet:
     """Return the types of all files together; they may use each other in any order.
 
-    `constants` are the user's own; of a type in `last_wins` the last declaration counts, of any other
-    a second one is a mistake.
+    `constants` are the user's own. The types of a Siemens source, with `has_system_types` all, may use the
+    system types of Siemens; a type that a file declares comes before one of these.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])
-    resolver = Resolver(known, {}, {}, last_wins)
+    resolver = Resolver(known, {}, {})
     for file in files:
         for declaration in file.types:
-            resolver.declare(declaration)
+            resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
     resolver.build_all()
+    _note_differences(resolver)
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
@@ -128,7 +135,39 @@ def join(
         },
         senders=senders,
         constants=known,
+        used_system=tuple(resolver.used_system),
+        has_system_types=has_system_types,
     )
+
+
+def _note_differences(resolver: Resolver) -> None:
+    """Note where the members that stand in a file are not those of the type, or the system type, so named."""
+    declared, system = resolver.types, system_types()
+    rows: list[tuple[str, str, Type, Mapping[str, Type]]]
+    rows = [(user, each.name, type_, declared) for user, each, type_ in resolver.copies]
+    rows += [(key, key, declared[key], {}) for key in resolver.siemens & declared.keys() & system.keys()]
+    for user, name, type_, first in rows:
+        key = name.casefold()
+        other = first.get(key) or system.get(key)
+        ours, theirs = _places(type_), _places(other) if other else None
+        if ours and theirs and ours != theirs:
+            sizes = [f"{len(places) - 1} values in {places[0]} bytes" for places in (ours, theirs)]
+            what = "the type of that name" if key in first else "the system type"
+            resolver.notes.setdefault(user, {})[
+                f"{name}: {sizes[0]}, as the file lists it; {what} has {sizes[1]}"
+            ] = None
+
+
+def _places(type_: Type) -> list[object]:
+    """Return the size of a type and where its members lie, nothing where it cannot be laid out."""
+    try:
+        layout = lay_out(type_, S7)
+    except UserError:
+        return []
+    return [
+        layout.size,
+        *((leaf.path.casefold(), leaf.offset, leaf.bit, leaf.size) for leaf in layout.leaves()),
+    ]
 
 
 def _reading_order(problem: Problem) -> list[str | int]:
@@ -139,6 +178,7 @@ def _reading_order(problem: Problem) -> list[str | int]:
 def build(spec: Spec, types: TypeSet) -> Type:
     """Return the type that a specification means among these types; raise UserError with all its problems."""
     resolver = Resolver(types.constants, types.types, types.broken)
+    resolver.siemens |= {""} if types.has_system_types else set()
     type_, _ = resolver.build(spec, "", "")
     if type_ is None:
         raise UserError(resolver.bad[""])

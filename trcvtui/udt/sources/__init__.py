@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -102,7 +102,6 @@ _SIGNS = {
     r"(?i)\bEND_(?:STRUCT|UNION|TYPE|VAR)\b": "IEC text",
     r"(?m)^[ \t]*(?:#[ \t]*(?:include|define|pragma|if)|typedef|struct|union|enum)\b": "C header",
 }
-LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
@@ -154,23 +153,16 @@ def read_xml_file(text: str, name: str) -> Declarations:
 def read_files(
     paths: Iterable[Path],
     constants: Mapping[str, int] | None = None,
-    last_wins: Collection[str] = (),
-    library: str = "",
+    has_system_types: bool = False,
 ) -> TypeSet:
-    """Return the types of files, good and bad, that use each other's; raise UserError if one is unreadable.
-
-    `library`: types in ST that are there without any file; one of the same name in a file comes first.
-    """
+    """Return the types of files, good and bad, that use each other's; raise UserError for an unreadable one."""
     files: list[Declarations] = []
-    if library:
-        files.append(read_st(library, LIBRARY))
-        last_wins = {*last_wins, *(declared.name for declared in files[0].types)}
     paths = list(paths)
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
                 files.append(declarations_in(path))
-    return join(files, ", ".join(map(str, paths)), constants, last_wins)
+    return join(files, ", ".join(map(str, paths)), constants, has_system_types)
 
 
 def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:

@@ -18,19 +18,32 @@ from trcvtui.udt.ast import Declaration, Declarations
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
+from trcvtui.udt.sources.st import VARIABLES_NOTE
 from trcvtui.udt.type_set import TypeSet, join
 
 MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_TOLD: Final = 8  # names in one line
 TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
+PACKAGE_FILES: Final = (".typ", ".var")  # what they declare counts in all packages of their folder
+MOST_AROUND: Final = 8  # folders
+GENERATED: Final = re.compile(
+    "(?i)(?:.*/)?SG[34C]/.*"
+)  # headers that B&R makes of the .typ files of a library
 
 
 class TypeFolder:
     """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
 
-    def __init__(self, path: str, place: str, without: Iterable[str] = (), is_whole: bool = True) -> None:
-        self.path, self.place, self.is_whole = path, place, is_whole
+    def __init__(
+        self,
+        path: str,
+        place: str,
+        without: Iterable[str] = (),
+        is_whole: bool = True,
+        extensions: str | tuple[str, ...] = "",
+    ) -> None:
+        self.path, self.place, self.is_whole, self.extensions = path, place, is_whole, extensions
         self.without = {os.path.realpath(each) for each in without}
         self.read: dict[str, Declarations] = {}
 
@@ -41,7 +54,8 @@ class TypeFolder:
         size = 0
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
-            for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+            names = [name for name in type_files_in(folder) if name.lower().endswith(self.extensions)]
+            for path in (os.path.join(folder, name) for name in names):
                 if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
                     continue
                 with suppress(UserError):
@@ -54,12 +68,29 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, nothing if it cannot be read."""
+        """Return what a file declares, of a generated header what no .typ does; nothing if it cannot be read."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with suppress(UserError):
-                self.read[file] = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+                read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+                if GENERATED.fullmatch(file) and file.lower().endswith((".h", ".hpp")):
+                    types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
+                    read = read._replace(types=types, problems=read.problems if types else ())
+                self.read[file] = read._replace(types=tuple([self.apart(one, file) for one in read.types]))
         return self.read[file]
+
+    @cached_property
+    def typ_names(self) -> set[str]:
+        files = [self.declarations(file) for file in self.texts if file.lower().endswith(".typ")]
+        return {each.name.casefold() for declared in files for each in declared.types}
+
+    def apart(self, declared: Declaration, file: str) -> Declaration:
+        """Return a declaration; variables that are named by their file have its folder where names clash."""
+        folder, name = os.path.split(file)
+        if not folder or VARIABLES_NOTE not in declared.notes:
+            return declared
+        alike = [each for each in self.texts if os.path.basename(each).casefold() == name.casefold()]
+        return declared._replace(name=f"{folder}/{declared.name}") if len(alike) > 1 else declared
 
     def all(self) -> list[Declarations]:
         return _once(map(self.declarations, self.texts))
@@ -70,7 +101,9 @@ class TypeFolder:
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
         found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
-        for file in [file for file, text in self.texts.items() if sought.search(text)]:
+        for file, text in self.texts.items():
+            if not (sought.search(text) or sought.search(file.casefold())):
+                continue
             declared = self.declarations(file)
             owners = [each for each in declared.types if last in _names(each, kind)]
             constants = declared.constants if kind == CONSTANT else ()
@@ -83,7 +116,20 @@ class TypeFolder:
 def _names(declared: Declaration, kind: str) -> list[str]:
     if kind == CONSTANT:
         return [name.casefold() for name, _ in getattr(declared.spec, "values", ())]
-    return [] if declared.is_data and kind == TYPE else [declared.name.casefold()]
+    name = declared.name.casefold()
+    return [] if declared.is_data and kind == TYPE else [name, name.rpartition("/")[2]]
+
+
+def packages_around(path: str) -> Iterator[str]:
+    """Yield the folders around a file, or a folder, up to the begin of a B&R project, the nearest first."""
+    folder = os.path.abspath(path)
+    folder = folder if os.path.isdir(folder) else os.path.dirname(folder)
+    ends = "/", os.path.expanduser("~")
+    for _ in range(MOST_AROUND):
+        if folder in ends or os.path.basename(folder) == "Logical":
+            return
+        folder = os.path.dirname(folder)
+        yield os.path.relpath(folder)
 
 
 def find_types(
@@ -112,6 +158,7 @@ def find_types(
 
 def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     known = types.types.keys() | types.broken.keys()
+    yield from ((name, TYPE) for name in types.used_system)  # what a file declares comes first
     for name in names:
         if known.isdisjoint({name.casefold(), name.casefold().rpartition(".")[2]}):
             yield name, TYPE_OR_DATA

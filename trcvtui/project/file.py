@@ -383,14 +383,14 @@ class DocumentReader:
         find_shared_ends(tables["combuffer"])
 
     def types(
-        self, files: list[Path | None], constants: Mapping[str, int], is_siemens: bool
+        self, files: list[Path | None], constants: Mapping[str, int], has_system_types: bool
     ) -> TypeSet | None:
         """Return the UDTs of all files, None where one cannot be read."""
         if not files:
-            return join([], NO_TYPES.where, constants, is_siemens)
+            return join([], NO_TYPES.where, constants, has_system_types)
         try:
             read = [file for file in files if file is not None]
-            types = read_files(read, constants, is_siemens)
+            types = read_files(read, constants, has_system_types)
         except UserError as refused:
             self.problems += refused.problems
             return None

@@ -52,13 +52,12 @@ class Resolver:
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
         self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
-        self.siemens: set[str] = set()  # those that may have members of system types
+        self.system_users: set[str] = set()  # those that may have members of system types
         self.used_system: dict[str, None] = {}
-        self.copies: list[tuple[str, ast.Reference, Struct]] = []  # with the user of each
 
-    def declare(self, declaration: ast.Declaration, is_siemens: bool = False) -> None:
+    def declare(self, declaration: ast.Declaration, uses_system: bool = False) -> None:
         key = declaration.name.casefold()
-        self.siemens |= {key} if is_siemens else set()
+        self.system_users |= {key} if uses_system else set()
         first = self.declared.setdefault(key, declaration)
         for problem in declaration.problems:
             self.refuse(key, problem)
@@ -203,8 +202,6 @@ class Resolver:
         made = Union if spec.is_union else Struct
         # A base is of its own kind.
         type_ = made(name, tuple(members), base, spec.pack, tuple(bits))  # type: ignore[arg-type]
-        if spec.copy_of is not None and isinstance(type_, Struct):
-            self.copies.append((user, spec.copy_of, type_))
         return type_, deepest + 1
 
     def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
@@ -275,7 +272,7 @@ class Resolver:
             self.refuse(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
-        elif user in self.siemens and key in system_types():
+        elif user in self.system_users and key in system_types():
             self.used_system[key] = None
             if reference.name.upper() in UNSURE_HANDLES:
                 self.notes.setdefault(user, {})[f"{reference.name}: its size of 16 bits is not verified"] = (

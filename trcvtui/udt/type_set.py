@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import Declarations, SenderLayout, Spec
+from trcvtui.udt.ast import Declaration, Declarations, SenderLayout, Spec, bare
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
@@ -104,15 +104,20 @@ def join(
     for file in files:
         for declaration in file.types:
             resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
+    copies = {bare((one.name, one.spec)): one for file in files for one in file.copies}.values()
+    known_twice = resolver.declared.keys() & {one.name.casefold() for one in copies}
+    for copy in copies:
+        if copy.name.casefold() not in known_twice:
+            resolver.declare(copy, uses_system=True)
     resolver.build_all()
-    _note_differences(resolver)
+    _note_differences(resolver, [one for one in copies if one.name.casefold() in known_twice])
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
     senders = {
         key: file.sender
         for file in files
-        for declared in file.types
+        for declared in (*file.types, *file.copies)
         if resolver.declared[key := declared.name.casefold()] is declared
     }
     first: dict[object, Problem] = {}  # what is unknown: one name, one line, at the first place
@@ -140,22 +145,22 @@ def join(
     )
 
 
-def _note_differences(resolver: Resolver) -> None:
-    """Note where the members that stand in a file are not those of the type, or the system type, so named."""
-    declared, system = resolver.types, system_types()
-    rows: list[tuple[str, str, Type, Mapping[str, Type]]]
-    rows = [(user, each.name, type_, declared) for user, each, type_ in resolver.copies]
-    rows += [(key, key, declared[key], {}) for key in resolver.siemens & declared.keys() & system.keys()]
-    for user, name, type_, first in rows:
-        key = name.casefold()
-        other = first.get(key) or system.get(key)
-        ours, theirs = _places(type_), _places(other) if other else None
+def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None:
+    """Note where a type is not the system type of its name, or not what a copy of it says."""
+    types, system = resolver.types, system_types()
+    rows = [
+        (key, system[key], "the system type") for key in resolver.system_users & types.keys() & system.keys()
+    ]
+    resolver.system_users.add("")
+    for copy in copies:
+        built = resolver.build(copy.spec, copy.name, "")[0] if copy.spec else None
+        rows += [(copy.name.casefold(), built, f"{copy.where}")] if built else []
+    resolver.bad.pop("", None)
+    for key, other, what in rows:
+        ours, theirs = _places(types[key]) if key in types else [], _places(other)
         if ours and theirs and ours != theirs:
             sizes = [f"{len(places) - 1} values in {places[0]} bytes" for places in (ours, theirs)]
-            what = "the type of that name" if key in first else "the system type"
-            resolver.notes.setdefault(user, {})[
-                f"{name}: {sizes[0]}, as the file lists it; {what} has {sizes[1]}"
-            ] = None
+            resolver.notes.setdefault(key, {})[f"{sizes[0]}, not as {what}: {sizes[1]}"] = None
 
 
 def _places(type_: Type) -> list[object]:
@@ -178,7 +183,7 @@ def _reading_order(problem: Problem) -> list[str | int]:
 def build(spec: Spec, types: TypeSet) -> Type:
     """Return the type that a specification means among these types; raise UserError with all its problems."""
     resolver = Resolver(types.constants, types.types, types.broken)
-    resolver.siemens |= {""} if types.has_system_types else set()
+    resolver.system_users |= {""} if types.has_system_types else set()
     type_, _ = resolver.build(spec, "", "")
     if type_ is None:
         raise UserError(resolver.bad[""])

@@ -155,7 +155,7 @@ def read_files(
     constants: Mapping[str, int] | None = None,
     has_system_types: bool = False,
 ) -> TypeSet:
-    """Return the types of files, good and bad, that use each other's; raise UserError for an unreadable one."""
+    """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
     files: list[Declarations] = []
     paths = list(paths)
     with all_problems() as problems:

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.ast import Declaration, Declarations
+from trcvtui.udt.ast import Declaration, Declarations, bare
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
@@ -27,9 +27,7 @@ MOST_TOLD: Final = 8  # names in one line
 TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
 PACKAGE_FILES: Final = (".typ", ".var")  # what they declare counts in all packages of their folder
 MOST_AROUND: Final = 8  # folders
-GENERATED: Final = re.compile(
-    "(?i)(?:.*/)?SG[34C]/.*"
-)  # headers that B&R makes of the .typ files of a library
+GENERATED: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the .typ files of a library
 
 
 class TypeFolder:
@@ -68,12 +66,12 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, of a generated header what no .typ does; nothing if it cannot be read."""
+        """Return what a file declares, of a generated header what no .typ does; nothing of one unread."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with suppress(UserError):
                 read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
-                if GENERATED.fullmatch(file) and file.lower().endswith((".h", ".hpp")):
+                if re.fullmatch(GENERATED, file):
                     types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
                     read = read._replace(types=types, problems=read.problems if types else ())
                 self.read[file] = read._replace(types=tuple([self.apart(one, file) for one in read.types]))
@@ -187,17 +185,8 @@ def _once(files: Iterable[Declarations]) -> list[Declarations]:
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:
-        bare = [_bare((each.name, each.spec, file.sender.layout)) for each in file.types]
-        new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
+        contents = [bare((each.name, each.spec, file.sender.layout)) for each in file.types]
+        new = [each for each, content in zip(file.types, contents, strict=True) if content not in known]
         kept.append(file._replace(types=tuple(new)))
-        known |= set(bare)
+        known |= set(contents)
     return kept
-
-
-def _bare(part: Any) -> Any:
-    """Return a part of a declaration without its places."""
-    if isinstance(part, tuple):
-        names = getattr(part, "_fields", ())
-        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
-        return type(part), *map(_bare, kept)
-    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

@@ -22,7 +22,7 @@ from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_type
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import read_headers_with
+from trcvtui.udt.sources import apart, read_headers_with
 from trcvtui.udt.system_types import unverified_in
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
@@ -284,7 +284,7 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files[path] = [] if is_folder(path) else [given_types(path)]
+                files[path] = [] if is_folder(path) else [apart(given_types(path), path, paths)]
     own = files[args.file]
     if not own and None in names:
         own += folders[0].all()

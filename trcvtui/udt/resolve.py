@@ -53,7 +53,7 @@ class Resolver:
         self.notes: dict[str, dict[str, None]] = {}
         self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
         self.system_users: set[str] = set()  # those that may have members of system types
-        self.used_system: dict[str, None] = {}
+        self.used_system: dict[str, str] = {}  # as they are written there
 
     def declare(self, declaration: ast.Declaration, uses_system: bool = False) -> None:
         key = declaration.name.casefold()
@@ -273,7 +273,7 @@ class Resolver:
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
         elif user in self.system_users and key in system_types():
-            self.used_system[key] = None
+            self.used_system[key] = reference.name
             if reference.name.upper() in UNSURE_HANDLES:
                 self.notes.setdefault(user, {})[f"{reference.name}: its size of 16 bits is not verified"] = (
                     None

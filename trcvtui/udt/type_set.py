@@ -17,6 +17,7 @@ from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.system_types import system_types
 from trcvtui.udt.types import Type
+from trcvtui.wording import count
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +141,7 @@ def join(
         },
         senders=senders,
         constants=known,
-        used_system=tuple(resolver.used_system),
+        used_system=tuple(resolver.used_system.values()),
         has_system_types=has_system_types,
     )
 
@@ -154,13 +155,13 @@ def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None
     resolver.system_users.add("")
     for copy in copies:
         built = resolver.build(copy.spec, copy.name, "")[0] if copy.spec else None
-        rows += [(copy.name.casefold(), built, f"{copy.where}")] if built else []
+        rows += [(copy.name.casefold(), built, f"the copy at {copy.where}")] if built else []
     resolver.bad.pop("", None)
     for key, other, what in rows:
         ours, theirs = _places(types[key]) if key in types else [], _places(other)
         if ours and theirs and ours != theirs:
-            sizes = [f"{len(places) - 1} values in {places[0]} bytes" for places in (ours, theirs)]
-            resolver.notes.setdefault(key, {})[f"{sizes[0]}, not as {what}: {sizes[1]}"] = None
+            sizes = [f"{count(len(each) - 1, 'value')} in {each[0]} bytes" for each in (ours, theirs)]
+            resolver.notes.setdefault(key, {})[f"{sizes[0]}, {what} has {sizes[1]}"] = None
 
 
 def _places(type_: Type) -> list[object]:

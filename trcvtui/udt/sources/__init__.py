@@ -17,7 +17,7 @@ from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
-from trcvtui.udt.sources.st import read_spec, read_st
+from trcvtui.udt.sources.st import VARIABLES_NOTE, read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
 from trcvtui.udt.types import Type
@@ -161,8 +161,18 @@ def read_files(
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(declarations_in(path))
+                files.append(apart(declarations_in(path), path, paths))
     return join(files, ", ".join(map(str, paths)), constants, has_system_types)
+
+
+def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations:
+    """Return what a file declares; variables that are named by it have its folder where others are alike."""
+    folder, name = os.path.split(str(path))
+    if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
+        return read
+    if [os.path.basename(each).casefold() for each in map(str, paths)].count(name.casefold()) < 2:
+        return read
+    return read._replace(types=tuple([each._replace(name=f"{folder}/{each.name}") for each in read.types]))
 
 
 def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:

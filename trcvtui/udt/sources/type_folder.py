@@ -17,8 +17,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Declaration, Declarations, bare
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
-from trcvtui.udt.sources.st import VARIABLES_NOTE
+from trcvtui.udt.sources import apart, content_of, declarations_in, decode_text, type_files_in
 from trcvtui.udt.type_set import TypeSet, join
 
 MOST: Final = 5000  # files, and folders
@@ -74,21 +73,13 @@ class TypeFolder:
                 if re.fullmatch(GENERATED, file):
                     types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
                     read = read._replace(types=types, problems=read.problems if types else ())
-                self.read[file] = read._replace(types=tuple([self.apart(one, file) for one in read.types]))
+                self.read[file] = apart(read, file, self.texts)
         return self.read[file]
 
     @cached_property
     def typ_names(self) -> set[str]:
         files = [self.declarations(file) for file in self.texts if file.lower().endswith(".typ")]
         return {each.name.casefold() for declared in files for each in declared.types}
-
-    def apart(self, declared: Declaration, file: str) -> Declaration:
-        """Return a declaration; variables that are named by their file have its folder where names clash."""
-        folder, name = os.path.split(file)
-        if not folder or VARIABLES_NOTE not in declared.notes:
-            return declared
-        alike = [each for each in self.texts if os.path.basename(each).casefold() == name.casefold()]
-        return declared._replace(name=f"{folder}/{declared.name}") if len(alike) > 1 else declared
 
     def all(self) -> list[Declarations]:
         return _once(map(self.declarations, self.texts))
@@ -103,7 +94,7 @@ class TypeFolder:
             if not (sought.search(text) or sought.search(file.casefold())):
                 continue
             declared = self.declarations(file)
-            owners = [each for each in declared.types if last in _names(each, kind)]
+            owners = [each for each in declared.types if _declares(each, last, kind)]
             constants = declared.constants if kind == CONSTANT else ()
             if owners or any(plain_name(each.name).casefold().split(".")[-1] == last for each in constants):
                 is_good = not any(each.spec is None or each.problems for each in owners)
@@ -111,11 +102,11 @@ class TypeFolder:
         return found[True] or found[False]
 
 
-def _names(declared: Declaration, kind: str) -> list[str]:
+def _declares(declared: Declaration, name: str, kind: str) -> bool:
     if kind == CONSTANT:
-        return [name.casefold() for name, _ in getattr(declared.spec, "values", ())]
-    name = declared.name.casefold()
-    return [] if declared.is_data and kind == TYPE else [name, name.rpartition("/")[2]]
+        return name in [each.casefold() for each, _ in getattr(declared.spec, "values", ())]
+    is_sought = kind == TYPE_OR_DATA or not declared.is_data
+    return is_sought and f"/{declared.name.casefold()}".endswith(f"/{name}")  # `Prog/Variables` is one, too
 
 
 def packages_around(path: str) -> Iterator[str]:

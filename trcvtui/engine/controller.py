@@ -76,7 +76,8 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:
         raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
-    told = f"{count(len(types.types), 'type')} read; `resize` takes a changed one into DATA"
+    read = types.types.keys() & types.senders.keys()
+    told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
     return replace(project, types=types, constants=constants), given, told
 
 

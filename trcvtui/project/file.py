@@ -342,7 +342,7 @@ class DocumentReader:
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [UDT.read(table, around) for table in self.entries("udt")]
         files = [self.base / file["file"] if file is not None else None for file in files]
-        types = self.types(files, constants, around.dialect.describes_connects)
+        types = self.types(files, constants, around)
         around = replace(around, types=types)
         certificates = {}
         for table in tables.pop("certificate"):
@@ -383,9 +383,10 @@ class DocumentReader:
         find_shared_ends(tables["combuffer"])
 
     def types(
-        self, files: list[Path | None], constants: Mapping[str, int], has_system_types: bool
+        self, files: list[Path | None], constants: Mapping[str, int], around: Context
     ) -> TypeSet | None:
         """Return the UDTs of all files, None where one cannot be read."""
+        has_system_types = around.dialect.describes_connects
         if not files:
             return join([], NO_TYPES.where, constants, has_system_types)
         try:

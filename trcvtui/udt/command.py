@@ -290,9 +290,9 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
         own += folders[0].all()
     elif own and args.file != STDIN:
         folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
-    if args.file != STDIN and any(file.sender.source == "B&R" for file in own):
-        for path in packages_around(args.file):
-            folders.append(TypeFolder(path, f"in {path}", paths, is_whole=False, extensions=PACKAGE_FILES))
+    names_in = folders[0].texts if is_folder(args.file) else [args.file]
+    if any(name.lower().endswith(PACKAGE_FILES) for name in names_in):
+        folders += packages_around(args.file, paths)
     wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
     given = [file for each in files.values() for file in each]
     where = ", ".join(map(where_of, paths))

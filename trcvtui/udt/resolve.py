@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
+from trcvtui.system_types import UNSURE_HANDLES
 from trcvtui.udt import ast
 from trcvtui.udt.constants import Constants
-from trcvtui.udt.system_types import UNSURE_HANDLES, system_types
+from trcvtui.udt.system_types import system_types
 from trcvtui.udt.types import (
     BUILTIN_TYPES,
     ELEMENTARY,
@@ -275,9 +276,7 @@ class Resolver:
         elif user in self.system_users and key in system_types():
             self.used_system[key] = reference.name
             if reference.name.upper() in UNSURE_HANDLES:
-                self.notes.setdefault(user, {})[f"{reference.name}: its size of 16 bits is not verified"] = (
-                    None
-                )
+                self.notes.setdefault(user, {})[f"{reference.name}: 16 bits are not verified"] = None
             return system_types()[key], 0
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
 from trcvtui.system_types import ENUMERATIONS, HANDLES, STRUCTURES, FieldType, Structure
-from trcvtui.system_types import UNSURE_HANDLES as UNSURE_HANDLES
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -19,8 +18,6 @@ from trcvtui.udt.types import (
     Type,
     all_parts,
 )
-
-_UNVERIFIED = [structure.name for structure in STRUCTURES if not structure.is_verified]
 
 
 @cache
@@ -34,18 +31,20 @@ def system_types() -> Mapping[str, Type]:
     return types
 
 
-def unverified_in(type_: Type) -> Iterator[str]:
-    """Yield the names of the system types in a type whose offsets no page shows."""
-    unverified = [system_types()[name.casefold()] for name in _UNVERIFIED]
-    return (_UNVERIFIED[unverified.index(part)] for part in all_parts(type_) if part in unverified)
+def unverified_in(type_: Type) -> list[str]:
+    """Return the names of the system types in a type whose offsets no page shows."""
+    unsure = {id(system_types()[each.name.casefold()]) for each in STRUCTURES if not each.is_verified}
+    return [part.name for part in all_parts(type_) if isinstance(part, Struct) and id(part) in unsure]
 
 
 def _struct(structure: Structure, types: Mapping[str, Type]) -> Struct:
-    head = next((one for one in STRUCTURES if one.name == structure.head), None)
-    members = [Member("ConnPara", types[head.name.casefold()])] if head else []
+    members: list[Member] = []
     bits: list[BitField] = []
-    end, before = head.size if head else 0, ""
-    for field in structure.fields[len(head.fields) if head else 0 :]:
+    end, before, fields = 0, "", structure.fields
+    for head in [each for each in STRUCTURES if each.name == structure.head]:
+        members.append(Member("ConnPara", types[head.name.casefold()]))
+        end, fields = head.size, fields[len(head.fields) :]
+    for field in fields:
         # Room without a member; where there is none, a BOOL after a BOOL still has a byte of its own.
         if field.offset > end or before == field.type == FieldType.TRUTH:
             bits.append(BitField(len(members), 1, 8 * (field.offset - end), False))

@@ -16,7 +16,7 @@ from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.system_types import system_types
-from trcvtui.udt.types import Type
+from trcvtui.udt.types import Struct, Type
 from trcvtui.wording import count
 
 
@@ -115,6 +115,8 @@ def join(
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
+    system = system_types().items() if has_system_types else ()
+    of_system = {key: (each.name, each) for key, each in system if isinstance(each, Struct)}
     senders = {
         key: file.sender
         for file in files
@@ -128,7 +130,8 @@ def join(
     problems = tuple(first.values())
     return TypeSet(
         where,
-        types={key: types[key] for key in resolver.declared if key in types},
+        types={key: types[key] for key in resolver.declared if key in types}
+        | {key: each for key, each in of_system.items() if key not in resolver.declared},
         broken={key: tuple(bad) for key, bad in resolver.bad.items() if key not in types},
         problems=problems,
         unknown_constants=tuple(
@@ -148,10 +151,8 @@ def join(
 
 def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None:
     """Note where a type is not the system type of its name, or not what a copy of it says."""
-    types, system = resolver.types, system_types()
-    rows = [
-        (key, system[key], "the system type") for key in resolver.system_users & types.keys() & system.keys()
-    ]
+    types, users = resolver.types, resolver.system_users & resolver.types.keys()
+    rows = [(key, type_, "the system type") for key, type_ in system_types().items() if key in users]
     resolver.system_users.add("")
     for copy in copies:
         built = resolver.build(copy.spec, copy.name, "")[0] if copy.spec else None
@@ -172,7 +173,7 @@ def _places(type_: Type) -> list[object]:
         return []
     return [
         layout.size,
-        *((leaf.path.casefold(), leaf.offset, leaf.bit, leaf.size) for leaf in layout.leaves()),
+        *((each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()),
     ]
 
 

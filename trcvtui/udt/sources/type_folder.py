@@ -11,6 +11,8 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.errors import UserError, mistake
@@ -32,15 +34,10 @@ GENERATED: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the 
 class TypeFolder:
     """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
 
-    def __init__(
-        self,
-        path: str,
-        place: str,
-        without: Iterable[str] = (),
-        is_whole: bool = True,
-        extensions: str | tuple[str, ...] = "",
-    ) -> None:
-        self.path, self.place, self.is_whole, self.extensions = path, place, is_whole, extensions
+    extensions: str | tuple[str, ...] = ""  # of the files that count, "" for all
+
+    def __init__(self, path: str, place: str, without: Iterable[str] = (), is_whole: bool = True) -> None:
+        self.path, self.place, self.is_whole = path, place, is_whole
         self.without = {os.path.realpath(each) for each in without}
         self.read: dict[str, Declarations] = {}
 
@@ -90,9 +87,8 @@ class TypeFolder:
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
         found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
-        for file, text in self.texts.items():
-            if not (sought.search(text) or sought.search(file.casefold())):
-                continue
+        texts = self.texts.items()
+        for file in [file for file, text in texts if sought.search(text) or sought.search(file.casefold())]:
             declared = self.declarations(file)
             owners = [each for each in declared.types if _declares(each, last, kind)]
             constants = declared.constants if kind == CONSTANT else ()
@@ -109,16 +105,18 @@ def _declares(declared: Declaration, name: str, kind: str) -> bool:
     return is_sought and f"/{declared.name.casefold()}".endswith(f"/{name}")  # `Prog/Variables` is one, too
 
 
-def packages_around(path: str) -> Iterator[str]:
-    """Yield the folders around a file, or a folder, up to the begin of a B&R project, the nearest first."""
-    folder = os.path.abspath(path)
-    folder = folder if os.path.isdir(folder) else os.path.dirname(folder)
-    ends = "/", os.path.expanduser("~")
-    for _ in range(MOST_AROUND):
-        if folder in ends or os.path.basename(folder) == "Logical":
+def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
+    """Yield the packages around a file, or a folder, up to the begin of the project, the nearest first."""
+    inner = Path(os.path.abspath(path))
+    folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_AROUND + 1]
+    for folder, around in pairwise(folders):
+        if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
             return
-        folder = os.path.dirname(folder)
-        yield os.path.relpath(folder)
+        package = TypeFolder(
+            os.path.relpath(around), f"in {os.path.relpath(around)}", without, is_whole=False
+        )
+        package.extensions = PACKAGE_FILES
+        yield package
 
 
 def find_types(

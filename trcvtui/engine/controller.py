@@ -72,12 +72,13 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     constants = {**project.constants, **given}
     if not project.udt_files:
         return replace(project, constants=constants), given, "the project names no UDT files"
-    types = read_files(project.udt_files, constants, library=project.dialect.types)
+    types = read_files(project.udt_files, constants, has_system_types=project.dialect.describes_connects)
     used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:
         raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
-    told = f"{count(len(types.types), 'type')} read; `resize` takes a changed one into DATA"
+    read = types.types.keys() & types.senders.keys()
+    told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
     return replace(project, types=types, constants=constants), given, told
 
 

@@ -13,6 +13,7 @@ from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
+from trcvtui.system_types import UNVERIFIED
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 
@@ -210,7 +211,7 @@ def description_view(config: ConnectConfig, listens: str = "") -> DescriptionVie
     security = security_of(config)
     return DescriptionView(
         structure=description.structure.name,
-        says=_says(config, listens),
+        says=_says(config, listens) + ("" if description.structure.is_verified else f"; {UNVERIFIED}"),
         rows=rows(description, remarks),
         flaw=flaw.text if flaw is not None else "",
         warning=WARNING if security is not None and security.is_unsafe else "",

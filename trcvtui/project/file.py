@@ -342,7 +342,7 @@ class DocumentReader:
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [UDT.read(table, around) for table in self.entries("udt")]
         files = [self.base / file["file"] if file is not None else None for file in files]
-        types = self.types(files, constants, around.dialect.types)
+        types = self.types(files, constants, around)
         around = replace(around, types=types)
         certificates = {}
         for table in tables.pop("certificate"):
@@ -382,13 +382,16 @@ class DocumentReader:
                 check_names(kind, table, known, around)
         find_shared_ends(tables["combuffer"])
 
-    def types(self, files: list[Path | None], constants: Mapping[str, int], library: str) -> TypeSet | None:
-        """Return the UDTs of all files and the library's, None where a file cannot be read."""
-        if not files and not library:
-            return join([], NO_TYPES.where, constants)
+    def types(
+        self, files: list[Path | None], constants: Mapping[str, int], around: Context
+    ) -> TypeSet | None:
+        """Return the UDTs of all files, None where one cannot be read."""
+        has_system_types = around.dialect.describes_connects
+        if not files:
+            return join([], NO_TYPES.where, constants, has_system_types)
         try:
             read = [file for file in files if file is not None]
-            types = read_files(read, constants, library=library)
+            types = read_files(read, constants, has_system_types)
         except UserError as refused:
             self.problems += refused.problems
             return None

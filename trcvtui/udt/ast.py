@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import Pointer, StringType, Unplaced
@@ -124,7 +124,8 @@ class SenderLayout(NamedTuple):
 class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
-    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK.
+    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK. `copies` are types that other
+    files declare: each counts where none of them is given.
     """
 
     types: tuple[Declaration, ...]
@@ -132,3 +133,13 @@ class Declarations(NamedTuple):
     constants: tuple[Constant, ...] = ()
     sender: SenderLayout = SenderLayout()
     others: tuple[str, ...] = ()
+    copies: tuple[Declaration, ...] = ()
+
+
+def bare(part: Any) -> Any:
+    """Return a part of a declaration without its places."""
+    if isinstance(part, tuple):
+        names = getattr(part, "_fields", ())
+        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
+        return type(part), *map(bare, kept)
+    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

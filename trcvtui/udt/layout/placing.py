@@ -137,6 +137,7 @@ class Placing:
         for at, (_, inner, node) in enumerate(parts):
             if type_.bit_fields:
                 end, align = self.after_bits(type_, at, end, align)
+                bit = 0 if any(one.at == at for one in type_.bit_fields) else bit
             step = self.step(node, cap)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit

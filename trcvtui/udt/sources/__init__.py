@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -17,7 +17,7 @@ from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
-from trcvtui.udt.sources.st import read_spec, read_st
+from trcvtui.udt.sources.st import VARIABLES_NOTE, read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
 from trcvtui.udt.types import Type
@@ -102,7 +102,6 @@ _SIGNS = {
     r"(?i)\bEND_(?:STRUCT|UNION|TYPE|VAR)\b": "IEC text",
     r"(?m)^[ \t]*(?:#[ \t]*(?:include|define|pragma|if)|typedef|struct|union|enum)\b": "C header",
 }
-LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
@@ -154,23 +153,26 @@ def read_xml_file(text: str, name: str) -> Declarations:
 def read_files(
     paths: Iterable[Path],
     constants: Mapping[str, int] | None = None,
-    last_wins: Collection[str] = (),
-    library: str = "",
+    has_system_types: bool = False,
 ) -> TypeSet:
-    """Return the types of files, good and bad, that use each other's; raise UserError if one is unreadable.
-
-    `library`: types in ST that are there without any file; one of the same name in a file comes first.
-    """
+    """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
     files: list[Declarations] = []
-    if library:
-        files.append(read_st(library, LIBRARY))
-        last_wins = {*last_wins, *(declared.name for declared in files[0].types)}
     paths = list(paths)
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(declarations_in(path))
-    return join(files, ", ".join(map(str, paths)), constants, last_wins)
+                files.append(apart(declarations_in(path), path, paths))
+    return join(files, ", ".join(map(str, paths)), constants, has_system_types)
+
+
+def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations:
+    """Return what a file declares; variables that are named by it have its folder where others are alike."""
+    folder, name = os.path.split(str(path))
+    if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
+        return read
+    if [os.path.basename(each).casefold() for each in map(str, paths)].count(name.casefold()) < 2:
+        return read
+    return read._replace(types=tuple([each._replace(name=f"{folder}/{each.name}") for each in read.types]))
 
 
 def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:

@@ -121,6 +121,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
+        has_adhoc=has_adhoc,
         words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
         is_secure=config is not None and config.session is not None and not config.is_message_oriented,
         ports=_ports(project),
@@ -339,7 +340,8 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
             text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
             more = "a message that comes in two pieces makes two jobs"
             name = receiver.instance
-            mend = Remedy("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
+            off = "ADHOC=0" if receiver.has_adhoc else f"LEN={receiver.need}"
+            mend = Remedy(f"{off}: a job ends with the whole type", f"set {name} {off}", None)
             yield Sign(0.6, (text, more), instance=name, mend=(mend,))
 
 

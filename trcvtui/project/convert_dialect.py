@@ -103,10 +103,19 @@ def _instances(project: Project, other: Project, notes: list[str]) -> tuple[Inst
     kept = []
     for decl in project.instances:
         if decl.block in blocks:
-            kept.append(_with_own_pins(decl, other, notes))
+            kept.append(_with_own_pins(_still_ad_hoc(decl, project, other), other, notes))
         else:
             notes.append(f"{decl.name} is left out: {other.dialect.name} has no {decl.block}")
     return tuple(kept)
+
+
+def _still_ad_hoc(decl: InstanceDecl, project: Project, other: Project) -> InstanceDecl:
+    """Return an instance that receives ad hoc as the other dialect has it: ADHOC = 1, or a LEN that means it."""
+    was, now, inputs = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block), dict(decl.inputs)
+    if was == now or not was or not now or not was.items() <= inputs.items():
+        return decl
+    kept = {name: value for name, value in inputs.items() if name not in was}
+    return replace(decl, inputs=tuple((kept | now).items()))
 
 
 def _with_own_pins(decl: InstanceDecl, other: Project, notes: list[str]) -> InstanceDecl:

@@ -327,7 +327,8 @@ def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
         f"receive static, LEN {size}, where messages have one length; else ReceiveData with a frame",
-        f"set {name} {_off(receiver)}LEN={size}", f"instance.{name}.ADHOC=false" if receiver.has_adhoc else None,
+        f"set {name} {_off(receiver)}LEN={size}",
+        f"instance.{name}.ADHOC=false" if receiver.has_adhoc else None,
     )  # fmt: skip
     length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
     cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))

@@ -110,7 +110,7 @@ def _instances(project: Project, other: Project, notes: list[str]) -> tuple[Inst
 
 
 def _still_ad_hoc(decl: InstanceDecl, project: Project, other: Project) -> InstanceDecl:
-    """Return an instance that receives ad hoc as the other dialect has it: ADHOC = 1, or a LEN that means it."""
+    """Return an instance that receives ad hoc as the other dialect has it: by ADHOC, or by its LEN."""
     was, now, inputs = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block), dict(decl.inputs)
     if was == now or not was or not now or not was.items() <= inputs.items():
         return decl

@@ -337,7 +337,7 @@ _DESCRIBED_CONNECT: Final = replace(
             writes=descriptions.dns_answer_of),
         Key("verify", VERIFY, "The only way to switch the check of a certificate off.",
             writes=descriptions.verify_of),
-        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: keep_alive.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
         _HISTORY,
     ),

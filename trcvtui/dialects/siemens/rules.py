@@ -137,6 +137,15 @@ SWITCHES: Final = (
     ),
     BACKLOG,
     INTERNAL_FAULT,
+    Switch(
+        "keep_alive",
+        "count",
+        30,
+        "seconds between probes of a silent partner where KeepAliveTimeInterval is 0: a dead link shows "
+        "after 2 to 3 of them; 30 is from memory, unverified",
+        least=1,
+        most=32767,
+    ),
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
@@ -235,6 +244,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),
+            keep_alive_s=int(chosen["keep_alive"]),
             narrow_tsaps=cpu.narrow_tsaps,
         ),
         buffers=int(chosen["buffers"]),
@@ -343,8 +353,8 @@ LEGACY_SWITCHES: Final = (
         "legacy_len0",
         "choice",
         "data",
-        "LEN = 0 of TRCV_C and TRCV: data, the size of DATA (S7-1200 System Manual 11/2011, Easy Book); adhoc, "
-        "as LEN = 65535 (STEP 7 help before 3.0)",
+        "LEN = 0 of TRCV_C and TRCV: data, the size of DATA (S7-1200 System Manual 11/2011, Easy Book); "
+        "adhoc, as LEN = 65535 (STEP 7 help before 3.0)",
         ("data", "adhoc"),
     ),
 )
@@ -376,7 +386,7 @@ OWN_ROWS: Final = (
         causes=(
             "nothing has come: normal with EN_R at 1; a cut line or a partner without power looks the same "
             "until keep-alive ends it",
-            "LEN is 65535: ad hoc, what is there ends the job; any other LEN is awaited whole, 0 is the size of DATA",
+            "LEN is 65535: ad hoc, what is there ends the job; any other LEN is awaited whole (0: DATA)",
             "EN_R fell, and the job goes on all the same until data is there",
         ),
         checks=(

@@ -46,9 +46,7 @@ def _never(
     ]
 
 
-OLD_AD_HOC: Final = (
-    "TRCV_C, TRCV: LEN is 65535, which was ad hoc in the instructions before 3.0; now ADHOC = 1 is, with LEN 0"
-)
+OLD_AD_HOC: Final = "TRCV_C, TRCV: LEN is 65535, ad hoc in the instructions before 3.0; now ADHOC = 1 is"
 
 PARAMETER_ERRORS: Final = (
     StatusRow(
@@ -190,7 +188,7 @@ PARAMETER_ERRORS: Final = (
         True,
         "LEN and DATA do not go together",
         (
-            "LEN is larger than DATA, often after DATA or its type was made smaller; 65535 was ad hoc before 3.0",
+            "LEN is larger than DATA, often after DATA was made smaller; 65535 was ad hoc before 3.0",
             "DATA is symbolic (in an optimized block) and LEN is not 0",
             "ADHOC = 1 into a symbolic DATA whose elements have more than 8 bits, on an S7-1200",
             "DATA is a STRING or WSTRING, and LEN cuts it (TSEND) or its header (TRCV)",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Final, Protocol
 
@@ -502,6 +502,18 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
                 steps.append(Step(number, line, command))
                 project = after(command, project)
     return steps
+
+
+def written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
+    """Return the variables of a project that commands write, each as it is after them."""
+    found: dict[str, bytes] = {}
+    for write in (step.command for step in steps):
+        decl = project.data_decl(write.data) if isinstance(write, words.Write) else None
+        if isinstance(write, words.Write) and decl is not None:
+            content = bytearray(found.get(decl.name, bytes(decl.size)))
+            content[write.offset : write.offset + len(write.payload)] = write.payload
+            found[decl.name] = bytes(content)
+    return found
 
 
 def _short(line: str) -> str:

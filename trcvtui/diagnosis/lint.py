@@ -13,7 +13,7 @@ from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.peer import read_routines
-from trcvtui.commands.table import parse_script
+from trcvtui.commands.table import parse_script, written_data
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import LineFinding, weighed
 from trcvtui.diagnosis.data_values import unwritten_members
@@ -61,22 +61,20 @@ def _as_started(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
     pins: dict[str, Pins] = {}
-    written: dict[str, bytes] = {}
-    for step in _steps(project):
+    steps = list(_steps(project))
+    for step in steps:
         if isinstance(step.command, words.Set):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
                 if (step.command.instance, pin) not in held:
                     known.setdefault(pin, True if value == "blink" else value)
-        elif isinstance(step.command, words.Write) and not step.command.offset:
-            written[step.command.data] = step.command.payload
     instances = tuple(
         [
             replace(each, inputs=tuple({**dict(each.inputs), **(now or pins).get(each.name, {})}.items()))
             for each in project.instances
         ]
     )
-    return replace(project, instances=instances), written
+    return replace(project, instances=instances), written_data(steps, project)
 
 
 def _steps(project: Project) -> Iterator[words.Step]:
@@ -264,9 +262,7 @@ def _one_port_twice(project: Project) -> Iterator[Sign]:
         if other is not config:
             calls = other.active, config.active
             text = f"{other.name} and {config.name} have one local port, {local.address}:{port}"
-            unsure = (
-                f"this bench takes both; some CPUs refuse one, {project.dialect.name} perhaps"
-            )
+            unsure = f"this bench takes both; some CPUs refuse one, {project.dialect.name} perhaps"
             is_taken = other.local.port == local.port == port and not all(calls)
             said = Sign(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
             late = other if calls == (True, False) else config  # one that calls binds after one that listens

@@ -159,7 +159,7 @@ class Runtime:
         if block_row(decl.block).on_buffer:
             return self._lines.binding(self._env, decl, self._data, priority)
         common: dict[str, Any] = {"env": self._env, "data": data, "instance": decl.name, "priority": priority}
-        addr = self._addrs[decl.addr] if decl.addr is not None else None
+        addr = self._addrs[decl.addr] if decl.addr is not None and block_row(decl.block).uses_addr else None
         if addr is not None and decl.on_config:
             return UdpBinding(**common, port=self._ports[decl.connect], address=addr)
         return Binding(**common, connection=self._connections[decl.connect], address=addr)

@@ -169,8 +169,8 @@ STARTS = {
     "BOOL": ("TRUE", "TRUE"),
     "TIME": ("T#1s500ms", "T#1s500ms"),
     "REAL": ("1e-7", "1.0e-07"),
-    "STRING[10]": ("'a*)$R$$b(*'", "'a$2A)$0D$24b($2A'"),
-    "WSTRING[4]": ("hex 41 00 0d 00 22 00", '"A$000D$0022"'),
+    "STRING[10]": ("'a*)$R$$b(*'", "'a$2A)$0D$$b($2A'"),
+    "WSTRING[4]": ("hex 41 00 0d 00 22 00", '"A$000D$""'),
     "Message": ("{a=1, text='x'}", "(a := 1, text := 'x', b := [16#00, 16#00])"),
     "INT": ("0", ""),
 }
@@ -289,7 +289,7 @@ def test_a_short_text_names_what_differs_from_a_default(tmp_path: Path) -> None:
 
 
 def test_no_other_vendor_has_a_multi_instance(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="st --multi: found baosky, expected a dialect of Siemens"):
+    with pytest.raises(UserError, match="st --multi: found baosky, expected a dialect"):
         st_text(project(tmp_path, instance("X", "TSEND_C")), ["X"], form=CallForm(is_multi=True))
 
 
@@ -310,11 +310,9 @@ def test_addr_of_tsend_and_trcv_is_there_and_does_nothing(tmp_path: Path) -> Non
     assert all("ADDR:=SEVEN" in st_call(bench.project, name) for name in "SR")
     do(bench, "pulse T REQ", scans=5)
     do(bench, "pulse S REQ", "set R EN_R=1", "peer P1 send hex 01 02 03 04 05 06 07 08", scans=5)
-    errors = [
-        e.event for e in bench.runtime.ledger if isinstance(e.event, StatusEdge) and e.event.outputs.error
-    ]
+    edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
     jobs = [bench.runtime.snapshot().instance(name) for name in "SR"]
-    assert errors == [] and [one and one.jobs_done for one in jobs] == [1, 1]
+    assert not any(edge.outputs.error for edge in edges) and [one and one.jobs_done for one in jobs] == [1, 1]
     bench.close()
 
 

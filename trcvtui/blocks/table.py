@@ -93,11 +93,6 @@ class BlockRow(Struct, frozen=True):
         return self._has("CONT") and not self.speaks_udp
 
     @property
-    def uses_addr(self) -> bool:
-        """Return whether ADDR has an effect: TSEND and TRCV of Siemens have the pin, too."""
-        return self.speaks_udp or self.builds
-
-    @property
     def on_buffer(self) -> bool:
         return bool(self.buffer_pin)
 

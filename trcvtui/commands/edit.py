@@ -20,7 +20,7 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, quoted, unquoted
+from trcvtui.commands.tokens import Words, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
@@ -52,6 +52,7 @@ from trcvtui.project.project import (
 )
 from trcvtui.project.proposals import NEW
 from trcvtui.project.tables import Given, shown
+from trcvtui.udt.literals import quoted
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,

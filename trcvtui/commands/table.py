@@ -20,14 +20,14 @@ from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
 from trcvtui.commands.reader import after, parse_create, parse_delete, parse_download, parse_resize
-from trcvtui.commands.tokens import Words, quoted
+from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
 from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_time, quoted
 
 MILLISECOND: Final = 1_000_000
 _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
@@ -506,14 +506,13 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
 
 def written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
     """Return the variables of a project that commands write, each as it is after them."""
-    found: dict[str, bytes] = {}
-    for write in (step.command for step in steps):
-        decl = project.data_decl(write.data) if isinstance(write, words.Write) else None
-        if isinstance(write, words.Write) and decl is not None:
-            content = bytearray(found.get(decl.name, bytes(decl.size)))
-            content[write.offset : write.offset + len(write.payload)] = write.payload
-            found[decl.name] = bytes(content)
-    return found
+    found = {decl.name: bytearray(decl.size) for decl in project.data}
+    writes = [
+        write for step in steps if isinstance(write := step.command, words.Write) and write.data in found
+    ]
+    for write in writes:
+        found[write.data][write.offset : write.offset + len(write.payload)] = write.payload
+    return {write.data: bytes(found[write.data]) for write in writes}
 
 
 def _short(line: str) -> str:

@@ -121,7 +121,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
-        has_adhoc=has_adhoc,
+        static="ADHOC=0 " if has_adhoc else "",
         words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
         is_secure=config is not None and config.session is not None and not config.is_message_oriented,
         ports=_ports(project),
@@ -237,7 +237,7 @@ def _status(project: Project, block: str, condition: Condition) -> tuple[int, ..
 
 def _one_id_twice(project: Project) -> Iterator[Sign]:
     first: dict[int, ConnectConfig] = {}
-    mend = Remedy("give each of them an ID of its own: one ID is one connection")
+    mend = (Remedy("give each of them an ID of its own: one ID is one connection"),)
     for config in project.connects:
         if config.description is None or config.flaw is not None:
             continue
@@ -245,7 +245,7 @@ def _one_id_twice(project: Project) -> Iterator[Sign]:
         other = first.setdefault(identity, config)
         if other is not config:
             how = TakenId.BUILDING if config.description == other.description else TakenId.OTHER
-            said = Sign(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=(mend,))
+            said = Sign(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
             yield _of_opener(project, config, (SetUpStage.IDENTITY, how), said)
 
 
@@ -368,7 +368,7 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
             text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
             more = "a message that comes in two pieces makes two jobs"
             name = receiver.instance
-            off = "ADHOC=0" if receiver.has_adhoc else f"LEN={receiver.need}"
+            off = receiver.static.strip() or f"LEN={receiver.need}"
             mend = Remedy(f"{off}: a job ends with the whole type", f"set {name} {off}", None)
             yield Sign(0.6, (text, more), instance=name, mend=(mend,))
 

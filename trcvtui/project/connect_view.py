@@ -13,7 +13,7 @@ from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
-from trcvtui.udt.st_value import quoted
+from trcvtui.udt.literals import quoted
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 

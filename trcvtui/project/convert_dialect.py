@@ -103,27 +103,21 @@ def _instances(project: Project, other: Project, notes: list[str]) -> tuple[Inst
     kept = []
     for decl in project.instances:
         if decl.block in blocks:
-            kept.append(_with_own_pins(_still_ad_hoc(decl, project, other), other, notes))
+            kept.append(_with_own_pins(decl, project, other, notes))
         else:
             notes.append(f"{decl.name} is left out: {other.dialect.name} has no {decl.block}")
     return tuple(kept)
 
 
-def _still_ad_hoc(decl: InstanceDecl, project: Project, other: Project) -> InstanceDecl:
-    """Return an instance that receives ad hoc as the other dialect has it: by ADHOC, or by its LEN."""
-    was, now, inputs = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block), dict(decl.inputs)
-    if was == now or not was or not now or not was.items() <= inputs.items():
-        return decl
-    kept = {name: value for name, value in inputs.items() if name not in was}
-    return replace(decl, inputs=tuple((kept | now).items()))
-
-
-def _with_own_pins(decl: InstanceDecl, other: Project, notes: list[str]) -> InstanceDecl:
-    pins = {pin.name for pin in other.pins(decl.block)}
-    for name, _ in decl.inputs:
+def _with_own_pins(decl: InstanceDecl, project: Project, other: Project, notes: list[str]) -> InstanceDecl:
+    pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
+    was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
+    if was != now and was and now and was.items() <= inputs.items():  # ad hoc by ADHOC, or by its LEN
+        inputs = {name: value for name, value in inputs.items() if name not in was} | now
+    for name in inputs:
         if name not in pins:
             notes.append(f"{decl.name}: {name} is left out: {decl.block} has no such pin")
-    return replace(decl, inputs=tuple((name, value) for name, value in decl.inputs if name in pins))
+    return replace(decl, inputs=tuple((name, value) for name, value in inputs.items() if name in pins))
 
 
 # -- CONNECTs ------------------------------------------------------------------------------------------------

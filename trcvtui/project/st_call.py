@@ -27,7 +27,7 @@ POINTER: Final = "p"  # so begins the name of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written: only what differs from a default; of a multi-instance. `written`: DATA at start."""
+    """How a call is written: with what differs from a default alone; `written`: DATA as `start` leaves it."""
 
     is_short: bool = False
     is_multi: bool = False
@@ -46,7 +46,7 @@ def st_text(
     that is not in it has its initial value.
     """
     if form.is_multi and not project.dialect.describes_connects:
-        raise mistake("trcvtui st --multi", project.dialect.name, "a dialect of Siemens: # is of SCL")
+        raise mistake("trcvtui st --multi", project.dialect.name, "a dialect whose language is SCL")
     given = inputs or {}
     calls = [st_call(project, name, given.get(name, NO_INPUTS), form) for name in names]
     return "\n\n".join([st_variables(project, names, form), *calls])
@@ -69,12 +69,12 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins that a call names: CODESYS takes no call without its in-outs, TIA one."""
-    pins, of_tia = project.pins(decl.block), project.dialect.describes_connects
-    # TIA hides CONT, and its default is not known here.
-    kept = {"CONT"} if of_tia else {pin.name for pin in _of(pins, Direction.IN_OUT)}
-    differ = {name for name, value in values.items() if value}
-    return [pin for pin in pins if not form.is_short or pin.name in kept | differ]
+    """Return the pins that a call names; a short one needs in-outs in CODESYS, and CONT, which TIA hides."""
+    pins = project.pins(decl.block)
+    in_outs = {pin.name for pin in _of(pins, Direction.IN_OUT)}
+    kept = {"CONT"} if project.dialect.describes_connects else in_outs
+    kept |= {name for name, value in values.items() if value}
+    return [pin for pin in pins if not form.is_short or pin.name in kept]
 
 
 def _row(decl: InstanceDecl) -> BlockRow:

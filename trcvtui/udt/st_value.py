@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import groupby
 from typing import Final
 
@@ -11,7 +10,8 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedArray, PlacedLeaf, PlacedUnion
 from trcvtui.udt.layout.value_text import real_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, Enumeration, LeafType, StringType, Subrange, ValueKind
+from trcvtui.udt.literals import quoted
+from trcvtui.udt.types import Elementary, LeafType, StringType, ValueKind
 
 FEWEST_REPEATED: Final = 4  # `4(16#00)`, and fewer one by one
 
@@ -39,31 +39,12 @@ def _repeated(values: list[str]) -> list[str]:
 
 
 def _literal(type_: LeafType, size: int, value: Value) -> str:
-    match type_, value:
-        case StringType(wide=wide), _:
-            return quoted(str(value), wide)
-        case Enumeration(), _:
-            name = next((name for name, number in type_.values if number == value), "")
-            return f"{type_.name}.{name}" if type_.name and name else str(value)
-        case Subrange(base=base), _:
-            return _literal(base, size, value)
-        case Elementary(kind=ValueKind.BITS), int():
-            return f"16#{value:0{2 * size}X}"
-        case Elementary(kind=ValueKind.BOOL), _:
-            return str(value).upper()
-        case Elementary(kind=ValueKind.CHARACTER), _:
-            return quoted(str(value), size > 1)
-        case Elementary(kind=ValueKind.REAL), float():
-            text = real_text(value, size)
-            return text if "." in text else text.replace("e", ".0e")
-    return str(value)
-
-
-def quoted(text: str, wide: bool = False) -> str:
-    """Return a STRING or WSTRING; in a comment of ST, too, it begins and ends none."""
-    mark, digits = ('"', 4) if wide else ("'", 2)
-    escaped = (
-        one if one.isprintable() and one not in f"${mark}" else f"${ord(one) % 16**digits:0{digits}X}"
-        for one in text
-    )
-    return mark + re.sub(r"(?<=\()\*|\*(?=\))", f"${ord('*'):0{digits}X}", "".join(escaped)) + mark
+    kind = type_.kind if isinstance(type_, Elementary) else None
+    if isinstance(type_, StringType) or kind is ValueKind.CHARACTER:
+        return quoted(str(value), type_.wide if isinstance(type_, StringType) else size > 1)
+    if isinstance(value, bool):
+        return str(value).upper()
+    if isinstance(value, float):
+        text = real_text(value, size)
+        return text if "." in text else text.replace("e", ".0e")
+    return f"16#{value:0{2 * size}X}" if kind is ValueKind.BITS else str(value)

@@ -20,7 +20,7 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, quoted, unquoted
+from trcvtui.commands.tokens import Words, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
@@ -52,13 +52,14 @@ from trcvtui.project.project import (
 )
 from trcvtui.project.proposals import NEW
 from trcvtui.project.tables import Given, shown
+from trcvtui.udt.literals import quoted
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
 # 127.0.0.1, the first port from 2000 on that no part of the project has; keys of a CONNECT in the line
 # (LocalPort=2500) are its.
-# DATA: 1024 bytes to receive into, 16 to send. A receiver with an ADHOC pin gets ADHOC = 1, so that the first
-# bytes of anybody are a DONE.
+# DATA: 1024 bytes to receive into, 16 to send. A receiver of a stream is ad hoc, so that the first bytes of
+# anybody are a DONE.
 
 FIRST_PORT: Final = 2000
 LAST_PORT: Final = 49_151  # after them the system's own, for active ends
@@ -66,7 +67,6 @@ HOST: Final = "127.0.0.1"
 OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
 RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
 SENT: Final = "ARRAY[0..15] OF BYTE"
-ADHOC: Final = "ADHOC"
 LISTEN: Final = ("connect", "udp_config")
 STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
 
@@ -117,9 +117,8 @@ def complete(
         project = with_entry(project, decl)
         made.append(decl)
         whole[key] = name
-    pins = {pin.name for pin in project.pins(block)}
-    if row.receives and ADHOC in pins and not whole.keys() & {ADHOC, "LEN"}:
-        whole[ADHOC] = True
+    if not whole.keys() & {"ADHOC", "LEN"}:
+        whole |= project.adhoc_inputs(block)
     return whole, tuple(made)
 
 

@@ -135,6 +135,9 @@ def wrong_length(e: Evidence) -> Answer:
     if have is None or most is None:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
+    if e.cause.value == 65535 and e.has_adhoc and e.config is not None and e.config.description:
+        cause = f"LEN is 65535, which was ad hoc in the instructions before 3.0; {data}"
+        return do(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"

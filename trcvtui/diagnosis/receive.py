@@ -61,17 +61,17 @@ def _before(e: Evidence, thing: str) -> str:
 
 
 def _pin(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "LEN 0 is ad hoc"
+    return "ADHOC" if e.has_adhoc else "this LEN is ad hoc"
 
 
 def _switch(e: Evidence) -> str:
     if e.pin("ADHOC"):
         return "ADHOC, which is 1 for the next job,"
-    return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
+    return "ADHOC=1" if e.has_adhoc else "LEN=65535, which is ad hoc here,"
 
 
 def _name(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "LEN 0"
+    return "ADHOC" if e.has_adhoc else "this LEN"
 
 
 def _since_up(e: Evidence) -> str:

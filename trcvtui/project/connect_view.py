@@ -14,6 +14,7 @@ from trcvtui.net.connection.description_check import Flaw, Protocol, field_name,
 from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
 from trcvtui.system_types import UNVERIFIED
+from trcvtui.udt.literals import quoted
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 
@@ -112,7 +113,7 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
             size = int.from_bytes(description.data[field.offset : field.offset + 2], "big")
             return f"(TSelLength := {size}, TSel := {_array(value)})"  # also a length that does not fit
         case FieldType.NAME, str():
-            return "'" + "".join(_character(one) for one in value) + "'"
+            return quoted(value)
         case FieldType.BYTES, bytes():
             return _array(value)
         case _:
@@ -121,10 +122,6 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
 
 def _array(data: bytes) -> str:
     return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
-
-
-def _character(one: str) -> str:
-    return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
 
 
 TLS: Final = "TLS"

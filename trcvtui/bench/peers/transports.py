@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
+from trcvtui.net.broadcast import hear_broadcasts, take_broadcast
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
@@ -25,6 +26,8 @@ LARGEST: Final = 65507  # bytes of a datagram
 
 class _Transport:
     """What both have: the peer's queues, and an own end that is kept from one socket to the next."""
+
+    broadcasts = False  # datagrams to a broadcast address are sent, and heard
 
     def __init__(
         self,
@@ -337,6 +340,7 @@ class DatagramTransport(_Transport):
     """One UDP socket, a datagram a message, to the `remote` of the file, else to the sender heard last."""
 
     _handle: Handle | None = None
+    _hearing: Handle | None = None  # a second socket, for broadcasts
     _heard: Endpoint | None = None  # the end that sent last
     listening_port: int | None = None  # of TCP
 
@@ -377,7 +381,17 @@ class DatagramTransport(_Transport):
         self._reached_by(handle)
         self._queues.begin()
         self._queues.note("listening", f"{self.local} (UDP)")
+        if self.broadcasts and self.local is not None:
+            self._begin_broadcasts(handle, self.local)
         return ""
+
+    def _begin_broadcasts(self, handle: Handle, local: Endpoint) -> None:
+        refused = self._kernel.set_broadcast(handle)
+        made = hear_broadcasts(self._kernel, self._decl.name, local, polled=False)
+        self._hearing = None if isinstance(made, str) else made
+        for wrong in (refused, made):
+            if isinstance(wrong, Fault | str):
+                self._queues.note("no broadcasts", str(wrong))
 
     def close(self) -> str:
         """Close the socket; what waits in it, and what is still to be sent, is gone."""
@@ -413,9 +427,10 @@ class DatagramTransport(_Transport):
         return ""
 
     def end(self) -> None:
-        if self._handle is not None:
-            self._kernel.close(self._handle)
-            self._handle = None
+        for handle in (self._handle, self._hearing):
+            if handle is not None:
+                self._kernel.close(handle)
+        self._handle = self._hearing = None
 
     # -- between scans -------------------------------------------------------------------------------
 
@@ -429,6 +444,8 @@ class DatagramTransport(_Transport):
     def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_DATAGRAMS):
             got = self._kernel.recv_from(handle, self._queues.landing)
+            if got is WOULD_BLOCK and self._hearing is not None:
+                got = take_broadcast(self._kernel, self._hearing, self._queues.landing, self.local)
             if isinstance(got, Fault):
                 self._queues.note("cannot receive", str(got))
             if not isinstance(got, Datagram):

@@ -236,6 +236,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),
             narrow_tsaps=cpu.narrow_tsaps,
+            broadcasts=True,  # System Manual, TUSEND: by the address in ADDR
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),

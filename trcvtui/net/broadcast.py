@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
 
-MOST_OWN: Final = 256  # broadcasts of our own that one call passes over
+MOST_OWN: Final = 256  # datagrams of our own that one call passes over
 
 
 def hear_broadcasts(kernel: Kernel, owner: str, local: Endpoint, polled: bool = True) -> Handle | str:
@@ -36,12 +36,15 @@ def hear_broadcasts(kernel: Kernel, owner: str, local: Endpoint, polled: bool = 
     return f"{end}: {fault}"
 
 
-def take_broadcast(
-    kernel: Kernel, handle: Handle, into: memoryview, own: Endpoint | None
+def take_of_others(
+    kernel: Kernel, handles: tuple[Handle, Handle], into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next broadcast of another end: the stack brings our own back, and a CPU does not hear itself."""
-    for _ in range(MOST_OWN):
-        got = kernel.recv_from(handle, into)
-        if not isinstance(got, Datagram) or got.source != own:
-            return got
+    """Take the next datagram of another end: the stack brings our own back, and a CPU does not hear itself."""
+    for handle in handles:
+        for _ in range(MOST_OWN):
+            got = kernel.recv_from(handle, into)
+            if got is WOULD_BLOCK:
+                break
+            if not isinstance(got, Datagram) or got.source != own:
+                return got
     return WOULD_BLOCK

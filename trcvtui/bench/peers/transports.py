@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
-from trcvtui.net.broadcast import hear_broadcasts, take_broadcast
+from trcvtui.net.broadcast import hear_broadcasts, take_of_others
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
@@ -443,9 +443,11 @@ class DatagramTransport(_Transport):
 
     def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_DATAGRAMS):
-            got = self._kernel.recv_from(handle, self._queues.landing)
-            if got is WOULD_BLOCK and self._hearing is not None:
-                got = take_broadcast(self._kernel, self._hearing, self._queues.landing, self.local)
+            if self._hearing is None:
+                got = self._kernel.recv_from(handle, self._queues.landing)
+            else:
+                both = handle, self._hearing
+                got = take_of_others(self._kernel, both, self._queues.landing, self.local)
             if isinstance(got, Fault):
                 self._queues.note("cannot receive", str(got))
             if not isinstance(got, Datagram):

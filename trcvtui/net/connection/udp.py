@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from trcvtui.net.broadcast import hear_broadcasts, take_broadcast
+from trcvtui.net.broadcast import hear_broadcasts, take_of_others
 from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, SocketUse, State
 from trcvtui.net.connection.description_check import Flaw
@@ -179,9 +179,11 @@ class UdpEndpoint(Connection):
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; what there is no room for is gone."""
         assert self.handle is not None
-        got = self._kernel.recv_from(self.handle, into)
-        if got is WOULD_BLOCK and self.set_up.hearing is not None:
-            got = take_broadcast(self._kernel, self.set_up.hearing, into, self._local)
+        hearing = self.set_up.hearing
+        if hearing is None:
+            got = self._kernel.recv_from(self.handle, into)
+        else:
+            got = take_of_others(self._kernel, (self.handle, hearing), into, self._local)
         if isinstance(got, Datagram):
             self.peer = got.source
             self._took(into[: got.size], instance, got.whole - got.size if self.is_config else 0)

@@ -1,7 +1,7 @@
 """UDP broadcasts: one socket may send them, and a second one hears those of its network.
 
-A socket that is bound to an address gets no broadcast on Linux. The second one is bound to the broadcast address
-of that very network, never to 0.0.0.0; 255.255.255.255 comes to neither.
+A socket that is bound to an address gets no broadcast on Linux. The second one is bound to the broadcast
+address of that very network, never to 0.0.0.0; 255.255.255.255 comes to neither.
 """
 
 from __future__ import annotations
@@ -14,8 +14,13 @@ from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlo
 MOST_OWN: Final = 256  # datagrams of our own that one call passes over
 
 
-def hear_broadcasts(kernel: Kernel, owner: str, local: Endpoint, polled: bool = True) -> Handle | str:
-    """Return a socket that hears the broadcasts of a local end's network and port, or why there is none."""
+def begin_broadcasts(
+    kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
+) -> Handle | str:
+    """Let a socket send broadcasts; return a second one that hears those of its network, or why not."""
+    refused = kernel.set_broadcast(handle)
+    if refused is not None:
+        return str(refused)
     both_loopback = is_loopback(local.address)  # all of 127.0.0.0/8 is one network
     own = (
         each.broadcast
@@ -39,7 +44,7 @@ def hear_broadcasts(kernel: Kernel, owner: str, local: Endpoint, polled: bool = 
 def take_of_others(
     kernel: Kernel, handles: tuple[Handle, Handle], into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next datagram of another end: the stack brings our own back, and a CPU does not hear itself."""
+    """Take the next datagram of another end: the stack brings back our own, which a CPU does not hear."""
     for handle in handles:
         for _ in range(MOST_OWN):
             got = kernel.recv_from(handle, into)

@@ -64,10 +64,14 @@ class LayerMessage(NamedTuple):
 
 
 class SessionEnd(NamedTuple):
-    """Why a session is over: the word that a dialect maps to a code, and what a person should read."""
+    """Why a session is over: the word that a dialect maps to a code, and what a person should read.
+
+    `words`: what the library, or an alert of the partner, calls the reason: `protocol_version`.
+    """
 
     error: str
     detail: str
+    words: str = ""
 
 
 class LayerSession(Protocol):

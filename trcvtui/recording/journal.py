@@ -200,7 +200,17 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     "dropped": (int,),
     "path": (NOTHING, PathInfo),
     **dict.fromkeys(
-        ("set_reuse", "set_broadcast", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
+        (
+            "set_reuse",
+            "set_broadcast",
+            "bind",
+            "listen",
+            "poll_add",
+            "poll_del",
+            "connect",
+            "shutdown",
+            "probe",
+        ),
         (NOTHING, Fault),
     ),
     **dict.fromkeys(("abort", "close"), (NOTHING, Fault)),

@@ -24,7 +24,7 @@ LAST_SHOWN: Final = 4096  # received bytes in a snapshot
 class Peer:
     """One peer: its queues and its transport. Commands answer "" or what is wrong.
 
-    `small_buffers`: as small as those of the PLC's CONNECTs; `broadcasts`: as the PLC it sends and hears them.
+    `small_buffers`: as small as those of the PLC's CONNECTs; `broadcasts`: sent and heard.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
-from trcvtui.net.broadcast import hear_broadcasts, take_of_others
+from trcvtui.net.broadcast import begin_broadcasts, take_of_others
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
@@ -382,16 +382,12 @@ class DatagramTransport(_Transport):
         self._queues.begin()
         self._queues.note("listening", f"{self.local} (UDP)")
         if self.broadcasts and self.local is not None:
-            self._begin_broadcasts(handle, self.local)
+            name = self._decl.name
+            made = begin_broadcasts(self._kernel, name, handle, self.local, polled=False)
+            self._hearing = None if isinstance(made, str) else made
+            if isinstance(made, str):
+                self._queues.note("no socket for broadcasts", made)
         return ""
-
-    def _begin_broadcasts(self, handle: Handle, local: Endpoint) -> None:
-        refused = self._kernel.set_broadcast(handle)
-        made = hear_broadcasts(self._kernel, self._decl.name, local, polled=False)
-        self._hearing = None if isinstance(made, str) else made
-        for wrong in (refused, made):
-            if isinstance(wrong, Fault | str):
-                self._queues.note("no broadcasts", str(wrong))
 
     def close(self) -> str:
         """Close the socket; what waits in it, and what is still to be sent, is gone."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from trcvtui.net.broadcast import hear_broadcasts, take_of_others
+from trcvtui.net.broadcast import begin_broadcasts, take_of_others
 from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, SocketUse, State
 from trcvtui.net.connection.description_check import Flaw
@@ -55,19 +55,11 @@ class UdpSetUp(SetUp):
         if self.local is not None:
             self._kept_port = self.local.port
             if self._policy.broadcasts:
-                self._begin_broadcasts(self.attempt, self.local)
+                made = begin_broadcasts(self._kernel, self.config.name, self.attempt, self.local)
+                self.hearing = None if isinstance(made, str) else made
+                if isinstance(made, str):  # the port works as any other
+                    self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {made}")
         return None
-
-    def _begin_broadcasts(self, handle: Handle, local: Endpoint) -> None:
-        """Send and hear broadcasts; where that fails the port works as any other."""
-        refused = self._kernel.set_broadcast(handle)
-        if refused is not None:
-            self._note(EventKind.OPTION_REFUSED, None, str(refused))
-        made = hear_broadcasts(self._kernel, self.config.name, local)
-        if isinstance(made, str):
-            self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {made}")
-        else:
-            self.hearing = made
 
     def _reuse(self, handle: Handle) -> Fault | None:
         return None  # two programs would share the port, and the datagrams

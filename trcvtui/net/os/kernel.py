@@ -339,9 +339,7 @@ class OsKernel:
             return Fault("socket", error_name(problem))
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
-        return self._do(
-            "set_broadcast", handle, lambda sock: sock.setsockopt(BASE, socket.SO_BROADCAST, 1)
-        )
+        return self._do("set_broadcast", handle, lambda sock: sock.setsockopt(BASE, socket.SO_BROADCAST, 1))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         if self._links.is_down(handle):

@@ -76,7 +76,7 @@ class DatagramWire:
                 target.arrive(source, data)
 
     def _sockets_at(self, end: Endpoint) -> list[SimDatagrams]:
-        """Return who gets a datagram: one socket, of a broadcast each that is bound to it or to any address."""
+        """Return who gets a datagram: of a broadcast each socket that is bound to it or to any address."""
         if not self.wire.is_broadcast(end.address):
             target = self._socket_at(end)
             return [] if target is None else [target]

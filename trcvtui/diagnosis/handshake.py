@@ -20,7 +20,7 @@ _THEIRS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the partner
     ),
     TlsError.NO_CA: (
         "the certificate of {peer} was signed by none that {trusts} trusts",
-        "give {trusts} the certificate of the CA that signed it; of a self-signed one itself, if it is genuine",
+        "give {trusts} the certificate of its CA, or a self-signed one itself once you know it to be genuine",
     ),
     TlsError.EXPIRED: (
         "the certificate of {peer} has expired, or the clock here is wrong",

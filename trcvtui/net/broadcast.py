@@ -16,38 +16,33 @@ MOST_OWN: Final = 256  # datagrams of our own that one call passes over
 
 def begin_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
-) -> Handle | str:
-    """Let a socket send broadcasts; return a second one that hears those of its network, or why not."""
+) -> tuple[Handle | None, str]:
+    """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
     refused = kernel.set_broadcast(handle)
-    if refused is not None:
-        return str(refused)
-    both_loopback = is_loopback(local.address)  # all of 127.0.0.0/8 is one network
-    own = (
-        each.broadcast
-        for each in kernel.local_addresses()
-        if each.address == local.address or (both_loopback and is_loopback(each.address))
-    )
-    everybody = next(own, "")
-    if not everybody:
-        return f"this system tells no broadcast address of {local.address}"
-    made = kernel.datagram_socket(owner)
+    here, own = local.address, kernel.local_addresses()  # 127.0.0.0/8 is one network
+    near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
+    everybody = next((each.broadcast for each in near), "")
+    if refused is not None or not everybody:
+        return None, str(refused or f"this system tells no broadcast address of {local.address}")
+    made, end = kernel.datagram_socket(owner), Endpoint(everybody, local.port)
     if isinstance(made, Fault):
-        return str(made)
-    end = Endpoint(everybody, local.port)
-    fault = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
-    if fault is None:
-        return made
+        return None, str(made)
+    refused = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
+    if refused is None:
+        return made, ""
     kernel.close(made)
-    return f"{end}: {fault}"
+    return None, f"{end}: {refused}"
 
 
-def take_of_others(
-    kernel: Kernel, handles: tuple[Handle, Handle], into: memoryview, own: Endpoint | None
+def take_datagram(
+    kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next datagram of another end: the stack brings back our own, which a CPU does not hear."""
-    for handle in handles:
+    """Take the next datagram; with broadcasts the stack brings back our own, which a CPU does not hear."""
+    if hearing is None:
+        return kernel.recv_from(handle, into)
+    for each in (handle, hearing):
         for _ in range(MOST_OWN):
-            got = kernel.recv_from(handle, into)
+            got = kernel.recv_from(each, into)
             if got is WOULD_BLOCK:
                 break
             if not isinstance(got, Datagram) or got.source != own:

@@ -154,10 +154,7 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket: bind, the poll set and close serve it as any other.
-
-        With set_reuse several hear what comes to one broadcast address; of another they would share it.
-        """
+        """Make a UDP socket, used as any other; set_reuse is for those that hear one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
         """Let a UDP socket send to broadcast addresses, which is EACCES without."""

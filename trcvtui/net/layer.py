@@ -64,14 +64,11 @@ class LayerMessage(NamedTuple):
 
 
 class SessionEnd(NamedTuple):
-    """Why a session is over: the word that a dialect maps to a code, and what a person should read.
-
-    `words`: what the library, or an alert of the partner, calls the reason: `protocol_version`.
-    """
+    """Why a session is over: the word that a dialect maps to a code, and what a person should read."""
 
     error: str
     detail: str
-    words: str = ""
+    words: str = ""  # what the library, or an alert of the partner, calls the reason: `protocol_version`
 
 
 class LayerSession(Protocol):

@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
-from trcvtui.net.broadcast import begin_broadcasts, take_of_others
+from trcvtui.net.broadcast import begin_broadcasts, take_datagram
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
@@ -383,10 +383,9 @@ class DatagramTransport(_Transport):
         self._queues.note("listening", f"{self.local} (UDP)")
         if self.broadcasts and self.local is not None:
             name = self._decl.name
-            made = begin_broadcasts(self._kernel, name, handle, self.local, polled=False)
-            self._hearing = None if isinstance(made, str) else made
-            if isinstance(made, str):
-                self._queues.note("no socket for broadcasts", made)
+            self._hearing, why = begin_broadcasts(self._kernel, name, handle, self.local, polled=False)
+            if why:
+                self._queues.note("no socket for broadcasts", why)
         return ""
 
     def close(self) -> str:
@@ -439,11 +438,7 @@ class DatagramTransport(_Transport):
 
     def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_DATAGRAMS):
-            if self._hearing is None:
-                got = self._kernel.recv_from(handle, self._queues.landing)
-            else:
-                both = handle, self._hearing
-                got = take_of_others(self._kernel, both, self._queues.landing, self.local)
+            got = take_datagram(self._kernel, handle, self._hearing, self._queues.landing, self.local)
             if isinstance(got, Fault):
                 self._queues.note("cannot receive", str(got))
             if not isinstance(got, Datagram):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from trcvtui.net.broadcast import begin_broadcasts, take_of_others
+from trcvtui.net.broadcast import begin_broadcasts, take_datagram
 from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, SocketUse, State
 from trcvtui.net.connection.description_check import Flaw
@@ -55,10 +55,10 @@ class UdpSetUp(SetUp):
         if self.local is not None:
             self._kept_port = self.local.port
             if self._policy.broadcasts:
-                made = begin_broadcasts(self._kernel, self.config.name, self.attempt, self.local)
-                self.hearing = None if isinstance(made, str) else made
-                if isinstance(made, str):  # the port works as any other
-                    self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {made}")
+                name = self.config.name
+                self.hearing, why = begin_broadcasts(self._kernel, name, self.attempt, self.local)
+                if why:  # the port works as any other
+                    self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {why}")
         return None
 
     def _reuse(self, handle: Handle) -> Fault | None:
@@ -171,11 +171,7 @@ class UdpEndpoint(Connection):
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; what there is no room for is gone."""
         assert self.handle is not None
-        hearing = self.set_up.hearing
-        if hearing is None:
-            got = self._kernel.recv_from(self.handle, into)
-        else:
-            got = take_of_others(self._kernel, (self.handle, hearing), into, self._local)
+        got = take_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
         if isinstance(got, Datagram):
             self.peer = got.source
             self._took(into[: got.size], instance, got.whole - got.size if self.is_config else 0)

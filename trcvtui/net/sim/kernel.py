@@ -223,8 +223,8 @@ class SimKernel:
         fragment: bool = False,
         names: Mapping[str, str] | None = None,
     ) -> None:
-        heard = frozenset(broadcast_at(address) for address in addresses if address not in not_ethernet)
-        self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns, heard)
+        self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self.wire.broadcasts |= {broadcast_at(each) for each in addresses if each not in not_ethernet}
         self.datagrams = DatagramWire(self.wire, latency_ns)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
         self._random = Chance(seed)
@@ -439,10 +439,9 @@ class SimKernel:
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
         socket = self._sockets.get(handle)
-        if not isinstance(socket, SimDatagrams):
-            return Fault("set_broadcast", "EBADF") if socket is None else None
-        socket.may_broadcast = True
-        return None
+        if isinstance(socket, SimDatagrams):
+            socket.may_broadcast = True
+        return _fault("set_broadcast", "EBADF" if socket is None else "")
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         socket = self._sockets.get(handle)

@@ -128,11 +128,9 @@ class SimListener:
 class SimWire:
     """The one machine that all handles share: loopback and its own addresses, nobody else."""
 
-    def __init__(
-        self, addresses: tuple[str, ...], latency: int, broadcasts: frozenset[str] = frozenset()
-    ) -> None:
+    def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
-        self._broadcasts = broadcasts | {broadcast_at(LOOPBACK), EVERYBODY}
+        self.broadcasts = {broadcast_at(LOOPBACK), EVERYBODY}
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
@@ -169,7 +167,7 @@ class SimWire:
         return is_loopback(address) or address in self.addresses
 
     def is_broadcast(self, address: str) -> bool:
-        return address in self._broadcasts and address not in self.addresses
+        return address in self.broadcasts and address not in self.addresses
 
     # -- segments ------------------------------------------------------------------------------------
 
@@ -443,7 +441,8 @@ class SimSocket:
         if not is_sane(end) and self.owner not in self._wire.played:
             return "EINVAL"
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
-        error = self._no_way_to(remote.address)
+        is_broadcast = self._wire.is_broadcast(remote.address)
+        error = "ENETUNREACH" if is_broadcast else self._no_way_to(remote.address)
         if error:
             return error
         local = self._source_for(remote.address)

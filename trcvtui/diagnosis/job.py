@@ -14,7 +14,6 @@ from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.history.records import Facts
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
-from trcvtui.net.layer import TlsError
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
@@ -300,20 +299,6 @@ def no_such_selector(e: Evidence) -> Answer:
         "make the selectors fit crosswise: its remote one has to "
         f"be {ours} (our local one) and its local one {theirs} (our remote one)",
     )
-
-
-def look_at_the_certificate(e: Evidence) -> Answer:
-    """Return how to look at what the partner shows."""
-    if e.config is None or not e.config.active or not e.cause.peer:
-        return ""
-    return do("", f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows")
-
-
-def showed_no_certificate(e: Evidence) -> Answer:
-    """The partner showed no certificate, or one that will not do."""
-    if e.cause.error == TlsError.NO_CERTIFICATE:
-        return do(f"{_peer(e)} showed no certificate, and is asked for one", "set its own certificate there")
-    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
 
 
 # -- DATA and LEN ----------------------------------------------------------------------------------------

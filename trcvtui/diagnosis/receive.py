@@ -343,8 +343,8 @@ def nobody_sends(e: Evidence) -> Answer:
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
             return do(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return do(
-        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, and a firewall drops "
-        "without a word",
+        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, a firewall drops without a "
+        "word, and 255.255.255.255 is not heard",
         "check whether the partner sends to this address and port",
     )
 

@@ -227,6 +227,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             tpdu_default=int(chosen["iso_tpdu_default"]),
             keep_alive_s=int(chosen["keep_alive"]),
             narrow_tsaps=cpu.narrow_tsaps,
+            broadcasts=True,  # System Manual, TUSEND: by the address in ADDR
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),

@@ -35,6 +35,7 @@ class Policy(Struct, frozen=True):
     tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
     narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 after it, then ASCII
     keep_alive_s: int = SYSTEM_KEEP_ALIVE_S
+    broadcasts: bool = False  # the manual has UDP to broadcast addresses: they are sent, and heard
     user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
 
 

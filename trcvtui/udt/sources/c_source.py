@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs
 
 PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
@@ -33,6 +34,7 @@ _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
 _SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
+_CLASS = re.compile(r"\bclass\b(?=\s+\w+(?:\s+\w+)*\s*(?::(?!:)|[{;]))")
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -61,6 +63,8 @@ class CSource:
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
         self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
+        is_cpp = name.lower().endswith(".hpp")
+        self.numbers |= {"__cplusplus": "201703"} if is_cpp else {}
         self.words: dict[str, str] = {}
         self.calls: dict[str, tuple[list[str], str]] = {}
         self._macros: tuple[dict[str, Any], ...] = self.numbers, self.words, self.calls
@@ -77,9 +81,11 @@ class CSource:
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
         without_comments = self._without_comments(text)
-        ready = "\n".join(self._lines(_SCOPE.sub(_blank, without_comments)))
+        ready = "\n".join(self._lines(_SCOPE.sub(blank, without_comments)))
+        ready, count = _CLASS.subn("struct", ready)
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
-        self.text = self._attributes(ready)
+        self.cpp = CppSource(self._attributes(ready), bool(count), is_cpp)
+        self.text = self.cpp.text
 
     def place(self, offset: int) -> tuple[int, int]:
         """Return line and column of a place in the ready text, both from 1."""
@@ -97,10 +103,13 @@ class CSource:
 
     def pack(self, offset: int) -> int | None:
         """Return the packing of the STRUCT whose brace opens at or after a place."""
-        brace = self.text.find("{", offset)
         line = bisect_right(self.starts, offset)
         by_pragma = self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
-        return 1 if brace in self.braces else by_pragma
+        return 1 if self.brace(offset) in self.braces else by_pragma
+
+    def brace(self, offset: int) -> int:
+        """Return the place of the brace that opens at or after a place."""
+        return self.text.find("{", offset)
 
     def check(self, begin: int, end: int) -> None:
         """Raise UserError when something between two places moves members in a way not understood."""
@@ -121,14 +130,14 @@ class CSource:
     def _without_comments(self, text: str) -> str:
         text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
 
-        def blank(found: re.Match[str]) -> str:
+        def without(found: re.Match[str]) -> str:
             if found[0][0] in "\"'":
                 return found[0]
             if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
                 self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
-            return _blank(found)
+            return blank(found)
 
-        return _SKIPPED.sub(blank, text)
+        return _SKIPPED.sub(without, text)
 
     def _lines(self, text: str) -> list[str]:
         ready: list[str] = []
@@ -301,9 +310,9 @@ class CSource:
     # -- attributes --------------------------------------------------------------------------------------
 
     def _attributes(self, text: str) -> str:
-        pairs = _brace_pairs(text)
+        pairs = brace_pairs(text)
 
-        def blank(found: re.Match[str]) -> str:
+        def without(found: re.Match[str]) -> str:
             listed = found.group("list")
             names = {"packed"} if listed is None else {n.strip().strip("_") for n in listed.split(",")} - {""}
             brace = _braced(text, found.start(), found.end(), pairs) if "packed" in names else None
@@ -314,13 +323,9 @@ class CSource:
                 line, _ = self.place(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
-            return _blank(found)
+            return blank(found)
 
-        return _ATTRIBUTE.sub(blank, text)
-
-
-def _blank(found: re.Match[str]) -> str:
-    return re.sub(r"[^\n]", " ", found.group())
+        return _ATTRIBUTE.sub(without, text)
 
 
 def _arguments(text: str, begin: int) -> tuple[list[str], int]:
@@ -342,14 +347,3 @@ def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | Non
         return pairs.get(text.rindex("}", 0, begin))
     ahead = _HEAD.match(text, end)
     return ahead.end() - 1 if ahead else None
-
-
-def _brace_pairs(text: str) -> dict[int, int]:
-    opened: list[int] = []
-    pairs: dict[int, int] = {}
-    for found in re.finditer("[{}]", text):
-        if found.group() == "{":
-            opened.append(found.start())
-        elif opened:
-            pairs[found.start()] = opened.pop()
-    return pairs

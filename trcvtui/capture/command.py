@@ -110,6 +110,8 @@ def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: boo
         yield from (fact.line for fact in found.host_facts())
     if not found.all:
         yield f"no conversation in {found.packets} packets"
+    if found.others.kinds:
+        yield f"not read: {found.others.text()}"
     for why, count in found.not_read.items():
         yield f"not read: {count} {why.value}"
     if found.unlisted:

@@ -23,6 +23,7 @@ from trcvtui.capture.packets import (
     Fragment,
     Fragments,
     IpPayload,
+    OtherPackets,
     SkippedPacket,
     carried_by,
     ip_number,
@@ -223,6 +224,7 @@ class Conversations:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
+        self.others = OtherPackets()
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.hosts = HostNotes()
@@ -358,8 +360,10 @@ class Conversations:
             self._take_fragment(packet, link_type, found)
             return
         if isinstance(found, SkippedPacket):
-            if found is not SkippedPacket.OTHER or not self._hear(packet, link_type):
+            if found is not SkippedPacket.OTHER:
                 self.not_read[found] += 1
+            elif not self._hear(packet, link_type):
+                self.others.take(link_type, data)
             return
         if found.protocol == UDP:
             self._take_datagram(packet, link_type, found)
@@ -407,7 +411,10 @@ class Conversations:
         has_data = len(data) > _SERIAL_HEAD
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
-            self.not_read[SkippedPacket.OTHER if len(data) >= _SERIAL_HEAD else SkippedPacket.CUT] += 1
+            if len(data) >= _SERIAL_HEAD:
+                self.others.take(RTAC_SERIAL, data)
+            else:
+                self.not_read[SkippedPacket.CUT] += 1
             return
         name = self.names(packet.interface).encode()
         direction = self._flows.get(b"S%d" % sender + name)

@@ -60,12 +60,13 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import in_columns
 
+    choice = choice_of_options(args)
     types, own = types_of(args, None)
     rows: list[dict[str, Any]] = []
     for name, where in [(each.name, each.where) for file in own for each in file.types]:
         rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout, _ = TypeChoice(types, name, types.named(name)).layout()
+            layout, _ = TypeChoice(types, name, types.named(name), choice).layout()
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
             rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]

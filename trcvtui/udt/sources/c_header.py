@@ -20,7 +20,7 @@ from trcvtui.errors import Problem, UserError, mistake, need, noting
 from trcvtui.udt import ast
 from trcvtui.udt.constants import LARGEST, LONGEST, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.sources.cpp_source import MARKS
+from trcvtui.udt.sources.cpp_source import MARKS, without_texts
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
 CPP = "this is C++"
@@ -181,6 +181,10 @@ class _Reader:
         tails = [one for one in members if one.width == ast.NO_LENGTH]
         if not [one for one in members if one.name and one not in tails] and (tails or cpp.is_cpp):
             raise mistake(self.where(node), "a class without members" + f": {CPP}" * cpp.is_cpp, "one at least")
+        is_twice = brace in self.source.braces and self.source.by_pragma(self.place(node)) not in (None, 1)
+        if is_twice and any(one.width is not None for one in members):
+            found = "bit-fields in a class that an attribute and a #pragma pack"
+            raise mistake(self.where(node), found, "one of these: they do not mean the same")
         if cpp.has_classes and brace in self.source.braces and any(self.is_loose(one.spec) for one in members):
             raise mistake(self.where(node), f"packed, around a class that is not: {CPP}", "#pragma pack")
         for one in tails:
@@ -413,7 +417,7 @@ def parsed(source: CSource) -> Iterator[Any]:
     """Yield the outer declarations of a header as nodes; one that cannot be read as a bad `Declaration`."""
     types = {found.group(1) for found in _FOREIGN.finditer(source.text)} - KEYWORDS
     types |= NAMED_TYPES
-    for begin, end in _statements(source.text):
+    for begin, end in _statements(without_texts(source.text)):
         text = source.text[begin:end]
         if not _DECLARES.search(text):
             continue

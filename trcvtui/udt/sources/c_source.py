@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs
+from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs, without_texts
 
 PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
@@ -41,7 +41,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(\s*(?:(push|pop|show)\b\s*,?\s*)?(?:([A-Za-z_]\w*)\s*,?\s*)?(\w*)\s*\)\s*")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
-_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
+_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?(?:\bfinal\s*)?\{")
 
 
 # What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
@@ -103,9 +103,11 @@ class CSource:
 
     def pack(self, offset: int) -> int | None:
         """Return the packing of the STRUCT whose brace opens at or after a place."""
+        return 1 if self.brace(offset) in self.braces else self.by_pragma(offset)
+
+    def by_pragma(self, offset: int) -> int | None:
         line = bisect_right(self.starts, offset)
-        by_pragma = self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
-        return 1 if self.brace(offset) in self.braces else by_pragma
+        return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
 
     def brace(self, offset: int) -> int:
         """Return the place of the brace that opens at or after a place."""
@@ -167,7 +169,8 @@ class CSource:
             line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
-            self._depth = max(0, self._depth + line.count("{") - line.count("}"))
+            bare = without_texts(line)
+            self._depth = max(0, self._depth + bare.count("{") - bare.count("}"))
         if self._conditions:
             self.refuse(len(lines), "the end of the file", "#endif")
         return ready

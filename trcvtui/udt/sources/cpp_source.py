@@ -64,7 +64,7 @@ class CppSource:
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
         self.has_types = "_Atomic" not in text
-        bare = _QUOTED.sub(lambda found: "\0" * len(found[0]), self.text)
+        bare = without_texts(self.text)
         pairs, ends = brace_pairs(bare), list[int]()
         for found in _CLASS.finditer(bare):
             end = pairs.get(found.end() - 1, 0)
@@ -73,7 +73,8 @@ class CppSource:
                 ends.append(end)
                 names = re.findall(_NAME, found[1].split(":")[0])
                 if names[1:] == ["final"]:
-                    self._blank(found.start(1) + found[1].rindex(names.pop()), found.end(1))
+                    begin = found.start(1) + found[1].index(names.pop(), found[1].index(names[0]) + len(names[0]))
+                    self._blank(begin, begin + len("final"))
                 self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
@@ -155,6 +156,10 @@ class CppSource:
                 self._blank(at, at + found.end())
             for found in () if _TYPE.match(text) else _VALUE.finditer(text):
                 self._blank(at + found.start(), at + found.end())
+
+
+def without_texts(text: str) -> str:
+    return _QUOTED.sub(lambda found: "\0" * len(found[0]), text)
 
 
 def blank(found: re.Match[str]) -> str:

@@ -166,7 +166,7 @@ class _Reader:
         return ast.Reference(C_TYPES.get(name, name), self.where(node))
 
     def struct(self, node: Any, depth: int) -> ast.StructSpec:
-        members: list[ast.MemberSpec] = []
+        members, count = list[ast.MemberSpec](), len(self.problems)
         is_union, cpp = type(node).__name__ == "Union", self.source.cpp
         outer = self.constants, self.scope
         if cpp.is_cpp:  # what a class declares is not known outside of it
@@ -179,7 +179,8 @@ class _Reader:
         self.constants, self.scope = outer
         brace = self.source.brace(self.place(node))
         tails = [one for one in members if one.width == ast.NO_LENGTH]
-        if not [one for one in members if one.name and one not in tails] and (tails or cpp.is_cpp):
+        is_empty = not [one for one in members if one.name and one not in tails]
+        if is_empty and (tails or cpp.is_cpp) and count == len(self.problems):
             raise mistake(self.where(node), "a class without members" + f": {CPP}" * cpp.is_cpp, "one at least")
         is_twice = brace in self.source.braces and self.source.by_pragma(self.place(node)) not in (None, 1)
         if is_twice and any(one.width is not None for one in members):
@@ -408,7 +409,9 @@ _FOREIGN = re.compile(
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
 # What may declare a type or a constant; functions and variables are passed over.
-_DECLARES = re.compile(r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=")
+_DECLARES = re.compile(
+    r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=|\bstruct\s+(?:alignas|__declspec)\b"
+)
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _FAILED = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
 
@@ -454,9 +457,9 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
         where, what = source.where(begin), "unknown to the C parser"
     mark = MARKS.search(text)
     if mark or source.cpp.is_cpp:
-        where, shown = (source.where(begin + mark.start()), mark[0]) if mark else (where, what)
-        expected = "a class of plain members alone: what else is in it may change its size"
-        raise mistake(where, f"'{' '.join(shown.split())[:60]}': {CPP}", expected)
+        where = source.where(begin + mark.start()) if mark else where
+        found = f"'{' '.join(mark[0].split())[:60]}': {CPP}" if mark else f"{CPP} that cannot be read ({what[:60]})"
+        raise mistake(where, found, "a class of plain members alone: what else is in it may change its size")
     expected = "C declarations; of a macro that another header defines, --with that header"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
@@ -497,7 +500,8 @@ def _begin(text: str, place: int) -> int:
 
 def _name_of(text: str) -> str | None:
     found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.search(r"\btypedef\b", text) else None
-    found = found or re.search(r"\b(?:struct|union|enum)\s+([A-Za-z_]\w*)", text)
+    extra = r"(?:(?:alignas|__declspec)\s*\([^;{}]*?\)\s*|\[\[[^;{}]*?\]\]\s*)*"
+    found = found or re.search(rf"\b(?:struct|union|enum)\s+{extra}([A-Za-z_]\w*)", text)
     return found.group(1) if found and found.group(1) not in KEYWORDS else None
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs, without_texts
 
-PACKS = (1, 2, 4, 8, 16)
+PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # 16 is 8: no type has more
 LONGEST_WORDS = 200
 MOST_CALLS = 256  # of macros in a line, and in what they put into it
 MOST_CALLS_IN_ALL = 50_000
@@ -39,7 +39,7 @@ _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
-_PACK = re.compile(r"pack\s*\(\s*(?:(push|pop|show)\b\s*,?\s*)?(?:([A-Za-z_]\w*)\s*,?\s*)?(\w*)\s*\)\s*")
+_PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?(?:\bfinal\s*)?\{")
 
@@ -76,7 +76,7 @@ class CSource:
         self.includes: list[str] = []
         self.packs: list[tuple[int, int | None]] = [(0, None)]
         self.braces: set[int] = set()  # of the structures that are packed by an attribute
-        self._stack: list[int | None] = []
+        self._stack: list[tuple[str, int | None]] = []  # name and packing before it
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
@@ -283,32 +283,29 @@ class CSource:
             self.words[name] = body if len(body) <= LONGEST_WORDS else name
 
     def _pragma_pack(self, rest: str, line: int) -> None:
-        found = _PACK.fullmatch(rest)
-        action, number = (found.group(1), self._pack_number(found.group(3))) if found else (None, -1)
+        """Do what gcc does: what it does not understand it passes over."""
+        text = _WORD.sub(lambda word: self.numbers.get(word[0], word[0]), self._expanded(rest))
+        found = _PACK.match(text)
+        action, *more = [word.strip() for word in found[1].split(",")] if found else ["?"]
+        if action not in ("push", "pop", "show"):
+            action, more = "set", [action, *more] if action or more else []
+        names = [word for word in more if _WORD.fullmatch(word) and action != "set"]
+        numbers = [PACKS.get(word, -1) for word in more if word[:1].isdigit() and action != "pop"]
         if self._depth > 0:
             self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
-            return
-        if found is None or number == -1:
-            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
-            return
         now = self.packs[-1][1]
-        if action == "show":
-            return
-        if action == "push":
-            self._stack.append(now)
-        if action == "pop":
-            if not self._stack:
-                self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
-                return
-            now = self._stack.pop()
-        self.packs.append((line, number if number or action is None else now))
-
-    def _pack_number(self, text: str) -> int | None:
-        """Return the number of a pragma, None without, -1 for one that no compiler takes; 16 is 8."""
-        if not text:
-            return None
-        number = self.evaluate(self._expanded(text), self)
-        return min(number, 8) if number in PACKS else -1
+        if len(names) > 1 or len(numbers) > 1 or len(more) > len(names) + len(numbers) or -1 in numbers:
+            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
+        elif action == "pop" and not self._stack:
+            self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
+        elif action == "pop":
+            at = next((at for at, (name, _) in enumerate(self._stack[::-1]) if [name] == names), 0)
+            self.packs.append((line, self._stack[-1 - at][1]))
+            del self._stack[-1 - at :]
+        elif action != "show":
+            if action == "push":
+                self._stack.append(("".join(names), now))
+            self.packs.append((line, numbers[0] if numbers else now if action == "push" else None))
 
     # -- attributes --------------------------------------------------------------------------------------
 

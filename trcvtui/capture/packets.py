@@ -9,7 +9,6 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from trcvtui.capture import pcap
-from trcvtui.wording import count
 
 TCP: Final = 6
 UDP: Final = 17
@@ -18,8 +17,6 @@ _VLAN_TYPES: Final = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _IP_ALONE: Final = (pcap.RAW_IP, pcap.IPV4, pcap.IPV6, 12, 14)  # 12, 14: raw IP as the BSDs number it
 _MOVED_BY_8: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
 _FRAGMENT: Final = 44
-MOST_KINDS: Final = 1024
-SHOWN_KINDS: Final = 4
 MOST_FRAGMENTED: Final = 64  # packets that wait for fragments
 MOST_FRAGMENTS: Final = 1024  # of one packet
 FRAGMENTS_WAIT_NS: Final = 30_000_000_000
@@ -35,86 +32,10 @@ SACK: Final = 5
 class SkippedPacket(Enum):
     """Why a packet is none of TCP and UDP."""
 
-    OTHER = "neither TCP nor UDP"
+    OTHER = "others"
     JOURNAL = "packets of USER0: in a recording of trcvtui its journal"
     FRAGMENT = "IP fragments without the rest of their packets"
     CUT = "packets cut off before their ports"
-
-
-class PacketKind(NamedTuple):
-    """What a packet without TCP and UDP is: the number of a `word` such as EtherType."""
-
-    word: str
-    number: int
-
-    def text(self, number: int) -> str:
-        """Return so many of them, such as `986 EtherCAT frames (16#88A4)`."""
-        if self.word == _FRAME:
-            shown = f" (16#{self.number:04X})" * (self.number > 0)
-            return count(number, f"{_NAMES.get(self, '')} frame".strip()) + shown
-        return count(number, f"{_NAMES.get(self, '')} packet".strip()) + f" ({self.word} {self.number})"
-
-
-_FRAME, _IP, _LINK = "EtherType", "IP protocol", "link type"
-_FRAMES: Final = {
-    0x0000: "802.3 LLC", 0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS",
-    0x8863: "PPPoE", 0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
-    0x88B8: "GOOSE", 0x88BA: "Sampled Values", 0x88CC: "LLDP", 0x88CD: "SERCOS III", 0x88E1: "HomePlug",
-    0x88E3: "MRP", 0x88F7: "PTP", 0x88FB: "PRP", 0x890F: "CC-Link IE", 0x892F: "HSR", 0x9000: "loopback",
-}  # fmt: skip
-_IP_NAMES: Final = {1: "ICMP", 2: "IGMP", 47: "GRE", 50: "ESP", 58: "ICMPv6", 89: "OSPF", 112: "VRRP", 132: "SCTP"}
-_LINK_NAMES: Final = {
-    9: "PPP", 105: "802.11", 127: "802.11", 187: "Bluetooth", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN",
-    230: "802.15.4", 249: "USB", 250: "serial line",
-}  # fmt: skip
-_NAMES: Final = {
-    PacketKind(word, number): name
-    for word, names in ((_FRAME, _FRAMES), (_IP, _IP_NAMES), (_LINK, _LINK_NAMES))
-    for number, name in names.items()
-}
-
-
-class OtherPackets:
-    """Counts the packets without TCP and UDP by their kind; the kinds are bounded."""
-
-    def __init__(self) -> None:
-        self.kinds = Counter[PacketKind]()
-        self._more = 0  # of other kinds
-
-    def take(self, link_type: int, data: bytes) -> None:
-        kind = _kind_of(link_type, data)
-        if kind in self.kinds or len(self.kinds) < MOST_KINDS:
-            self.kinds[kind] += 1
-        else:
-            self._more += 1
-
-    def text(self) -> str:
-        """Return the largest kinds by name, the rest as a number."""
-        shown = self.kinds.most_common(SHOWN_KINDS)
-        told = [kind.text(number) for kind, number in shown]
-        if more := self.kinds.total() + self._more - sum(number for _, number in shown):
-            told.append(f"{count(more, 'packet')} of other kinds")
-        return f"{', '.join(told)}: no TCP or UDP"
-
-
-def _kind_of(link_type: int, data: bytes) -> PacketKind:
-    at = ip_start(link_type, data)
-    if at >= 0 and len(data) >= at + 20 and data[at] >> 4 in (4, 6):
-        is_v4 = data[at] >> 4 == 4
-        protocol = data[at + 9] if is_v4 else data[at + 6]
-        if not is_v4 and protocol in _MOVED_BY_8 and len(data) > at + 40:
-            protocol = data[at + 40]
-        if protocol not in (TCP, UDP):
-            return PacketKind(_IP, protocol)
-    kind_at = {pcap.ETHERNET: 12, pcap.LINUX_SLL: 14, pcap.LINUX_SLL2: 0}.get(link_type)
-    if kind_at is None:
-        return PacketKind(_LINK, link_type)
-    kind = data[kind_at : kind_at + 2]
-    at = 20 if link_type == pcap.LINUX_SLL2 else kind_at + 2
-    while kind in _VLAN_TYPES:
-        kind, at = data[at + 2 : at + 4], at + 4
-    number = int.from_bytes(kind, "big")
-    return PacketKind(_FRAME, number if number >= 0x600 else 0)
 
 
 class IpPayload(NamedTuple):
@@ -200,12 +121,12 @@ class Fragments:
         if len(self._done) == MOST_FRAGMENTED:
             del self._done[next(iter(self._done))]
         self._done[piece.of] = ns
-        _add(self._whole, piece.of[:2])
+        _count(self._whole, piece.of[:2])
         return whole, len(pieces.content)
 
     def _give_up(self, of: tuple[bytes, ...]) -> None:
         if of in self._packets and self._is_lost(of):
-            _add(self._lost, of[:2])
+            _count(self._lost, of[:2])
         self._packets.pop(of, None)
 
     def _is_lost(self, of: tuple[bytes, ...]) -> bool:
@@ -220,7 +141,7 @@ class Fragments:
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
 
-def _add(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
+def _count(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
     if ends in known or len(known) < MOST_FRAGMENTS:
         known[ends] += 1
 
@@ -241,6 +162,40 @@ def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) 
     if kind in types:
         return kind_at + 2
     return _past_vlans(data, kind_at + 2, types) if kind in _VLAN_TYPES else -1
+
+
+# Names of EtherTypes, IP protocols and link types.
+_FRAMES: Final = {
+    0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS", 0x8863: "PPPoE",
+    0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
+    0x88B8: "GOOSE", 0x88BA: "Sampled Values", 0x88CC: "LLDP", 0x88CD: "SERCOS III", 0x88E1: "HomePlug",
+    0x88E3: "MRP", 0x88F7: "PTP", 0x88FB: "PRP", 0x890F: "CC-Link IE", 0x892F: "HSR", 0x9000: "loopback",
+}  # fmt: skip
+_PROTOCOLS: Final = {1: "ICMP", 2: "IGMP", 47: "GRE", 50: "ESP", 58: "ICMPv6", 89: "OSPF", 112: "VRRP"}
+_LINKS: Final = {9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN"}
+
+
+def kind_of(link_type: int, data: bytes) -> tuple[str, str]:
+    """Return what a packet without TCP and UDP is, such as `EtherCAT frame` and ` (16#88A4)`."""
+    at = ip_start(link_type, data)
+    version = data[at] >> 4 if 0 <= at < len(data) else 0
+    if version in (4, 6) and len(data) > at + (9 if version == 4 else 40):
+        protocol = data[at + 9] if version == 4 else data[at + 6]
+        if version == 6 and protocol in _MOVED_BY_8:
+            protocol = data[at + 40]
+        if protocol not in (TCP, UDP):
+            return f"{_PROTOCOLS.get(protocol, 'IP')} packet", f" (IP protocol {protocol})"
+    places = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
+    if link_type not in places:
+        return f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})"
+    kind_at, at = places[link_type]
+    kind = data[kind_at : kind_at + 2]
+    while kind in _VLAN_TYPES:
+        kind, at = data[at + 2 : at + 4], at + 4
+    number = int.from_bytes(kind, "big")
+    if number < 0x600:  # a length
+        return "802.3 LLC frame", ""
+    return f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})"
 
 
 def ip_number(link_type: int, data: bytes) -> int:

@@ -23,11 +23,11 @@ from trcvtui.capture.packets import (
     Fragment,
     Fragments,
     IpPayload,
-    OtherPackets,
     SkippedPacket,
     carried_by,
     ip_number,
     ip_start,
+    kind_of,
     macs_of,
     sack_blocks,
     scale_of,
@@ -35,6 +35,7 @@ from trcvtui.capture.packets import (
 from trcvtui.capture.pcap import ETHERNET, NOTES, OURS, RTAC_SERIAL, USER0, Packet
 
 MOST_CONVERSATIONS: Final = 28_000
+MOST_KINDS: Final = 1024  # of packets without TCP and UDP
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
 MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps
@@ -224,7 +225,7 @@ class Conversations:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
-        self.others = OtherPackets()
+        self.others: Counter[tuple[str, str]] = Counter()  # packets without TCP and UDP, by their kind
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.hosts = HostNotes()
@@ -363,7 +364,7 @@ class Conversations:
             if found is not SkippedPacket.OTHER:
                 self.not_read[found] += 1
             elif not self._hear(packet, link_type):
-                self.others.take(link_type, data)
+                self._skip(link_type, data)
             return
         if found.protocol == UDP:
             self._take_datagram(packet, link_type, found)
@@ -371,6 +372,11 @@ class Conversations:
             self._take_segment(packet, link_type, found)
         else:
             self.not_read[SkippedPacket.CUT] += 1
+
+    def _skip(self, link_type: int, data: bytes) -> None:
+        kind = kind_of(link_type, data)
+        is_known = kind in self.others or len(self.others) < MOST_KINDS
+        self.others[kind if is_known else ("packet", " of more kinds")] += 1
 
     def _hear(self, packet: Packet, link_type: int) -> bool:
         """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
@@ -412,7 +418,7 @@ class Conversations:
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
             if len(data) >= _SERIAL_HEAD:
-                self.others.take(RTAC_SERIAL, data)
+                self._skip(RTAC_SERIAL, data)
             else:
                 self.not_read[SkippedPacket.CUT] += 1
             return

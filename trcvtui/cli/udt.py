@@ -25,19 +25,14 @@ def add_udt(parser: CommandParser) -> None:
 
 
 def _add_type(
-    parser: CommandParser,
-    command: Callable[[Args], int],
-    formats: Sequence[str] = (),
-    twice: bool = False,
-    named: bool = True,
+    parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
 ) -> None:
     _add_files(parser, command)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
         layout += "; twice: ours, then theirs; so with --type and each option down to --string-even"
-    if named:
-        parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
+    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
     parser.add_argument("--layout", metavar="NAME", help=layout, **one)
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
     parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
@@ -87,7 +82,7 @@ def _printing(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
 
 
 def _add_types(parser: CommandParser) -> None:
-    _add_type(parser, _printing("list_types", bad=WRONG_INPUT), ("text", "json"), named=False)
+    _add_type(parser, _printing("list_types", bad=WRONG_INPUT), ("text", "json"))
 
 
 def _add_decode(parser: CommandParser) -> None:

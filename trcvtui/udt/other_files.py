@@ -14,42 +14,37 @@ from trcvtui.errors import mistake
 HEAD: Final = 4096  # bytes in which a content shows
 _ST: Final = "its types as text: TYPE ... END_TYPE"
 _XML: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
+_DUT: Final = "the .TcDUT file of each type"
 _CAPTURE: Final = "pcapng: editcap -F pcapng {0} {0}.pcapng"
+_NO: Final = "(?!)"
 
 
 class _OtherFile(NamedTuple):
     what: str
     expected: str
-    content: bytes = b"(?!)"
-    suffix: str = "(?!)"
+    suffix: str = _NO
+    content: bytes = _NO.encode()
 
 
 _ROWS: Final = (
-    _OtherFile("a Microsoft Network Monitor 2.x capture", _CAPTURE, rb"\AGMBU"),
-    _OtherFile("a Microsoft Network Monitor 1.x capture", _CAPTURE, rb"\ARTSS"),
-    _OtherFile("a Sun snoop capture", _CAPTURE, rb"\Asnoop\x02"),
-    _OtherFile("a Network General Sniffer capture", _CAPTURE, rb"\ATRSNIFF data"),
-    _OtherFile("a NetXRay capture", _CAPTURE, rb"\AXCP00"),
-    _OtherFile("a Rockwell Studio 5000 export (L5X)", _ST, rb"<RSLogix5000Content\b", "l5x"),
-    _OtherFile("a Rockwell Studio 5000 export (L5K)", _ST, rb"(?m)^\s*IE_VER\s*:=", "l5k"),
-    _OtherFile("a Rockwell Studio 5000 project (ACD)", _ST, suffix="acd"),
-    _OtherFile("a CANopen or POWERLINK device description (XDD)", _ST, rb"<(?:\w+:)?ISO15745Profile", "xdc"),
-    _OtherFile(
-        "a Schneider Control Expert (Unity Pro) exchange file (XEF, XDD)", _ST, rb"<\w+ExchangeFile\b",
-        "xef|zef|xdd|xdb|xsy|xpg",
-    ),
-    _OtherFile("an Omron Sysmac Studio export (XML)", _ST, rb"//www\.ia\.omron\.com/Smc"),
-    _OtherFile("an Omron Sysmac Studio project (SMC2)", _ST, suffix="smc2?|csm2"),
-    _OtherFile("a CODESYS export (.export)", _XML, rb"<ExportFile>", "export"),
-    _OtherFile("a CODESYS project (.project)", _XML, suffix="project|projectarchive"),
-    _OtherFile("a Siemens TIA Portal project (.zap, .ap)", "its PLC data types as .udt or .xml", suffix=r"z?ap\d\d"),
-    _OtherFile("a Siemens SIMATIC SD text file (.s7res)", "the .s7dcl file beside it", suffix="s7res"),
-    _OtherFile(
-        "a Beckhoff TwinCAT POU (.TcPOU)", "the .TcDUT file of each type", rb"<TcPlcObject\b[^>]*>\s*<(?:POU|Itf)\b",
-        "tcpou|tcio",
-    ),
-    _OtherFile("a Beckhoff TwinCAT project (.tsproj, .tmc)", "the .TcDUT file of each type", suffix="tsproj|plcproj|tmc"),
-    _OtherFile("a zip archive", "the files in it, unpacked", rb"\APK\x03\x04"),
+    _OtherFile("a Microsoft Network Monitor 2.x capture", _CAPTURE, content=rb"\AGMBU"),
+    _OtherFile("a Microsoft Network Monitor 1.x capture", _CAPTURE, content=rb"\ARTSS"),
+    _OtherFile("a Sun snoop capture", _CAPTURE, content=rb"\Asnoop\x02"),
+    _OtherFile("a Rockwell Studio 5000 export (L5X)", _ST, "l5x", rb"<RSLogix5000Content\b"),
+    _OtherFile("a Rockwell Studio 5000 export (L5K)", _ST, "l5k", rb"(?m)^\s*IE_VER\s*:="),
+    _OtherFile("a Rockwell Studio 5000 project (ACD)", _ST, "acd"),
+    _OtherFile("a CANopen or POWERLINK device file (XDD)", _ST, "xdc", rb"<(\w+:)?ISO15745Profile"),
+    _OtherFile("a Schneider Control Expert (Unity Pro) export (XEF, XDD)", _ST, "[xz]ef|x(dd|db|sy|pg)",
+               rb"<\w+ExchangeFile\b"),
+    _OtherFile("an Omron Sysmac Studio export (XML)", _ST, content=rb"//www\.ia\.omron\.com/Smc"),
+    _OtherFile("an Omron Sysmac Studio project (SMC2)", _ST, "smc2?|csm2"),
+    _OtherFile("a CODESYS export (.export)", _XML, "export", rb"<ExportFile>"),
+    _OtherFile("a CODESYS project (.project)", _XML, "project|projectarchive"),
+    _OtherFile("a Siemens TIA Portal project (.zap, .ap)", "its types as .udt or .xml", r"z?ap\d\d"),
+    _OtherFile("a Siemens SIMATIC SD text file (.s7res)", "the .s7dcl file beside it", "s7res"),
+    _OtherFile("a Beckhoff TwinCAT POU (.TcPOU)", _DUT, "tcpou|tcio", rb"<TcPlcObject[^>]*>\s*<(POU|Itf)\b"),
+    _OtherFile("a Beckhoff TwinCAT project (.tsproj, .tmc)", _DUT, "tsproj|plcproj|tmc"),
+    _OtherFile("a zip archive", "the files in it, unpacked", content=rb"\APK\x03\x04"),
 )  # fmt: skip
 
 

@@ -112,7 +112,7 @@ class _Reader:
         with noting(self.problems):
             spec = read()
         where = self.where(node)
-        if spec is not None and self.is_loose(spec):
+        if spec and self.is_loose(spec):
             self.loose.add(name)
         self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec
@@ -177,17 +177,25 @@ class _Reader:
                 with noting(self.problems):
                     members += self.member(member, at, depth + 1, is_last)
         self.constants, self.scope = outer
-        brace = self.source.brace(self.place(node))
+        brace = self.brace(node)
+        pack, by_pragma = self.source.pack(brace), self.source.by_pragma(brace)
         tails = [one for one in members if one.width == ast.NO_LENGTH]
-        is_empty = not [one for one in members if one.name and one not in tails]
-        if is_empty and (tails or cpp.is_cpp) and count == len(self.problems):
-            raise mistake(self.where(node), "a class without members" + f": {CPP}" * cpp.is_cpp, "one at least")
-        is_twice = brace in self.source.braces and self.source.by_pragma(self.place(node)) not in (None, 1)
-        if is_twice and any(one.width is not None for one in members):
-            found = "bit-fields in a class that an attribute and a #pragma pack"
-            raise mistake(self.where(node), found, "one of these: they do not mean the same")
-        if cpp.has_classes and brace in self.source.braces and any(self.is_loose(one.spec) for one in members):
-            raise mistake(self.where(node), f"packed, around a class that is not: {CPP}", "#pragma pack")
+        has_bits = any(one.width is not None for one in members)
+        wrong = ""
+        if count < len(self.problems):
+            pass  # what is wrong is told
+        elif (tails or cpp.is_cpp) and not any(one.name and one not in tails for one in members):
+            wrong = "without members" + f": {CPP}" * cpp.is_cpp
+        elif has_bits and pack == 1 != (by_pragma or 1):
+            wrong = "of bit-fields that an attribute and a #pragma pack in two ways"
+        elif (
+            brace in self.source.braces
+            and cpp.has_classes
+            and any(self.is_loose(one.spec) for one in members)
+        ):
+            wrong = f"packed by an attribute around one that is not: {CPP}"
+        if wrong:
+            raise mistake(self.where(node), f"a class {wrong}", "plain members, packed by one #pragma pack")
         for one in tails:
             self.notes[f"{one.name}[] is no member: what it holds comes after the bytes of the type"] = None
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]
@@ -195,10 +203,11 @@ class _Reader:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
             told = f"bit-fields are no members: {names}; their room is padding, as gcc has it on x86-64"
             self.notes[told] = None
-        return ast.StructSpec(tuple(members), pack=self.source.pack(self.place(node)), is_union=is_union)
+        return ast.StructSpec(tuple(members), pack=pack, is_union=is_union)
 
-    def place(self, node: Any) -> int:
-        return self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
+    def brace(self, node: Any) -> int:
+        """Return the place of the brace that a definition opens."""
+        return self.source.text.find("{", self.source.offset(node.coord.line, node.coord.column or 1))
 
     def is_loose(self, spec: ast.Spec) -> bool:
         """Return whether a type is a class that is not packed: g++ may not pack it in another one."""
@@ -228,14 +237,13 @@ class _Reader:
         elif "_Atomic" in node.quals and self.source.cpp.has_types:
             self.scope[name] = self.spec(node.type, depth)
             return
-        elif type(node.type).__name__ == "ArrayDecl" and self.has_no_length(node.type):
-            if not is_last:
-                raise mistake(where, f"{name}[] before other members", "a length, or it as the last one")
-            node, width = node.type, ast.NO_LENGTH
+        elif type(node.type).__name__ == "ArrayDecl":
+            dim = node.type.dim
+            if dim is None or fold(dim, self.constants.get) == 0:
+                if not is_last:
+                    raise mistake(where, f"{name}[] before other members", "a length, or it as the last one")
+                node, width = node.type, ast.NO_LENGTH
         yield ast.MemberSpec(name, self.spec(node.type, depth), where, width)
-
-    def has_no_length(self, node: Any) -> bool:
-        return node.dim is None or fold(node.dim, self.constants.get) == 0
 
     def array(self, node: Any, depth: int) -> ast.Spec:
         bounds: list[tuple[ast.Number, ast.Number]] = []
@@ -257,8 +265,7 @@ class _Reader:
         length = fold(node.dim, self.constants.get)
         if length is None:
             text = formula(node.dim)
-            unknown = [one for one in _WORD.findall(text or "") if one in self.constants]
-            if text is None or any(self.constants[one] is None for one in unknown):
+            if text is None or any(self.constants.get(one, 0) is None for one in _WORD.findall(text)):
                 expected = "a number, or + - * / of names and numbers"
                 raise mistake(where, "a length that is no number", expected)
             return ast.Formula(f"{text} - 1", where)
@@ -267,7 +274,7 @@ class _Reader:
         return length - 1
 
     def enum(self, node: Any) -> ast.EnumSpec:
-        base, is_scoped = self.source.cpp.bases.get(self.source.brace(self.place(node)), ("", False))
+        base, is_scoped = self.source.cpp.bases.get(self.brace(node), ("", False))
         if not base:
             self.notes["an enum is taken as 4 bytes"] = None
         values: list[tuple[str, ast.Number | None]] = []
@@ -458,8 +465,9 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
     mark = MARKS.search(text)
     if mark or source.cpp.is_cpp:
         where = source.where(begin + mark.start()) if mark else where
-        found = f"'{' '.join(mark[0].split())[:60]}': {CPP}" if mark else f"{CPP} that cannot be read ({what[:60]})"
-        raise mistake(where, found, "a class of plain members alone: what else is in it may change its size")
+        shown = " ".join(mark[0].split())[:60] if mark else what[:60]
+        expected = "a class of plain members alone: what else is in it may change its size"
+        raise mistake(where, f"'{shown}': {CPP}", expected)
     expected = "C declarations; of a macro that another header defines, --with that header"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 

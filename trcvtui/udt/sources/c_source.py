@@ -41,7 +41,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
-_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?(?:\bfinal\s*)?\{")
+_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
 # What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
@@ -101,17 +101,13 @@ class CSource:
         """Return the place of a line and column, within the text."""
         return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
 
-    def pack(self, offset: int) -> int | None:
-        """Return the packing of the STRUCT whose brace opens at or after a place."""
-        return 1 if self.brace(offset) in self.braces else self.by_pragma(offset)
+    def pack(self, brace: int) -> int | None:
+        """Return the packing of the STRUCT that a brace opens."""
+        return 1 if brace in self.braces else self.by_pragma(brace)
 
     def by_pragma(self, offset: int) -> int | None:
         line = bisect_right(self.starts, offset)
         return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
-
-    def brace(self, offset: int) -> int:
-        """Return the place of the brace that opens at or after a place."""
-        return self.text.find("{", offset)
 
     def check(self, begin: int, end: int) -> None:
         """Raise UserError when something between two places moves members in a way not understood."""

@@ -37,11 +37,13 @@ _FUNCTION: Final = re.compile(
 )
 _SPECIFIERS: Final = {"static", "inline", "constexpr", "explicit", "friend", "const", "struct", "enum"}
 _BUILT_IN: Final = {"void", "bool", "char", "short", "int", "long", "float", "double", "signed", "unsigned"}
-_PARAMETER: Final = re.compile(
-    rf"\s*(?:\w.*[\s*&]{_NAME}.*|\w.*[*&]\s*|\w+_t\s*|{'|'.join(_BUILT_IN)})?\s*", re.DOTALL
+_PARAMETERS: Final = re.compile(
+    r"\s*\Z|.*(?:\w\s*[\s*&]\s*[A-Za-z_*&)]|\b(?:\w+_t|int|bool|float|double|char)\b)", re.DOTALL
 )
 _TYPE: Final = re.compile(r"(?:(?:const|volatile)\s+)*(?:struct|union|enum)\b")
-_VALUE: Final = re.compile(r"(?<![=!<>])=(?!=)[^;,{}]*(?:\{\0*\}\s*)?(?=[;,])|(?<=[\w\]])\s*\{\0*\}(?=\s*[;,])")
+_VALUE: Final = re.compile(
+    r"(?<![=!<>])=(?!=)[^;,{}]*(?:\{\0*\}\s*)?(?=[;,])|(?<=[\w\]])\s*\{\0*\}(?=\s*[;,])"
+)
 _FITS: Final = re.compile(  # its type surely holds the value
     rf"(?<!short\s)\b(?:unsigned|int|size_t|u?int(?:32|64)_t)\s+{_NAME}\s*=|\A(?!.*\bbool\b).*=\s*\d{{1,2}}\s*\Z",
     re.DOTALL,
@@ -54,9 +56,10 @@ MARKS: Final = re.compile(
 
 
 class CppSource:
-    """A header of which the C parser can read the `text`; whether it `is_cpp` and `has_classes` with more.
+    """A header of which the C parser can read the `text`; whether it `is_cpp`, and `has_classes` of C++.
 
-    `has_types`: a member that is `_Atomic` is a type. `bases` are the types of enumerations by the place of their brace, and whether these are scoped.
+    `bases` are the types of enumerations by the place of their brace, and whether these are scoped;
+    `has_types`: a member that is `_Atomic` is a type.
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
@@ -72,9 +75,6 @@ class CppSource:
             if end and len(ends) < DEEPEST:
                 ends.append(end)
                 names = re.findall(_NAME, found[1].split(":")[0])
-                if names[1:] == ["final"]:
-                    begin = found.start(1) + found[1].index(names.pop(), found[1].index(names[0]) + len(names[0]))
-                    self._blank(begin, begin + len("final"))
                 self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
@@ -130,8 +130,8 @@ class CppSource:
             return count <= 1
         if count != 1 or name in _BUILT_IN | _SPECIFIERS:
             return False
-        given = self.text[start + found.start("given") : start + found.end("given")].split(",")
-        is_plain = all(map(_PARAMETER.fullmatch, given)) and not name.isupper()
+        given = self.text[start + found.start("given") : start + found.end("given")]
+        is_plain = _PARAMETERS.match(given) and not name.isupper()
         return is_plain or bool(found["body"] or found["after"])
 
     def _data(self, text: str, at: int) -> None:
@@ -152,8 +152,6 @@ class CppSource:
         elif re.match(r"typedef\b", text) and self.has_types:
             self._edits[at] = "_Atomic"
         else:
-            if found := re.match(rf"mutable\s+(?={_NAME}[\s*]+{_NAME})", text):
-                self._blank(at, at + found.end())
             for found in () if _TYPE.match(text) else _VALUE.finditer(text):
                 self._blank(at + found.start(), at + found.end())
 

@@ -209,7 +209,9 @@ def header(count: int, seed: int) -> Header:
         ]
         if members[name] and random.random() < 0.2:
             length = "0" if word == "union" or random.random() < 0.5 else ""
-            fields.append(f"{random.choice((*WHOLE, 'double', 'enum Mode', *[*members][:-1]))} tail[{length}];")
+            fields.append(
+                f"{random.choice((*WHOLE, 'double', 'enum Mode', *[*members][:-1]))} tail[{length}];"
+            )
         body, pack = "{\n  " + "\n  ".join(fields) + "\n}", 2 ** random.randint(0, 4)
         ways = (
             *[f"typedef {word} {body} {name};"] * 2,

@@ -41,6 +41,9 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
+_NAME_HEAD = re.compile(
+    r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{"
+)  # before `struct` gcc leaves an attribute out
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
@@ -341,5 +344,5 @@ def _arguments(text: str, begin: int) -> tuple[list[str], int]:
 def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
     if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
         return pairs.get(text.rindex("}", 0, begin))
-    ahead = _HEAD.match(text, end)
+    ahead = (_NAME_HEAD if text.startswith("__attribute", begin) else _HEAD).match(text, end)
     return ahead.end() - 1 if ahead else None

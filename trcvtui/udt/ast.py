@@ -13,6 +13,7 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
+NO_LENGTH = -1  # in place of a width: an ARRAY OF `spec` without a length at the end, which is no member
 PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
@@ -77,11 +78,13 @@ class StructSpec(NamedTuple):
 class EnumSpec(NamedTuple):
     """Enumeration; no base is the layout's own (INT for most).
 
-    A value of None is one more than the value before it, the first one 0.
+    A value of None is one more than the value before it, the first one 0. Those of a scoped one are known
+    in it alone.
     """
 
     base: Reference | None
     values: tuple[tuple[str, Number | None], ...]
+    is_scoped: bool = False
 
 
 # A type without names to look up is itself its specification.

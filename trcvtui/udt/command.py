@@ -62,18 +62,22 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import in_columns
 
+    choice = choice_of_options(args)
     types, own = types_of(args, None)
     rows: list[dict[str, Any]] = []
+    wanted = (args.type or "").casefold()
     for name, where in [(each.name, each.where) for file in own for each in file.types]:
+        if wanted not in ("", name.casefold()):
+            continue
         rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout, _ = TypeChoice(types, name, types.named(name)).layout()
+            layout, _ = TypeChoice(types, name, types.named(name), choice).layout()
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
             rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
         rows[-1]["sender"] = types.sender(name).layout or None
     if not rows:
-        types.only(own)  # has the line on that
+        _ = types.named(args.type, "--type") if args.type else types.only(own)  # has the line on that
     is_good = any(row["layout"] for row in rows)
     tell([str(problem) for file in own for problem in file.problems])
     tell([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])

@@ -78,7 +78,7 @@ class Resolver:
 
     def build_all(self) -> None:
         for declaration in self.declared.values():
-            if isinstance(declaration.spec, ast.EnumSpec):
+            if isinstance(declaration.spec, ast.EnumSpec) and not declaration.spec.is_scoped:
                 self.constants.add_values(declaration.name, declaration.spec.values)
         for key in self.in_order():
             declaration = self.declared[key]
@@ -207,6 +207,10 @@ class Resolver:
 
     def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
         base = self.build(member.spec, "", user)[0]
+        if width == ast.NO_LENGTH:
+            if base is not None:
+                yield BitField(at, 0, 0, True, base)
+            return
         row = base.base if isinstance(base, Enumeration) else base
         if isinstance(row, Elementary) and width <= 8 * row.size:
             yield BitField(at, row.size, width, bool(member.name))

@@ -7,8 +7,12 @@ Rule: a line is carried out whole, or nothing is changed; what is in use is not 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.commands.peer import (
@@ -22,7 +26,8 @@ from trcvtui.commands.peer import (
 )
 from trcvtui.commands.tokens import Words, quoted, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.files import is_disk_left_alone
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import (
@@ -49,9 +54,14 @@ from trcvtui.project.project import (
     PeerDecl,
     Project,
     SequenceDecl,
+    UdtFile,
 )
 from trcvtui.project.proposals import NEW
 from trcvtui.project.tables import Given, shown
+from trcvtui.project.text import way_to
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import LAYOUTS
+from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
@@ -151,6 +161,8 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
+    if kind == UDT:
+        return Add(_udt_file(unquoted(name), project, where))
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
         called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
     else:
@@ -166,6 +178,61 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
         raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
     _check_talk(decl, with_entry(project, decl), where)
     return Add(decl)
+
+
+UDT: Final = "udt"
+MOST_TYPES: Final = 8  # that are told
+
+
+def _udt_file(name: str, project: Project, where: str) -> UdtFile:
+    """Return a file with types for the project; raise UserError where it has none, or hides one."""
+    path = os.path.expanduser(name)
+    is_here = not is_disk_left_alone() and os.path.exists(path) and not os.path.exists(project.base / path)
+    if os.path.isabs(path) or is_here:
+        path = way_to(path, Path(), project.base)
+    try:
+        decl = read_entry(UDT, {"file": path}, project, where)
+        assert isinstance(decl, UdtFile)
+        names, after = _types_in(decl, project)
+        of_types = {problem for bad in after.broken.values() for problem in bad}
+        wrong = [problem for problem in after.problems if problem not in project.types.problems]
+        hides = project.types.types.keys() - after.types.keys()
+        if hides or not names or not of_types.issuperset(wrong):
+            raise UserError(wrong) if wrong else mistake(path, "no type", "TYPE ... END_TYPE")
+    except UserError as refused:
+        raise UserError(
+            [replace(each, where=f"{where}: {each.where}") for each in refused.problems]
+        ) from None
+    return decl
+
+
+def _types_in(decl: UdtFile, project: Project) -> tuple[list[str], TypeSet]:
+    """Return the names of the types that a file brings, and all types with them."""
+    before, after = project.types.types, with_entry(project, decl).types
+    return [name for key, (name, type_) in after.types.items() if before.get(key) != (name, type_)], after
+
+
+def _types_told(decl: UdtFile, project: Project) -> str:
+    names, types = _types_in(decl, project)
+    more, bad = len(names) - MOST_TYPES, len(types.broken) - len(project.types.broken)
+    rules = project.layout
+    lines = [f"{count(len(names), 'type')}, here {rules.name}, {rules.byte_order}-endian"]
+    lines += [one_line(_type_told(name, types, project)) for name in names[:MOST_TYPES]]
+    lines += [f"and {more} more"] * (more > 0)
+    wrong = [str(problem) for problem in types.problems if problem not in project.types.problems]
+    return "\n".join(lines + [f"{count(bad, 'bad type')}: {wrong[0]}" for _ in wrong[:1]])
+
+
+def _type_told(name: str, types: TypeSet, project: Project) -> str:
+    sender = types.sender(name)
+    try:
+        size = count(lay_out(types.named(name), project.layout, name).size, "byte")
+        if not sender.layout:
+            return f"{name} {size}"
+        theirs = lay_out(types.named(name), LAYOUTS[sender.layout], name).size
+    except UserError as refused:
+        return f"{name}: {refused.problems[0].message}"
+    return f"{name} {size}; sender {sender.source} {sender.layout}: {count(theirs, 'byte')}"
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
@@ -307,7 +374,7 @@ def _changes(kind: str, words: Words) -> dict[str, Any]:
     content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
     if not content:
         raise words.wrong("nothing more", PAIRS)
-    if "name" in content or "number" in content:
+    if "name" in content or TABLES[kind].called in content:
         raise words.wrong("another name", "keys of what it is; a name stays: remove and add")
     return {key: None if isinstance(each, Given) and not each.text else each for key, each in content.items()}
 
@@ -370,6 +437,8 @@ def edits_of(command: Remedy, project: Project) -> Edits:
 
 def told(command: Remedy, project: Project) -> str:
     """Return what a line has done to this project: what was before it, what is now, what begins anew."""
+    if isinstance(command, Add) and isinstance(command.decl, UdtFile):
+        return _types_told(command.decl, project)
     if isinstance(command, Add | AddData):
         return told_on_the_way(command)
     said = [_told(edit) for edit in edits_of(command, project)]
@@ -450,6 +519,8 @@ def add_line(command: Add | AddData) -> str:
             return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
         case SequenceDecl():
             return " ".join([start, *decl.steps])
+        case UdtFile():
+            return f"add {UDT} {quoted(decl.name) if ' ' in decl.name else decl.name}"
         case _:
             return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
 

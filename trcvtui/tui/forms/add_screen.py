@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from typing import ClassVar, cast
 
+from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.errors import UserError
+from trcvtui.files import reading_only
 from trcvtui.project.edit import AddField, fields_of, first_name
+from trcvtui.project.keys import UDT
 from trcvtui.project.project import Project
+from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.forms.fields import (
     TITLES,
@@ -22,14 +28,19 @@ from trcvtui.tui.forms.fields import (
     text_of,
     values_of,
 )
+from trcvtui.tui.forms.pasted_type import PastedType, pasted_type
 from trcvtui.tui.view_model.validity import fault_of, said_before
 from trcvtui.tui.widgets.dialogs import FormDialog, FormField
+from trcvtui.udt.sources import type_files_in
 
 HINT, HINT_ROWS = 27, 2  # columns, lines
+FILE_HINT = "a file of types, or paste a STRUCT"
 
 
 class ChoiceField(FormField):
     """One field; where something is known to fit, up and down walk through it."""
+
+    BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)
@@ -38,6 +49,21 @@ class ChoiceField(FormField):
 
     async def action_submit(self) -> None:
         cast("AddScreen", self.screen).take()
+
+    def action_complete(self) -> None:
+        """Complete the path of a file; another field, and what cannot be completed, leaves the field."""
+        path = cast("AddScreen", self.screen).completed(self)
+        if path:
+            self.value, self.cursor_position = path, len(path)
+        else:
+            self.screen.focus_next()
+
+    def pasted(self, text: str) -> str:
+        """Let the form keep a STRUCT: the name of its file stands here then."""
+        name = cast("AddScreen", self.screen).paste(self, text)
+        if name:
+            self.clear()
+        return name or super().pasted(text)
 
     async def follow(self) -> None:
         """Let the form have the fields that this one asks for."""
@@ -75,6 +101,8 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
+        self._paste: PastedType | None = None
+        self._trouble = ""  # what could not be pasted, or written
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
@@ -103,6 +131,8 @@ class AddScreen(FormDialog[str]):
         self._judge()
 
     def _specs(self, project: Project) -> list[AddField]:
+        if self.kind == UDT.kind:
+            return [AddField("file", FILE_HINT, tuple(type_files_in(project.base)))]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -118,8 +148,39 @@ class AddScreen(FormDialog[str]):
         name, *others = self._fields
         return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
+    def completed(self, field: ChoiceField) -> str:
+        """Return the path in a field, completed; "" for none."""
+        start = f"add {UDT.kind} "
+        found = complete(f"{start}{field.value}", self._project()) if field.key == "file" else None
+        return (found or "").removeprefix(start)
+
+    def paste(self, field: ChoiceField, text: str) -> str:
+        """Keep a STRUCT that is pasted for a file; return the name of that, "" for any other text."""
+        if field.key != "file" or not len(text.splitlines()) > 1:
+            return ""
+        try:
+            self._paste = pasted_type(text, self._project().base)
+        except UserError as refused:
+            self._trouble = refused.lines()[0]
+            self._judge()
+            return field.value or " "
+        return self._paste.name
+
+    @property
+    def _pasted(self) -> PastedType | None:
+        paste = self._paste
+        return paste if paste and self.kind == UDT.kind and self.name_of_part == paste.name else None
+
+    def _looking(self) -> AbstractContextManager[None]:
+        return reading_only(self._pasted.reads) if self._pasted else nullcontext()
+
+    @property
+    def _fault(self) -> str:
+        with self._looking():
+            return self._trouble or (fault_of(self.line, self._project()) if self.line else "")
+
     def _judge(self) -> None:
-        fault = fault_of(self.line, self._project()) if self.line else ""
+        fault, self._trouble = self._fault, ""
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
@@ -127,8 +188,9 @@ class AddScreen(FormDialog[str]):
         self._line.set_class(bool(fault), "-bad")
 
     def _said(self) -> list[str]:
-        made = said_before(self.line, self._project())
-        return [f"▸ {self.line}{made and f' · {made}'}"]
+        with self._looking():
+            first, *more = said_before(self.line, self._project()).split("\n")
+        return [f"▸ {self.line}{first and f' · {first}'}", *more]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -153,7 +215,15 @@ class AddScreen(FormDialog[str]):
             self.set_focus(block)
 
     def take(self) -> None:
-        if not self.line or not fault_of(self.line, self._project()):
+        if self._fault:
+            return
+        try:
+            if self._pasted:
+                self._pasted.write()
+        except UserError as refused:
+            self._trouble = refused.lines()[0]
+            self._judge()
+        else:
             self.dismiss(self.line)
 
 

@@ -201,6 +201,12 @@ class PayloadField(TypedField):
     async def action_submit(self) -> None:
         self._send()
 
+    def pasted(self, text: str) -> str:
+        """Return the first line; a STRUCT is taken whole, without its comments."""
+        lines = text.strip().splitlines() or [""]
+        is_struct = lines[0].upper().startswith("STRUCT")
+        return " ".join(line.partition("//")[0].strip() for line in (lines if is_struct else lines[:1]))
+
     def action_leave(self) -> None:
         self.screen.set_focus(self.screen.query_one("#peers"))
 

@@ -26,7 +26,7 @@ from trcvtui.commands.peer import (
 )
 from trcvtui.commands.tokens import Words, quoted, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
-from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_left_alone
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
@@ -61,6 +61,7 @@ from trcvtui.project.tables import Given, shown
 from trcvtui.project.text import way_to
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
+from trcvtui.udt.sources import declared_by
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
@@ -162,7 +163,7 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
     if kind == UDT:
-        return Add(_udt_file(unquoted(name), project, where))
+        return Add(_udt_file(unquoted(name), project, words.where))
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
         called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
     else:
@@ -189,15 +190,13 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
     path = os.path.expanduser(name)
     is_here = not is_disk_left_alone() and os.path.exists(path) and not os.path.exists(project.base / path)
     if os.path.isabs(path) or is_here:
-        path = way_to(path, Path(), project.base)
+        path = way_to(os.path.relpath(path), Path(), project.base)
     try:
         decl = read_entry(UDT, {"file": path}, project, where)
         assert isinstance(decl, UdtFile)
-        names, after = _types_in(decl, project)
-        of_types = {problem for bad in after.broken.values() for problem in bad}
-        wrong = [problem for problem in after.problems if problem not in project.types.problems]
-        hides = project.types.types.keys() - after.types.keys()
-        if hides or not names or not of_types.issuperset(wrong):
+        types, names, wrong = _types_of(decl, project)
+        of_types = {problem for bad in types.broken.values() for problem in bad}
+        if not names or project.types.types.keys() - types.types.keys() or not of_types.issuperset(wrong):
             raise UserError(wrong) if wrong else mistake(path, "no type", "TYPE ... END_TYPE")
     except UserError as refused:
         raise UserError(
@@ -206,33 +205,31 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
     return decl
 
 
-def _types_in(decl: UdtFile, project: Project) -> tuple[list[str], TypeSet]:
-    """Return the names of the types that a file brings, and all types with them."""
-    before, after = project.types.types, with_entry(project, decl).types
-    return [name for key, (name, type_) in after.types.items() if before.get(key) != (name, type_)], after
+def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
+    """Return all types with those of one more file, the names of its own, and what is wrong in it."""
+    types, file = with_entry(project, decl).types, declared_by(str(project.base / decl.name), decl.content)
+    own = [each.name.casefold() for each in file.types]
+    names = [name for key, (name, _) in types.types.items() if key in own]
+    return types, names, [problem for problem in types.problems if problem not in project.types.problems]
 
 
 def _types_told(decl: UdtFile, project: Project) -> str:
-    names, types = _types_in(decl, project)
-    more, bad = len(names) - MOST_TYPES, len(types.broken) - len(project.types.broken)
-    rules = project.layout
-    lines = [f"{count(len(names), 'type')}, here {rules.name}, {rules.byte_order}-endian"]
+    types, names, wrong = _types_of(decl, project)
+    sender = types.sender(names[0])
+    theirs = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
+    lines = [f"{count(len(names), 'type')}, here {project.layout.name} {project.layout.byte_order}, {theirs}"]
     lines += [one_line(_type_told(name, types, project)) for name in names[:MOST_TYPES]]
-    lines += [f"and {more} more"] * (more > 0)
-    wrong = [str(problem) for problem in types.problems if problem not in project.types.problems]
-    return "\n".join(lines + [f"{count(bad, 'bad type')}: {wrong[0]}" for _ in wrong[:1]])
+    lines += [f"and {len(names) - MOST_TYPES} more"] * (len(names) > MOST_TYPES)
+    return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
 
 
 def _type_told(name: str, types: TypeSet, project: Project) -> str:
-    sender = types.sender(name)
+    sender, type_ = types.sender(name).layout, types.named(name)
     try:
-        size = count(lay_out(types.named(name), project.layout, name).size, "byte")
-        if not sender.layout:
-            return f"{name} {size}"
-        theirs = lay_out(types.named(name), LAYOUTS[sender.layout], name).size
+        sizes = [lay_out(type_, rules, name).size for rules in (project.layout, LAYOUTS.get(sender)) if rules]
     except UserError as refused:
         return f"{name}: {refused.problems[0].message}"
-    return f"{name} {size}; sender {sender.source} {sender.layout}: {count(theirs, 'byte')}"
+    return f"{name} {count(sizes[0], 'byte')}" + "".join(f", sender's {size}" for size in sizes[1:])
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:

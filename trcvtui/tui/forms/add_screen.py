@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import ClassVar, cast
 
 from textual.binding import Binding
@@ -12,9 +14,8 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
-from trcvtui.files import reading_only
+from trcvtui.files import FilesRead, reading_only
 from trcvtui.project.edit import AddField, fields_of, first_name
-from trcvtui.project.keys import UDT
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import plain, wrapped
@@ -28,19 +29,18 @@ from trcvtui.tui.forms.fields import (
     text_of,
     values_of,
 )
-from trcvtui.tui.forms.pasted_type import PastedType, pasted_type
+from trcvtui.tui.forms.pasted_type import pasted_type, write_type
 from trcvtui.tui.view_model.validity import fault_of, said_before
 from trcvtui.tui.widgets.dialogs import FormDialog, FormField
 from trcvtui.udt.sources import type_files_in
 
 HINT, HINT_ROWS = 27, 2  # columns, lines
-FILE_HINT = "a file of types, or paste a STRUCT"
+FILE, ADD_FILE = "file", "add udt "
+ASK_FILE = "a file of types: tab completes its path, ↑↓ choose one beside the project; or paste a STRUCT"
 
 
 class ChoiceField(FormField):
     """One field; where something is known to fit, up and down walk through it."""
-
-    BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)
@@ -50,20 +50,10 @@ class ChoiceField(FormField):
     async def action_submit(self) -> None:
         cast("AddScreen", self.screen).take()
 
-    def action_complete(self) -> None:
-        """Complete the path of a file; another field, and what cannot be completed, leaves the field."""
-        path = cast("AddScreen", self.screen).completed(self)
-        if path:
-            self.value, self.cursor_position = path, len(path)
-        else:
-            self.screen.focus_next()
-
     def pasted(self, text: str) -> str:
         """Let the form keep a STRUCT: the name of its file stands here then."""
         name = cast("AddScreen", self.screen).paste(self, text)
-        if name:
-            self.clear()
-        return name or super().pasted(text)
+        return super().pasted(text) if name is None else name
 
     async def follow(self) -> None:
         """Let the form have the fields that this one asks for."""
@@ -83,6 +73,7 @@ class AddScreen(FormDialog[str]):
     """Ends with the command, "" when it is left."""
 
     TAKES: ClassVar = "add"
+    BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
     DEFAULT_CSS = """
     AddScreen #form { width: 76; max-height: 100%; }
     AddScreen VerticalScroll { max-height: 70vh; }
@@ -101,8 +92,7 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
-        self._paste: PastedType | None = None
-        self._trouble = ""  # what could not be pasted, or written
+        self._paste = Path(), ""  # the file that a paste becomes, and what it holds
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
@@ -131,8 +121,8 @@ class AddScreen(FormDialog[str]):
         self._judge()
 
     def _specs(self, project: Project) -> list[AddField]:
-        if self.kind == UDT.kind:
-            return [AddField("file", FILE_HINT, tuple(type_files_in(project.base)))]
+        if self.kind == "udt":
+            return [AddField(FILE, "of a folder beside it", tuple(type_files_in(project.base)))]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -148,49 +138,63 @@ class AddScreen(FormDialog[str]):
         name, *others = self._fields
         return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
-    def completed(self, field: ChoiceField) -> str:
-        """Return the path in a field, completed; "" for none."""
-        start = f"add {UDT.kind} "
-        found = complete(f"{start}{field.value}", self._project()) if field.key == "file" else None
-        return (found or "").removeprefix(start)
+    def action_complete(self) -> None:
+        """Complete the path of a file of types; leave any other field."""
+        field = self._fields[0]
+        is_file = self.focused is field and field.key == FILE
+        found = complete(ADD_FILE + field.value, self._project()) if is_file else None
+        if found:
+            field.value = found.removeprefix(ADD_FILE)
+            field.cursor_position = len(field.value)
+        else:
+            self.focus_next()
 
-    def paste(self, field: ChoiceField, text: str) -> str:
-        """Keep a STRUCT that is pasted for a file; return the name of that, "" for any other text."""
-        if field.key != "file" or not len(text.splitlines()) > 1:
-            return ""
+    def paste(self, field: ChoiceField, text: str) -> str | None:
+        """Keep a pasted STRUCT for a file, and return the name of that; None for any other text."""
+        if field.key != FILE or (len(text.splitlines()) < 2 and "END_STRUCT" not in text.upper()):
+            return None
         try:
             self._paste = pasted_type(text, self._project().base)
         except UserError as refused:
-            self._trouble = refused.lines()[0]
-            self._judge()
-            return field.value or " "
-        return self._paste.name
+            self._complain(refused.lines()[0])
+            return ""
+        field.clear()
+        return self._paste[0].name
 
-    @property
-    def _pasted(self) -> PastedType | None:
-        paste = self._paste
-        return paste if paste and self.kind == UDT.kind and self.name_of_part == paste.name else None
+    def _is_pasted(self) -> bool:
+        return self.line == f"{ADD_FILE}{self._paste[0].name}"
 
-    def _looking(self) -> AbstractContextManager[None]:
-        return reading_only(self._pasted.reads) if self._pasted else nullcontext()
+    def _reading(self) -> AbstractContextManager[None]:
+        """Let a pasted file be read as if it stood there."""
+        file, text = self._paste
+        reads = FilesRead(contents=[(os.fspath(file), text.encode())])
+        return reading_only(reads) if self._is_pasted() else nullcontext()
 
-    @property
-    def _fault(self) -> str:
-        with self._looking():
-            return self._trouble or (fault_of(self.line, self._project()) if self.line else "")
-
-    def _judge(self) -> None:
-        fault, self._trouble = self._fault, ""
+    def _judge(self) -> bool:
+        """Say what the line does, or what is wrong with it; return whether it would be taken."""
+        if self.line.strip() == ADD_FILE.strip():
+            self._line.update(ASK_FILE)
+            return False
+        with self._reading():
+            fault = fault_of(self.line, self._project()) if self.line else ""
+            said = self._said()
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        self._line.update(f"✗ {plain(fault)}" if fault else "\n".join(map(plain, self._said())))
-        self._line.set_class(bool(fault), "-bad")
+        if fault:
+            self._complain(fault)
+        else:
+            self._line.update("\n".join(map(plain, said)))
+            self._line.remove_class("-bad")
+        return not fault
+
+    def _complain(self, fault: str) -> None:
+        self._line.update(f"✗ {plain(fault)}")
+        self._line.add_class("-bad")
 
     def _said(self) -> list[str]:
-        with self._looking():
-            first, *more = said_before(self.line, self._project()).split("\n")
-        return [f"▸ {self.line}{first and f' · {first}'}", *more]
+        made, *more = said_before(self.line, self._project()).split("\n")
+        return [f"▸ {self.line}{made and f' · {made}'}", *more]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -215,16 +219,14 @@ class AddScreen(FormDialog[str]):
             self.set_focus(block)
 
     def take(self) -> None:
-        if self._fault:
-            return
         try:
-            if self._pasted:
-                self._pasted.write()
-        except UserError as refused:
-            self._trouble = refused.lines()[0]
-            self._judge()
-        else:
+            if not self._judge():
+                return
+            if self._is_pasted():
+                write_type(*self._paste)
             self.dismiss(self.line)
+        except UserError as refused:
+            self._complain(refused.lines()[0])
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:

@@ -7,48 +7,36 @@ import re
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, write_file
+from trcvtui.files import write_file
 from trcvtui.project.tables import hidden_in
 from trcvtui.udt.sources import read_text
 
-MOST_PASTED: Final = 64 * 1024  # characters
+MOST: Final = 64 * 1024  # characters
 LONGEST_NAME: Final = 60
-UNNAMED: Final = "Pasted.st"  # a STRUCT alone is called as its file
+UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
 
 
-class PastedType(NamedTuple):
-    """The text of a file that is not there yet, and its name."""
-
-    name: str
-    text: str
-    base: Path
-
-    @property
-    def reads(self) -> FilesRead:
-        """Return what is read in place of the disk while it is looked at."""
-        return FilesRead(contents=[(os.fspath(self.base / self.name), self.text.encode())])
-
-    def write(self) -> None:
-        """Write the file; raise UserError where it cannot be."""
-        from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
-
-        refuse_what_came_along(self.base / self.name, f"udt {self.name}")
-        write_file(self.base / self.name, self.text, f"udt {self.name}", is_new=True)
-
-
-def pasted_type(text: str, base: Path) -> PastedType:
-    """Return what a pasted text becomes, under the first name that is free; raise UserError."""
-    if len(text) > MOST_PASTED:
-        raise mistake("paste", f"{len(text)} characters", f"at most {MOST_PASTED}")
-    lines = text.expandtabs(4).splitlines()
-    if hidden := hidden_in("".join(lines)):
-        raise mistake("paste", f"{hidden[:40]} in it", "a STRUCT without control characters")
+def pasted_type(text: str, base: Path) -> tuple[Path, str]:
+    """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
+    lines = text[: MOST + 1].expandtabs(4).splitlines()
+    hidden = hidden_in("".join(lines))
+    if hidden or len(text) > MOST:
+        found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
+        raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, none of them for control")
     source, name = "\n".join([*lines, ""]), UNNAMED
-    with suppress(UserError):  # what is wrong in it the form says
-        name = next((declared.name for declared in read_text(source, UNNAMED, ".st").types), UNNAMED)
-    safe = re.sub(r"\W", "_", name.removesuffix(".st"))[:LONGEST_NAME]
-    names = (f"{safe}{number if number > 1 else ''}.st" for number in count(1))
-    return PastedType(next(one for one in names if not os.path.lexists(base / one)), source, base)
+    with suppress(UserError):  # the form says what is wrong in it
+        name = next((each.name for each in read_text(source, UNNAMED, ".st").types), name)
+    stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
+    files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))
+    return next(file for file in files if not os.path.lexists(file)), source
+
+
+def write_type(file: Path, text: str) -> None:
+    """Write a new file; raise UserError where that cannot be."""
+    from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
+
+    refuse_what_came_along(file, "paste")
+    write_file(file, text, "paste", is_new=True)

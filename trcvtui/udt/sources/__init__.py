@@ -182,7 +182,9 @@ def read_files(
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(_known(str(path), contents[path]) if path in contents else declarations_in(path))
+                files.append(
+                    declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
+                )
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
 
 
@@ -226,7 +228,8 @@ def declarations_in(path: Path) -> Declarations:
 
 
 @lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
-def _known(path: str, content: bytes) -> Declarations:
+def declared_by(path: str, content: bytes) -> Declarations:
+    """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
     return declarations_of(content, path, _extension(path))
 
 

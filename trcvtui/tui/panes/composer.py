@@ -202,10 +202,11 @@ class PayloadField(TypedField):
         self._send()
 
     def pasted(self, text: str) -> str:
-        """Return the first line; a STRUCT is taken whole, without its comments."""
-        lines = text.strip().splitlines() or [""]
-        is_struct = lines[0].upper().startswith("STRUCT")
-        return " ".join(line.partition("//")[0].strip() for line in (lines if is_struct else lines[:1]))
+        """Return the first line; a STRUCT takes the place of all, without its comments."""
+        if not text.lstrip().upper().startswith("STRUCT"):
+            return super().pasted(text)
+        self.clear()
+        return " ".join(line.partition("//")[0].strip() for line in text.strip().splitlines())
 
     def action_leave(self) -> None:
         self.screen.set_focus(self.screen.query_one("#peers"))

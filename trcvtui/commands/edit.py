@@ -215,21 +215,18 @@ def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list
 
 def _types_told(decl: UdtFile, project: Project) -> str:
     types, names, wrong = _types_of(decl, project)
-    sender = types.sender(names[0])
+    sender, here = types.sender(names[0]), project.layout
     theirs = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
-    lines = [f"{count(len(names), 'type')}, here {project.layout.name} {project.layout.byte_order}, {theirs}"]
-    lines += [one_line(_type_told(name, types, project)) for name in names[:MOST_TYPES]]
+    lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {theirs}"]
+    for name in names[:MOST_TYPES]:
+        every = (here, LAYOUTS[sender.layout]) if sender.layout else (here,)
+        try:
+            sizes = [count(lay_out(types.named(name), rules, name).size, "byte") for rules in every]
+            lines.append(one_line(f"{name} {', sender: '.join(sizes)}"))
+        except UserError as refused:
+            lines.append(one_line(f"{name}: {refused.problems[0].message}"))
     lines += [f"and {len(names) - MOST_TYPES} more"] * (len(names) > MOST_TYPES)
     return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
-
-
-def _type_told(name: str, types: TypeSet, project: Project) -> str:
-    sender, type_ = types.sender(name).layout, types.named(name)
-    try:
-        sizes = [lay_out(type_, rules, name).size for rules in (project.layout, LAYOUTS.get(sender)) if rules]
-    except UserError as refused:
-        return f"{name}: {refused.problems[0].message}"
-    return f"{name} {count(sizes[0], 'byte')}" + "".join(f", sender's {size}" for size in sizes[1:])
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:

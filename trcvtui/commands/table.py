@@ -486,14 +486,16 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
     try:
         command = COMMANDS[verb].read(tokens, project)
     except UserError as refused:
-        raise refused if project.udts else UserError(map(_of_no_file, refused.problems)) from None
+        if project.udts:
+            raise
+        raise UserError(
+            structs.replace(each, expected=f"{KNOWN_TYPE}; {NO_UDT_FILE}")
+            if each.expected == KNOWN_TYPE
+            else each
+            for each in refused.problems
+        ) from None
     tokens.finish()
     return command
-
-
-def _of_no_file(problem: Problem) -> Problem:
-    is_type = problem.expected == KNOWN_TYPE
-    return structs.replace(problem, expected=f"{KNOWN_TYPE}; {NO_UDT_FILE}") if is_type else problem
 
 
 def parse_script(text: str, project: Project, where: str) -> list[Step]:

@@ -15,7 +15,7 @@ import os
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 from msgspec.structs import replace
 
@@ -29,7 +29,7 @@ from trcvtui.paths import configs_path, demo_path
 from trcvtui.project.edit import difference, entry, same
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import EDITED, forms_of, names_of
-from trcvtui.project.project import Declaration, Edit, Edits, Project, UdtFile
+from trcvtui.project.project import Edit, Edits, Project, UdtFile
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import way_to, with_change, with_constants, with_entries, with_files_from
 from trcvtui.scenario.recorded_session import SUFFIX, target
@@ -247,7 +247,7 @@ class ProjectEdits:
         old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
         self._restore_types(old)
         text = with_files_from(text, old, path.parent, str(own))
-        edits = _moved_edits(self._edits, old, path.parent)
+        edits = _moved(self._edits, old, path.parent)
         text, new = edited_text(text, own, path, edits, self._constants)
         bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
         write_file(path, bom + text.encode(), WHERE, is_own=True)
@@ -299,16 +299,19 @@ def moved(project: Project, path: Path) -> Project:
     """Return the project as it stands in another file; the names of its UDT files begin in that folder."""
     new = path.parent
     old = project.base if project.base.is_dir() else new  # what is gone has come along
-    udts = tuple([replace(each, name=way_to(each.name, old, new)) for each in project.udts])
-    undoable = tuple([_moved_edits(edits, old, new) for edits in project.undoable])
+    udts, undoable = _moved(project.udts, old, new), _moved(project.undoable, old, new)
     return replace(project, path=path, base=new, udts=udts, undoable=undoable)
 
 
-def _moved_edits(edits: Edits, old: Path, new: Path) -> Edits:
-    def at(decl: Declaration | None) -> Declaration | None:
-        return replace(decl, name=way_to(decl.name, old, new)) if isinstance(decl, UdtFile) else decl
-
-    return tuple([replace(edit, before=at(edit.before), after=at(edit.after)) for edit in edits])
+def _moved(part: Any, old: Path, new: Path) -> Any:
+    match part:
+        case tuple():
+            return tuple([_moved(each, old, new) for each in part])
+        case Edit():
+            return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
+        case UdtFile():
+            return replace(part, name=way_to(part.name, old, new))
+    return part
 
 
 def _content(path: FileName) -> bytes:

@@ -441,19 +441,18 @@ def types_of(
 
 def udts_now(project: Project) -> tuple[UdtFile, ...]:
     """Return the UDT files as they stand now, also those whose rows were written into the file by hand."""
-    problems: list[Problem] = []
-    rows: dict[str, UdtFile] = {}
+    document: Mapping[str, Any] = {}
     try:
-        reader = DocumentReader(read_toml(project.path), str(project.path), project.base, problems)
-        found = reader.udts(context_of(project), reader.entries("udt"))
-        rows = {each.name: each for each in found if each is not None}
+        document = read_toml(project.path)
     except UserError as refused:
-        problems += [wrong for wrong in refused.problems if wrong.kind != "file"]  # else none is there
-    if problems:
-        raise UserError(problems)
-    known = [each.name for each in project.udts]
-    others = {name: UdtFile(name, content_of(project.base / name)) for name in known if name not in rows}
-    return tuple((others | rows)[name] for name in dict.fromkeys([*known, *rows]))
+        if refused.problems[0].kind != "file":  # else there is none
+            raise
+    with all_problems() as problems:
+        reader = DocumentReader(dict(document), str(project.path), project.base, problems)
+        rows = reader.udts(context_of(project), reader.entries("udt"))
+    found = {each.name: each for each in rows if each is not None}
+    others = [each.name for each in project.udts if each.name not in found]
+    return (*found.values(), *(UdtFile(name, content_of(project.base / name)) for name in others))
 
 
 def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:

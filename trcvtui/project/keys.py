@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, noting
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
@@ -901,13 +901,11 @@ TOP: Final = TableRow(
 
 def _udt_content(values: Values) -> dict[str, Any] | None:
     """Return the content of a UDT file, None where it cannot be read."""
-    if values["file"] is None:
-        return None
-    try:
-        return {"content": content_of(values.around.base / values["file"])}
-    except UserError as refused:
-        values.table.problems.extend(refused.problems)
-        return None
+    found: dict[str, Any] | None = None
+    if values["file"] is not None:
+        with noting(values.table.problems):
+            found = {"content": content_of(values.around.base / values["file"])}
+    return found
 
 
 UDT: Final = TableRow(

@@ -433,12 +433,9 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
     `before` is the project as the session began with it, where its file says something else by now. It comes
     into the scenario, and so does a project that came with the program: no file names the installation.
     """
-    at = bench.project.base, path.parent
-    steps = (
-        "\n".join(_from_here(line, *at) for line in session.steps())
-        .replace("\\", "\\\\")
-        .replace('"""', '\\"\\"\\"')
-    )
+    old, new = bench.project.base, path.parent
+    lines = [_from_here(line, old, new) for line in session.steps()]
+    steps = "\n".join(lines).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
     about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
     about += session.outsiders().about

@@ -51,9 +51,9 @@ class ChoiceField(FormField):
         cast("AddScreen", self.screen).take()
 
     def pasted(self, text: str) -> str:
-        """Let the form keep a STRUCT: the name of its file stands here then."""
-        name = cast("AddScreen", self.screen).paste(self, text)
-        return super().pasted(text) if name is None else name
+        """Let the form keep a STRUCT for a file: the name of that stands here then."""
+        is_type = self.key == FILE and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
+        return cast("AddScreen", self.screen).paste(self, text) if is_type else super().pasted(text)
 
     async def follow(self) -> None:
         """Let the form have the fields that this one asks for."""
@@ -149,10 +149,8 @@ class AddScreen(FormDialog[str]):
         else:
             self.focus_next()
 
-    def paste(self, field: ChoiceField, text: str) -> str | None:
-        """Keep a pasted STRUCT for a file, and return the name of that; None for any other text."""
-        if field.key != FILE or (len(text.splitlines()) < 2 and "END_STRUCT" not in text.upper()):
-            return None
+    def paste(self, field: ChoiceField, text: str) -> str:
+        """Keep a pasted type; return the name of the file that enter writes, "" for what cannot be one."""
         try:
             self._paste = pasted_type(text, self._project().base)
         except UserError as refused:
@@ -167,8 +165,8 @@ class AddScreen(FormDialog[str]):
     def _reading(self) -> AbstractContextManager[None]:
         """Let a pasted file be read as if it stood there."""
         file, text = self._paste
-        reads = FilesRead(contents=[(os.fspath(file), text.encode())])
-        return reading_only(reads) if self._is_pasted() else nullcontext()
+        read = FilesRead(contents=[(os.fspath(file), text.encode())])
+        return reading_only(read) if self._is_pasted() else nullcontext()
 
     def _judge(self) -> bool:
         """Say what the line does, or what is wrong with it; return whether it would be taken."""

@@ -72,8 +72,7 @@ async def _act(app: App[None], event: events.Key | events.Paste) -> bool:
     field, screen = app.focused, app.screen
     if isinstance(event, events.Paste):
         if isinstance(field, TypedField) and event.text:
-            text = field.pasted(event.text)
-            field.replace(text, *field.selection)
+            field.replace(field.pasted(event.text), *field.selection)
         return isinstance(field, Input)
     if event.is_printable and event.character:
         if isinstance(field, Input):

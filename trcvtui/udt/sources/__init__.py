@@ -224,20 +224,17 @@ def decode_text(data: bytes) -> str:
 
 def declarations_in(path: Path) -> Declarations:
     """Return what a file declares; raise UserError when it cannot be read at all."""
-    return declarations_of(content_of(path), str(path), _extension(str(path)))
+    return _declared(str(path), content_of(path))
 
 
-@lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
-def declared_by(path: str, content: bytes) -> Declarations:
-    """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
-    return declarations_of(content, path, _extension(path))
-
-
-def _extension(path: str) -> str:
+def _declared(path: str, content: bytes) -> Declarations:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
         raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
-    return extension
+    return declarations_of(content, path, extension)
+
+
+declared_by = lru_cache(maxsize=16)(_declared)  # of a project's files one is new, the others are as they were
 
 
 def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations:

@@ -208,7 +208,7 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
 def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
     """Return all types with those of one more file, the names of its own, and what is wrong in it."""
     types, file = with_entry(project, decl).types, declared_by(str(project.base / decl.name), decl.content)
-    own = [each.name.casefold() for each in file.types]
+    own = {each.name.casefold() for each in file.types}
     names = [name for key, (name, _) in types.types.items() if key in own]
     return types, names, [problem for problem in types.problems if problem not in project.types.problems]
 

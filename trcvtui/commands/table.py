@@ -486,7 +486,7 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
     try:
         command = COMMANDS[verb].read(tokens, project)
     except UserError as refused:
-        if project.udts:
+        if project.udts or text.split(None, 2)[:2] == ["add", "udt"]:
             raise
         raise UserError(
             structs.replace(each, expected=f"{KNOWN_TYPE}; {NO_UDT_FILE}")

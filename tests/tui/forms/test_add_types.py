@@ -14,6 +14,7 @@ from tests.tui.looking import SMALL
 from tests.tui.stage import Stage, on_stage
 from trcvtui.paths import demo_path
 from trcvtui.project.file import load_project
+from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen
 from trcvtui.tui.forms.pasted_type import MOST
 
@@ -158,3 +159,22 @@ async def test_a_struct_goes_into_the_payload_of_a_peer_whole(path: Path) -> Non
         await paste(stage, "STRUCT\n  a : INT; // first\nEND_STRUCT {a=1}")
         assert stage.app.screen.query_one("#payload", Input).value == "STRUCT a : INT; END_STRUCT {a=1}"
         assert stage.app.main.peer.composer.fault == ""
+
+
+def test_paths_and_types_are_completed(path: Path) -> None:
+    (path.parent / "types").mkdir()
+    (path.parent / "types" / "order.st").write_text(ORDER, encoding="utf-8")
+    (path.parent / "notes.md").write_text("", encoding="utf-8")
+    path.write_text(PROJECT + '[[udt]]\nfile = "types/order.st"\n', encoding="utf-8")
+    known = load_project(path)
+    for typed, whole in (
+        ("add udt t", "add udt types/"),
+        ("add udt types/o", "add udt types/order.st"),
+        ("udt open types/", "udt open types/order.st"),
+        ("add udt n", None),
+        ("set data rx1 type=O", "set data rx1 type=Order"),
+        ("set rx1 O", "set rx1 Order"),
+        ("add data rx2 O", "add data rx2 Order"),
+        ("resize rx1 O", "resize rx1 Order"),
+    ):
+        assert complete(typed, known) == whole

@@ -178,3 +178,14 @@ def test_paths_and_types_are_completed(path: Path) -> None:
         ("resize rx1 O", "resize rx1 Order"),
     ):
         assert complete(typed, known) == whole
+
+
+async def test_no_other_field_takes_a_struct_for_a_file(path: Path) -> None:
+    async with on_stage(Stage, load_project(path), SMALL) as stage:
+        await stage.scan(3)
+        stage.app.action_add("certificate")
+        await stage.press("tab")
+        await paste(stage, ORDER)
+        form = stage.app.screen
+        assert isinstance(form, AddScreen)
+        assert form.line.startswith("add certificate 1 file=TYPE Order :")

@@ -35,7 +35,7 @@ from trcvtui.tui.widgets.dialogs import FormDialog, FormField
 from trcvtui.udt.sources import type_files_in
 
 HINT, HINT_ROWS = 27, 2  # columns, lines
-FILE, ADD_FILE = "file", "add udt "
+FILE, ADD_FILE = "type file", "add udt "  # the key of its field, and its line
 ASK_FILE = "a file of types: tab completes its path, ↑↓ choose one beside the project; or paste a STRUCT"
 
 

@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from trcvtui.clock import now_ns
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import TIMING_FILE, Engine
+from trcvtui.engine.screens import AttachedScreens
 from trcvtui.files import noting_reads
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
@@ -115,4 +116,4 @@ def _run(channel: Channel, file: Path, timing: Path, connections: int, record: P
         bench = fresh_bench(project, "live", recorder.seam if recorder is not None else None)
         if recorder is not None:
             recorder.begin(bench, file, (), is_scenario=False)
-        Engine(channel, bench, recorder).run()
+        Engine(AttachedScreens(channel, project, False, None), bench, recorder).run()

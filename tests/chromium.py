@@ -20,9 +20,17 @@ PATIENCE_S = 60
 class Tab:
     """One page of a Chromium, spoken to by its debugging protocol."""
 
-    def __init__(self, socket: ClientWebSocketResponse) -> None:
-        self._socket = socket
+    def __init__(self, socket: ClientWebSocketResponse, session: ClientSession, debugger: str) -> None:
+        self._socket, self._session, self._debugger = socket, session, debugger
         self._number = 0
+
+    @asynccontextmanager
+    async def beside(self, address: str) -> AsyncIterator[Tab]:
+        """Open another tab of the same browser."""
+        async with self._session.put(f"http://{self._debugger}/json/new?{address}") as answer:
+            page = await answer.json(content_type=None)
+        async with self._session.ws_connect(page["webSocketDebuggerUrl"], max_msg_size=0) as socket:
+            yield Tab(socket, self._session, self._debugger)
 
     async def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
@@ -35,8 +43,11 @@ class Tab:
         raise AssertionError("the browser has gone")
 
     async def is_true(self, script: str) -> bool:
+        return await self.value(script) is True
+
+    async def value(self, script: str) -> Any:
         answer = await self.ask("Runtime.evaluate", expression=script, returnByValue=True)
-        return answer["result"].get("value") is True
+        return answer["result"].get("value")
 
     async def type(self, text: str) -> None:
         """Press the keys of a text; a line end is enter."""
@@ -68,7 +79,7 @@ async def chromium(folder: Path, address: str) -> AsyncIterator[Tab]:
             async with session.get(f"http://{found[1]}/json") as answer:
                 page = next(each for each in await answer.json() if each["type"] == "page")
             async with session.ws_connect(page["webSocketDebuggerUrl"], max_msg_size=0) as socket:
-                yield Tab(socket)
+                yield Tab(socket, session, found[1])
     finally:
         process.kill()
         await process.wait()

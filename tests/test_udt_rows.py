@@ -37,13 +37,7 @@ MADE_UP_FORMAT = TypeFormat("Made-up text", (".made",), read_st)
 def not_on_the_page() -> list[str]:
     """Return the names of rows that docs/udt.md does not have between back ticks."""
     quoted = {word for text in re.findall(r"`([^`]+)`", PAGE) for word in re.split(r"[\s|\\]+", text)}
-    refused = {extension for row in FORMATS.values() if row.refused for extension in row.extensions}
-    known = [
-        *(each for each in extensions() if each not in refused),
-        *LANGUAGES,
-        *layout_names(),
-        *BYTE_FORMS,
-    ]
+    known = [*extensions(), *LANGUAGES, *layout_names(), *BYTE_FORMS]
     return [name for name in known if name not in quoted and name.removeprefix("codesys") not in quoted]
 
 

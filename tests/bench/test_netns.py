@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -149,6 +150,101 @@ def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
 
 
 # -- where it cannot be ------------------------------------------------------------------------------------
+
+
+TWO_HOSTS = """
+set -e
+mount -t tmpfs none /run && mkdir -p /run/netns
+for n in 1 2; do ip netns add n$n; done
+ip -n n1 link add eth0 type veth peer name eth0 netns n2
+for n in 1 2; do
+  ip -n n$n link set eth0 up
+  ip -n n$n addr add 10.7.0.$n/16 dev eth0
+done
+"""
+ON_VETH = """
+dialect = "s7-1200"
+[[data]]
+name = "rx"
+type = "ARRAY[0..3] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_v4"
+ConnectionType = 19
+LocalAddress = "10.7.0.1"
+LocalPort = 2000
+[[addr]]
+name = "SOURCE"
+[[addr]]
+name = "ALL"
+RemoteAddress = "10.7.255.255"
+RemotePort = 2001
+[[instance]]
+name = "TCON_1"
+block = "TCON"
+connect = "C1"
+[[instance]]
+name = "TURCV_1"
+block = "TURCV"
+connect = "C1"
+addr = "SOURCE"
+data = "rx"
+[[instance]]
+name = "TUSEND_1"
+block = "TUSEND"
+connect = "C1"
+addr = "ALL"
+data = "rx"
+LEN = 4
+[scenario]
+name = "a broadcast to each end"
+steps = '''
+pulse TCON_1 REQ
+wait TCON_1 DONE=1
+set TURCV_1 EN_R=1
+wait TURCV_1 STATUS=0000 within T#60s
+expect rx hex 61 6C 6C 21
+pulse TUSEND_1 REQ
+wait TUSEND_1 DONE=1
+'''
+"""
+CALLS = """
+import socket
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here:
+    here.bind(("", 2001))
+    here.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+    here.settimeout(0.05)
+    while True:
+        here.sendto(b"all!", ("10.7.255.255", 2000))
+        try:
+            data, source = here.recvfrom(100)
+            if source[0] != "10.7.0.2":
+                print(data, source)
+                break
+        except TimeoutError:
+            pass
+"""
+
+
+@pytest.mark.live
+def test_a_broadcast_crosses_a_veth_pair_in_both_directions(tmp_path: Path) -> None:
+    for needed in ("unshare", "ip"):
+        if shutil.which(needed) is None:
+            pytest.skip(f"needs {needed}")
+    alone = ["unshare", "-n", "-m", "--kill-child", "--fork", "-p", "sh", "-c"]
+    tried = subprocess.run([*alone, TWO_HOSTS], capture_output=True, text=True, check=False)
+    if tried.returncode:
+        pytest.skip(f"needs a network of its own with a veth pair: {tried.stderr.strip()[-80:]}")
+    (tmp_path / "veth.toml").write_text(ON_VETH, encoding="utf-8")
+    (tmp_path / "calls.py").write_text(CALLS, encoding="utf-8")
+    plc = f"ip netns exec n1 {sys.executable} -m trcvtui scenario {tmp_path / 'veth.toml'} --kernel live"
+    partner = f"ip netns exec n2 timeout 60 {sys.executable} {tmp_path / 'calls.py'}"
+    done = subprocess.run(
+        [*alone, f"{TWO_HOSTS}\n{partner} & {plc}; code=$?; wait; exit $code"],
+        capture_output=True, text=True, timeout=100, check=False, cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "b'all!' ('10.7.0.1', 2000)" in done.stdout
 
 
 def test_netns_without_the_live_kernel_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,6 +66,35 @@ def test_a_description_of_udp_can_come_as_the_bytes_of_a_db(tmp_path: Path) -> N
     desk.close()
 
 
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_port_without_a_socket_for_broadcasts_receives_and_says_so_and_a_reset_makes_one(
+    tmp_path: Path, kernel: str
+) -> None:
+    everybody = (
+        'remote = "@C2"\n[[addr]]\nname = "ALL"\nRemoteAddress = "127.255.255.255"\nRemotePort = "@C1"\n'
+    )
+    desk = Desk(
+        BENCH.replace('remote = "@C2"', everybody).replace('"PARTNER"\ndata = "tx"', '"ALL"\ndata = "tx"'),
+        tmp_path,
+        kernel,
+    )
+    desk.say("fault bind EADDRINUSE nth=2 on C1")
+    tcon(desk)
+    notes = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
+    port = desk.bench.runtime.listening_port("C1")
+    assert [(note.what, note.detail) for note in notes] == [
+        ("option refused", f"no socket for broadcasts: 127.255.255.255:{port}: bind EADDRINUSE (injected)"),
+        ("listening", "UDP"),
+    ]
+    desk.say("set TURCV_1 EN_R=1", "run 2", "peer P1 send hex 01 02", "run 2")
+    assert desk.bench.runtime.data("rx")[:2] == b"\1\2"
+    desk.say("write tx hex 0A 0B 0C 0D", "set TSEND_C_1 CONT=1", "run 5", "pulse TSEND_C_1 REQ", "run 3")
+    assert desk.bench.runtime.data("rx")[:2] == b"\1\2"
+    desk.say("pulse T_RESET_1 REQ", "run 5", "pulse TSEND_C_1 REQ", "run 3")
+    assert desk.bench.runtime.data("rx")[:4] == b"\x0a\x0b\x0c\x0d"
+    desk.close()
+
+
 def test_t_diag_tells_type_19_and_an_endpoint_that_stands(tmp_path: Path) -> None:
     text = BENCH + '[[data]]\nname = "result"\ntype = "ARRAY[0..15] OF BYTE"\n'
     text += '[[instance]]\nname = "D"\nblock = "T_DIAG"\nconnect = "C1"\ndata = "result"\n'

@@ -32,11 +32,11 @@ from tests.recording.wire import (
     udp,
 )
 from trcvtui.capture import pcap
-from trcvtui.capture.command import conversations_of
+from trcvtui.capture.command import capture_notes, conversations_of
 from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import parse_plc
-from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
+from trcvtui.capture.reassembly import MOST_KINDS, ConversationEvent, Conversations, SegmentKind
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 
@@ -329,6 +329,46 @@ def test_conversations_above_the_limit_are_told(
     said = capsys.readouterr()
     assert [line[:2] for line in said.out.splitlines() if line[0] != " "] == ["ID", "C1", "C2", "C3"]
     assert "5 packets of conversations after number 3" in said.err
+
+
+ETHERCAT = b"\x88\xa4" + bytes(40)
+SLL = bytes(14)
+
+
+@pytest.mark.parametrize(
+    ("link_type", "frames", "line"),
+    [
+        (pcap.ETHERNET, [ethernet(b"", ETHERCAT)] * 3, "3 EtherCAT frames (16#88A4)"),
+        (pcap.ETHERNET, [ethernet(b"\x81\0\0\7\x88\xa8\0\7", ETHERCAT)], "1 EtherCAT frame (16#88A4)"),
+        (pcap.LINUX_SLL, [SLL + b"\x81\0\0\7" + ETHERCAT], "1 EtherCAT frame (16#88A4)"),
+        (pcap.LINUX_SLL2, [b"\x81\0" + bytes(18) + b"\0\7" + ETHERCAT], "1 EtherCAT frame (16#88A4)"),
+        (pcap.ETHERNET, [ethernet(b"\x43\x21", b"")], "1 frame (16#4321)"),
+        (pcap.ETHERNET, [ethernet(b"\0\x27", b""), b"cut"], "2 802.3 LLC frames"),
+        (pcap.ETHERNET, [ethernet(V4, ip("10.0.0.5", "224.0.0.1", 2, b""))], "1 IGMP packet (IP protocol 2)"),
+        (pcap.RAW_IP, [ip("10.0.0.5", "10.0.0.9", 99, b"")], "1 IP packet (IP protocol 99)"),
+        (pcap.RAW_IP, [ip("fd00::5", "fd00::9", 58, bytes(9), b"\x3a" + bytes(7))],
+         "1 ICMPv6 packet (IP protocol 58)"),
+        (pcap.RAW_IP, [b"x"], "1 packet (link type 101)"),
+        (227, [b"x"], "1 CAN packet (link type 227)"),
+        (pcap.ETHERNET, [ethernet(struct.pack(">H", 0x1000 + n % 6), b"") for n in range(60)] +
+         [ethernet(b"", ETHERCAT)] * 11,
+         "11 EtherCAT frames (16#88A4), 10 frames (16#1000), 10 frames (16#1001), 10 frames (16#1002), "
+         "30 packets of 3 other kinds"),
+    ],
+)  # fmt: skip
+def test_what_is_neither_tcp_nor_udp_is_named(link_type: int, frames: list[bytes], line: str) -> None:
+    found = Conversations()
+    for data in frames:
+        found.take(pcap.Packet(0, 0, data, len(data), (), 0), link_type)
+    assert [*capture_notes(found, [])][1:] == [f"not read: {line}: no TCP or UDP"]
+
+
+def test_the_kinds_of_what_is_not_read_are_bounded() -> None:
+    found = Conversations()
+    for number in range(65_536):
+        data = ethernet(number.to_bytes(2, "big"), b"")
+        found.take(pcap.Packet(0, 0, data, len(data), (), 0), pcap.ETHERNET)
+    assert found.others.total() > 65_000 and len(found.others) <= MOST_KINDS + 1
 
 
 # -- the command -----------------------------------------------------------------------------------------

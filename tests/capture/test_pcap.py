@@ -197,6 +197,17 @@ def test_what_is_no_capture_is_refused_or_said_to_stop(content: bytes) -> None:
         assert not packets and reader.trouble is not None
 
 
+@pytest.mark.parametrize("begin", [b"GMBU\0\2\1\0", b"RTSS\1\1\0\0", b"snoop\0\0\0\0\0\0\2\0\0\0\4"])
+def test_a_capture_of_another_program_is_named_with_the_command_that_makes_it_ours(
+    begin: bytes, tmp_path: Path
+) -> None:
+    for path in (tmp_path / "a b.cap", tmp_path / "a b.gz"):
+        path.write_bytes(gzip.compress(begin) if path.suffix == ".gz" else begin)
+        with pytest.raises(UserError) as refused, open_capture(path):
+            pass
+        assert str(refused.value).endswith(f"editcap -F pcapng '{path}' '{path}'.pcapng")
+
+
 def test_a_file_cut_anywhere_gives_what_stands_before_the_cut() -> None:
     data = ours()
     ends = [one.at for one in read(data)[0]]

@@ -188,17 +188,43 @@ def test_what_a_block_will_refuse_is_found_before_with_the_status_that_it_shows(
     assert found["status"] and set(found["status"]) <= shown
 
 
-def test_one_local_port_of_two_that_call_is_said_and_not_sure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+CALLER = ACTIVE + "LocalPort = 2000\nRemotePort = 2001\n"
+FREE = CALLER.replace("2000", "0")
+LISTENER = "LocalPort = 2000\n"
+DATAGRAMS = 'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\n'
+TWICE = {
+    "two that call": (CALLER, CALLER, [("address", 0.5, ["80A1"])]),
+    "two that call from any port": (FREE, FREE, []),
+    "one that calls, one that listens": (CALLER, LISTENER, [("address", 0.95, ["80A1"])]),
+    "two that listen elsewhere on the bench": (
+        LISTENER + "ListenPort = 0\n", LISTENER + "ListenPort = 0\n", [("address", 0.5, ["80A1"])]
+    ),
+    "two of UDP": (DATAGRAMS, DATAGRAMS, [("address", 0.95, ["80A1"])]),
+    "TCP beside UDP": (LISTENER, DATAGRAMS, []),
+    "two of ISO-on-TCP": ('type = "TCON_IP_RFC"\nLocalTSelector = "E0.01"\nIsoPort = 0\n',) * 2 + ([],),
+    "one ID": (LISTENER + "ID = 7\n", "LocalPort = 2001\nID = 7\n", [("limits", 0.95, ["80C8"])]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TWICE)
+def test_one_id_or_one_local_port_of_two_connects_is_found(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    calls = ACTIVE + "LocalPort = 2000\nRemotePort = 2{}\n"
+    first, second, found = TWICE[name]
     path = tmp_path / "p.toml"
-    head = HEAD.replace("baosky", "s7-1500")
-    path.write_text(head + calls.format("001") + RECEIVER + OTHER.format(calls.format("002")))
-    assert main(["doctor", str(path), "--format", "json"]) == 1
+    tcon = INSTANCE.replace("TRCV_C", "TCON").replace('data = "rx"\n', "")
+    others = OTHER.partition("[[instance]]")[0].format(second)
+    text = HEAD.replace("baosky", "s7-1500") + first + others + tcon
+    path.write_text(text + tcon.replace("TCON_1", "TCON_2").replace('"C1"', '"C2"'))
+    assert main(["doctor", str(path), "--format", "json"]) == bool(found)
     (judged,) = json.loads(capsys.readouterr().out)
-    (found,) = judged["findings"]
-    assert (found["cause"], found["confidence"], found["status"]) == ("address", 0.5, ["80A1"])
+    assert [(one["cause"], one["confidence"], one["status"]) for one in judged["findings"]] == found
+
+
+def test_one_id_is_found_where_no_block_uses_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = HEAD.replace("baosky", "s7-1500") + LISTENER + "ID = 7\n" + RECEIVER
+    unused = OTHER.partition("[[instance]]")[0].format("LocalPort = 2001\nID = 7\n")
+    assert causes_of(text + unused, tmp_path, capsys) == ["limits"]
 
 
 def test_the_remedy_of_a_missing_cont_takes_the_finding_away(

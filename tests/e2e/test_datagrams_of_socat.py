@@ -80,3 +80,22 @@ def test_socat_sends_too_much_then_a_right_datagram_and_gets_the_answer(plc: Plc
         assert plc.shows("TUSEND_1", 0x7001, 0x0000) == [0x7001, 0x0000]
         assert os.read(socat.stdout.fileno(), 100) == b"good"
         socat.terminate()
+
+
+def test_a_broadcast_of_socat_is_heard_as_any_datagram(plc: Plc) -> None:
+    runtime = plc.bench.runtime
+    runtime.submit(commands.SetInput("TURCV_1", "EN_R", True))
+    plc.shows("TURCV_1", 0x7001, 0x7002)
+    end = f"UDP4-DATAGRAM:127.255.255.255:{runtime.listening_port(plc.local)},broadcast,bind=127.0.0.1"
+    with subprocess.Popen(
+        [need("socat"), end, "STDIO"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as socat:
+        assert socat.stdin is not None and socat.stdout is not None
+        os.write(socat.stdin.fileno(), b"all")
+        plc.shows("TURCV_1", 0x0000)
+        assert runtime.data("rx") == b"all\0\0\0\0\0"
+        runtime.submit(commands.WriteData("tx", 0, b"good"))
+        runtime.submit(commands.PulseInput("TUSEND_1", "REQ"))
+        plc.shows("TUSEND_1", 0x7001, 0x0000)
+        assert os.read(socat.stdout.fileno(), 100) == b"good"  # to the source that stands in ADDR
+        socat.terminate()

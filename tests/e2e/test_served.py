@@ -1,4 +1,4 @@
-"""The screen in a browser: on loopback, read-only unless told otherwise; a real Chromium toggles EN_R."""
+"""The screen in a browser: on loopback, read-only unless told otherwise, one bench for all; a Chromium."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, WSServerHandshakeError
+from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType, WSServerHandshakeError
 from aiohttp.web import AppRunner, SockSite
 from textual_serve.app_service import AppService
 
-from tests.chromium import CHROMIUM, PATIENCE_S, chromium
+from tests.chromium import CHROMIUM, PATIENCE_S, Tab, chromium
 from trcvtui.cli.main import main
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.protocol import MOST_TABS
 from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.served import (
     MOST_CELLS,
-    MOST_SCREENS,
     MOST_TYPED,
     Entrance,
     application,
@@ -43,15 +43,26 @@ PROJECT = Path(__file__).parents[2] / "configs" / "passive.toml"
 
 @contextmanager
 def served(folder: Path, *options: str) -> Iterator[str]:
-    """Serve a project; give the page's address, which is the first line on stdout."""
+    """Serve a project; give the page's address."""
+    with serving(folder, *options) as (printed, _):
+        yield printed
+
+
+@contextmanager
+def serving(
+    folder: Path, *options: str, project: Path = PROJECT
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Serve a project; give the page's address, which is the first line on stdout, and the process."""
     home = {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
-    words = [sys.executable, "-m", "trcvtui", "serve", str(PROJECT), "--kernel", "sim", *options]
+    home["TMPDIR"] = str(folder / "tmp")
+    (folder / "tmp").mkdir(mode=0o755)
+    words = [sys.executable, "-m", "trcvtui", "serve", str(project), "--kernel", "sim", *options]
     process = subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **home}
     )
     try:
         assert process.stdout is not None
-        yield process.stdout.readline().strip()
+        yield process.stdout.readline().strip(), process
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE_S)
@@ -132,7 +143,7 @@ async def answering(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Any,
     monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
     door = listening(0)
     entrance = Entrance(door.getsockname()[1])
-    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it"))
+    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it", lambda: ""))
     await runner.setup()
     try:
         await SockSite(runner, door).start()
@@ -154,7 +165,7 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with answering(monkeypatch) as (connect, _):
-        open_ones = [await connect() for _ in range(MOST_SCREENS)]
+        open_ones = [await connect() for _ in range(MOST_TABS)]
         with pytest.raises(WSServerHandshakeError) as full:
             await connect()
         assert full.value.status == 503
@@ -230,9 +241,9 @@ def test_without_textual_serve_one_line_says_how_to_get_it(
 
 
 def test_a_served_screen_is_read_only_unless_told_otherwise() -> None:
-    path = Path("a folder/it's.toml")
-    assert command_line(path, "live", False, None).endswith("--kernel live --read-only")
-    written = command_line(path, "sim", True, "light")
+    path, door = Path("a folder/it's.toml"), Path("/tmp/door")
+    assert command_line(path, door, False, None).endswith("--attach /tmp/door --read-only")
+    written = command_line(path, door, True, "light")
     assert "--read-only" not in written and written.endswith("--theme light")
     assert "'a folder/it'\"'\"'s.toml'" in written, "a shell reads it as one word"
 
@@ -256,19 +267,189 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
     assert all("read-only" in answer.error for answer in answers), answers
 
 
+# -- one bench ------------------------------------------------------------------------------------------
+
+NO_TEXT = re.compile(r"\x1b\[[0-9;?<]*[a-zA-Z]|\x1b[()].")
+SCAN = re.compile(r"scan (\d+) ·")
+
+
+class Page:
+    """What a browser shows of one tab, as text; `heard` is all that has come since the last key."""
+
+    def __init__(self, socket: ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._bytes = b""
+
+    @property
+    def heard(self) -> str:
+        return NO_TEXT.sub("", self._bytes.decode(errors="replace"))
+
+    async def press(self, keys: str) -> None:
+        self._bytes = b""
+        await self._socket.send_json(["stdin", keys])
+
+    async def until(self, pattern: str) -> str:
+        """Read until it is shown; return the first group of its last match."""
+        while not (found := re.findall(pattern, self.heard, re.DOTALL)):
+            message = await self._socket.receive(PATIENCE_S)
+            assert message.type in (WSMsgType.BINARY, WSMsgType.TEXT), f"closed; {self.heard[-2000:]}"
+            self._bytes += message.data if isinstance(message.data, bytes) else b""
+        return str(found[-1])
+
+    async def end(self) -> None:
+        async for _ in self._socket:
+            pass
+
+
+@asynccontextmanager
+async def browser(printed: str) -> AsyncIterator[Callable[[], AbstractAsyncContextManager[Page]]]:
+    """Give what opens a tab as a page of ours does."""
+    address, cookie = let_in(printed)
+    async with ClientSession(headers={"Cookie": cookie, "Origin": address}) as session:
+
+        @asynccontextmanager
+        async def tab() -> AsyncIterator[Page]:
+            where = f"{address.replace('http', 'ws')}/ws?width=100&height=30"
+            async with session.ws_connect(where) as socket:
+                yield Page(socket)
+
+        async with asyncio.timeout(PATIENCE_S):
+            yield tab
+
+
+async def test_a_toggle_in_one_tab_is_seen_in_another_and_a_reload_shows_the_same_run(tmp_path: Path) -> None:
+    with served(tmp_path, "--write", "--as-root") as printed:
+        async with browser(printed) as tab:
+            async with tab() as first, tab() as second:
+                await first.until("q quit")
+                assert "READ-ONLY" not in first.heard and "8083" not in first.heard
+                await second.until("q quit")
+                await first.press("n")
+                await second.until("EN_R ─┤ ■ 1")
+                scan = int(await second.until(SCAN.pattern))
+                await second.press(":add data more INT\r")
+                await second.until(r"\+1 unsaved")
+                await second.press("q")  # nothing is lost
+                await second.end()
+                await first.press("R")
+                await first.until("R once more records the run, for all tabs")
+                await first.press(":mark\r")
+                await first.until("marked after scan")
+            async with tab() as again:
+                await again.until("EN_R ─┤ ■ 1")
+                assert int(await again.until(SCAN.pattern)) > scan
+                await again.press("4")
+                await again.until(" 1    0.000  16#7000")
+
+
+async def test_without_write_a_tab_looks_on_and_says_so(tmp_path: Path) -> None:
+    with served(tmp_path) as printed:
+        async with browser(printed) as tab, tab() as looker:
+            await looker.until("RUN .* READ-ONLY .*this screen looks")
+            await looker.press("n")
+            await looker.until("this screen is read-only")
+
+
+def children_of(pid: int) -> list[int]:
+    return [*map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())]
+
+
+def engine_of(pid: int) -> int:
+    def words(child: int) -> bytes:
+        return Path(f"/proc/{child}/cmdline").read_bytes()
+
+    return next(child for child in children_of(pid) if b"spawn_main" in words(child))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+async def test_an_engine_that_ended_is_started_anew_by_a_new_tab_and_ends_with_a_killed_serve(
+    tmp_path: Path,
+) -> None:
+    project = tmp_path / "P.toml"
+    project.write_text(PROJECT.read_text())
+    with serving(tmp_path, project=project) as (printed, process):
+        async with browser(printed) as tab:
+            async with tab() as first:
+                await first.until(SCAN.pattern)
+                os.kill(engine_of(process.pid), signal.SIGKILL)
+                await first.until("ENGINE ENDED")
+            project.write_text("broken")
+            with pytest.raises(WSServerHandshakeError) as refused:
+                async with tab():
+                    pass
+            assert refused.value.status == 503
+            project.write_text(PROJECT.read_text())
+            async with tab() as second:
+                await second.until(SCAN.pattern)
+                assert "8083" not in second.heard
+                [door] = (tmp_path / "tmp").glob("trcvtui-*/bench")
+                assert (door.stat().st_mode & 0o777, door.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+                below = children_of(process.pid)
+                assert len(below) >= 2, "an engine and a tab"
+                process.kill()
+                while any(Path(f"/proc/{pid}").exists() for pid in below):
+                    await asyncio.sleep(0.05)
+                assert not door.parent.exists()
+
+
+def test_too_few_descriptors_are_told_in_one_line(tmp_path: Path) -> None:
+    words = f"ulimit -n 6; exec {sys.executable} -m trcvtui serve {PROJECT} --kernel sim"
+    env = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run(["sh", "-c", words], capture_output=True, text=True, timeout=PATIENCE_S, env=env)
+    assert [*tmp_path.iterdir()] == []
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1 and "ulimit" in done.stderr
+
+
 # -- a real browser --------------------------------------------------------------------------------------
+
+HEARS = """
+    window.heard = "";
+    const Plain = WebSocket;
+    window.WebSocket = class extends Plain {
+      constructor(...how) {
+        super(...how);
+        this.addEventListener("message", async (said) => {
+          const bytes = said.data instanceof Blob ? await said.data.arrayBuffer() : said.data;
+          window.heard += typeof bytes == "string" ? bytes : new TextDecoder().decode(bytes);
+        });
+      }
+    };
+"""
+
+
+async def shown_in(tab: Tab, pattern: str) -> str:
+    """Wait until a tab has been told it; return the first group of its last match."""
+    heard = ""
+    while not (found := re.findall(pattern, heard, re.DOTALL)):
+        await asyncio.sleep(0.1)
+        heard = NO_TEXT.sub("", str(await tab.value("window.heard")))
+    return str(found[-1])
+
+
+async def reload(tab: Tab) -> None:
+    await tab.ask("Page.enable")
+    await tab.ask("Page.addScriptToEvaluateOnNewDocument", source=HEARS)
+    await tab.ask("Page.reload")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
-async def test_a_browser_toggles_en_r(tmp_path: Path) -> None:
-    saved = tmp_path / "seen.toml"
+async def test_two_tabs_of_a_browser_share_one_bench_and_keys_go_to_it_at_once(tmp_path: Path) -> None:
     with served(tmp_path, "--write", "--as-root") as address:
+        home = address.partition("?")[0]
         async with chromium(tmp_path, address) as tab, asyncio.timeout(PATIENCE_S):
-            while not await tab.is_true("document.body.classList.contains('-first-byte')"):
-                await asyncio.sleep(0.1)
-            await tab.ask("Runtime.evaluate", expression="document.querySelector('textarea').focus()")
-            while not saved.exists():  # the first keys may come before the screen does
-                await tab.type("n")
-                await tab.type(f":save scenario {saved}\n")
-                await asyncio.sleep(0.5)
-    assert re.search(r"^set TRCV_C_1 EN_R=[01]$", saved.read_text(encoding="utf-8"), re.MULTILINE)
+            await reload(tab)
+            scan = int(await shown_in(tab, SCAN.pattern))
+            assert await tab.value("document.title") == "trcvtui passive.toml"
+            assert await tab.is_true("document.querySelector('link[rel=icon]').href.startsWith('data:')")
+            await shown_in(tab, "q quit")
+            async with tab.beside(home) as other:
+                await reload(other)
+                await shown_in(other, "q quit")
+                await tab.ask("Page.bringToFront")
+                await tab.type("n")  # nothing was clicked
+                await shown_in(other, "EN_R is 1")
+                assert "8083" not in str(await other.value("window.heard"))
+            await tab.ask("Page.reload")
+            await shown_in(tab, "EN_R is 1")
+            assert int(await shown_in(tab, SCAN.pattern)) > scan

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.msgpack import encode
 
 from tests.line.test_watch import Record, Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, SYN, answer, capture, handshake, tcp, udp
@@ -359,7 +360,7 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     jobs, reader = 0, UpdateReader(ours)
 
     def picture() -> Any:
-        ours.send(UpdateRequest())
+        ours.send_bytes(encode(UpdateRequest()))
         return next(filter(None, (ours.poll(None) and reader.next() for _ in count())))
 
     while not jobs:

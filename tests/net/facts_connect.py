@@ -184,7 +184,7 @@ def a_listener_is_no_connection(b: Bench) -> None:
 
 @fact
 def targets_that_no_connection_can_have(b: Bench) -> None:
-    for target in ("255.255.255.255", "224.0.0.1"):
+    for target in ("255.255.255.255", "127.255.255.255", "224.0.0.1"):
         assert b.kernel.connect(b.socket(), Endpoint(target, 5)) == Fault("connect", "ENETUNREACH")
     bound = b.socket(end=ANY_PORT)
     assert b.kernel.connect(bound, Endpoint("198.51.100.7", 5)) == Fault("connect", "EINVAL")

@@ -180,6 +180,27 @@ def targets_and_sizes_that_send_refuses(b: Bench) -> None:
 
 
 @fact
+def a_broadcast_needs_leave_and_reaches_each_socket_on_that_address(b: Bench) -> None:
+    here, there = opened(b), opened(b)
+    everybody = Endpoint("127.255.255.255", b.end(there).port)
+    one, two = opened(b, end=None), opened(b, end=None)
+    for hearing in (one, two):
+        assert b.kernel.set_reuse(hearing) is None
+        assert b.kernel.bind(hearing, everybody) is None
+    for target in (everybody, Endpoint("255.255.255.255", everybody.port)):
+        assert b.kernel.send_to(here, memoryview(b"no"), target) == Fault("send", "EACCES")
+    assert b.kernel.set_broadcast(here) is None
+    assert b.kernel.send_to(here, memoryview(b"all"), Endpoint("255.255.255.255", everybody.port)) == 3
+    assert b.kernel.send_to(here, memoryview(b"net"), everybody) == 3
+    for hearing in (one, two):
+        assert take(b, hearing) == (b"net", Datagram(3, b.end(here), 3))
+        assert try_take(b, hearing) is WOULD_BLOCK
+    assert try_take(b, there) is WOULD_BLOCK
+    third = opened(b, end=None)
+    assert b.kernel.bind(third, everybody) == Fault("bind", "EADDRINUSE")
+
+
+@fact
 def a_full_queue_drops_the_newest(b: Bench) -> None:
     here, there = opened(b), opened(b)
     b.kernel.set_options(there, SocketOptions(small_buffers=True))
@@ -239,6 +260,7 @@ def close_and_abort_give_the_udp_port_back_and_end_the_handle(b: Bench) -> None:
         end = b.end(handle)
         assert free(handle) is None
         assert free(handle) == Fault(call, "EBADF")
+        assert b.kernel.set_broadcast(handle) == Fault("set_broadcast", "EBADF")
         assert b.kernel.send_to(handle, memoryview(b"x"), NOBODY) == Fault("send", "EBADF")
         assert try_take(b, handle) == Fault("recv", "EBADF")
         opened(b, end)

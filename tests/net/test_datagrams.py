@@ -11,6 +11,7 @@ from tests.net.facts_datagrams import opened, say, take, try_take
 from tests.net.net_bench import ANY_PORT, Bench, OsNetwork
 from tests.net.sim.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
+from trcvtui.net.broadcast import begin_broadcasts
 from trcvtui.net.kernel import Handle
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
@@ -61,6 +62,17 @@ def test_datagrams_are_no_connection() -> None:
     assert try_take(b, stream) == Fault("recv", "ENOTCONN")
     assert b.sim.send_to(stream, memoryview(b"x"), b.end(handle)) == Fault("send", "EPIPE")
     assert b.sim.loss(handle) is None
+
+
+def test_where_no_broadcast_address_is_known_broadcasts_are_sent_and_not_heard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    b = SimBench()
+    handle = opened(b)
+    monkeypatch.setattr(b.sim, "local_addresses", lambda: ())
+    hearing, why = begin_broadcasts(b.sim, "X", handle, b.end(handle))
+    assert (hearing, why) == (None, "this system tells no broadcast address of 127.0.0.1")
+    assert b.sim.send_to(handle, memoryview(b"x"), Endpoint("127.255.255.255", 9)) == 1
 
 
 # -- planned faults ------------------------------------------------------------------------------------------

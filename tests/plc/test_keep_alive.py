@@ -50,3 +50,20 @@ def test_an_interval_that_the_stack_takes_is_no_news(seconds: int) -> None:
     bench = connected("live", seconds)
     assert told(bench) == []
     bench.close()
+
+
+@pytest.mark.parametrize(
+    ("project", "overrides", "seconds"),
+    [("passive", (), 10), ("s7-receiver", (), 30), ("s7-receiver", ("options.keep_alive=7",), 7)],
+)
+def test_each_vendor_has_an_interval_of_its_own_where_none_is_given(
+    project: str, overrides: tuple[str, ...], seconds: int
+) -> None:
+    bench = Bench(load_project(CONFIGS / f"{project}.toml", overrides), "live")
+    for line in ("set TRCV_C_1 CONT=1", "peer P1 connect"):
+        do(bench, line, scans=4)
+    connection, handle = bench.runtime.snapshot().connection("C1"), bench.runtime._connections["C1"].handle
+    assert connection is not None and connection.keep_alive_s == seconds and handle is not None
+    with socket.socket(fileno=os.dup(handle)) as seen:
+        assert seen.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) == seconds
+    bench.close()

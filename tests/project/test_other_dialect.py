@@ -68,13 +68,27 @@ def test_blocks_and_pins_that_the_other_dialect_lacks_are_left_out() -> None:
         data=[{"name": "d", "type": "ARRAY[0..15] OF BYTE"}],
         instance=[
             {"name": "T1", "block": "T_DIAG", "connect": "C1", "data": "d"},
-            {"name": "R1", "block": "TRCV_C", "connect": "C1", "data": "d", "ADHOC": True},
+            {"name": "R1", "block": "TRCV_C", "connect": "C1", "data": "d", "ADHOC": False},
         ],
     )
     assert over(given, "baosky").notes[1:] == ("T1 is left out: baosky has no T_DIAG",)
     other, notes = over(given, "s7-1200-legacy")
     assert [(i.name, i.inputs) for i in other.instances] == [("R1", ())]
     assert notes[-1:] == ("R1: ADHOC is left out: TRCV_C has no such pin",)
+
+
+@pytest.mark.parametrize("dialects", [("s7-1500", "s7-1200-legacy"), ("s7-1200-legacy", "s7-1500")])
+def test_who_receives_ad_hoc_does_so_in_a_dialect_that_has_no_adhoc_pin(dialects: tuple[str, str]) -> None:
+    adhoc: dict[str, dict[str, object]] = {"s7-1500": {"ADHOC": True}, "s7-1200-legacy": {"LEN": 65535}}
+    receiver = {"name": "R1", "block": "TRCV_C", "connect": "C1", "data": "d"}
+    given = project(
+        dialects[0],
+        C1,
+        data=[{"name": "d", "type": "ARRAY[0..15] OF BYTE"}],
+        instance=[receiver | adhoc[dialects[0]]],
+    )
+    (made,) = over(given, dialects[1]).project.instances
+    assert dict(made.inputs) == adhoc[dialects[1]]
 
 
 def test_a_record_has_fields_that_a_description_lacks_and_the_other_way_round() -> None:

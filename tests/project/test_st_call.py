@@ -8,14 +8,19 @@ from pathlib import Path
 import pytest
 
 from tests import golden
+from tests.bench.bench_lines import do
+from trcvtui.bench.bench import Bench
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.cli.main import main
+from trcvtui.commands.table import parse_script, written_data
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.project.st_call import st_call, st_text, st_variables
+from trcvtui.project.st_call import CallForm, st_call, st_text, st_variables
 
+Capture = pytest.CaptureFixture[str]
 DATA = """
 [[data]]
 name = "tx"
@@ -154,6 +159,50 @@ def test_a_remote_port_that_names_a_peer_is_left_out(tmp_path: Path) -> None:
     assert "RemotePort" not in text and "RemoteAddress" in text
 
 
+STARTS = {
+    "ARRAY[0..1] OF BYTE": ("hex 0d 0a", "[16#0D, 16#0A]"),
+    "ARRAY[0..7] OF BYTE": ("hex 0d", "[16#0D, 7(16#00)]"),
+    "ARRAY[0..1,0..1] OF INT": ("hex 01 00 ff ff 03 00 04 00", "[1, -1, 3, 4]"),
+    "ARRAY[0..2] OF BOOL": ("hex 01 00 01", "[TRUE, FALSE, TRUE]"),
+    "BYTE": ("13", "16#0D"),
+    "WORD": ("4660", "16#1234"),
+    "BOOL": ("TRUE", "TRUE"),
+    "TIME": ("T#1s500ms", "T#1s500ms"),
+    "REAL": ("1e-7", "1.0e-07"),
+    "STRING[10]": ("'a*)$R$$b(*'", "'a$2A)$0D$$b($2A'"),
+    "WSTRING[4]": ("hex 41 00 0d 00 22 00", '"A$000D$""'),
+    "Message": ("{a=1, text='x'}", "(a := 1, text := 'x', b := [16#00, 16#00])"),
+    "INT": ("0", ""),
+}
+
+
+@pytest.mark.parametrize("type_name", STARTS)
+def test_what_start_writes_is_the_initial_value(type_name: str, tmp_path: Path, capsys: Capture) -> None:
+    written, value = STARTS[type_name]
+    (tmp_path / "m.st").write_text(
+        "TYPE Message : STRUCT a : INT; text : STRING[3]; b : ARRAY[0..1] OF BYTE; END_STRUCT END_TYPE"
+    )
+    file = tmp_path / "line.toml"
+    file.write_text(
+        f'dialect = "twincat"\nstart = """\nwrite mark {written}\n"""\n[[udt]]\nfile = "m.st"\n'
+        f'[[combuffer]]\nname = "RX"\n[[data]]\nname = "text"\ntype = "ARRAY[0..31] OF BYTE"\n'
+        f'[[data]]\nname = "mark"\ntype = "{type_name}"\n[[instance]]\nname = "RD"\nblock = "ReceiveData"\n'
+        'RxBuffer = "RX"\ndata = "text"\npSuffix = "mark"\nLenSuffix = 2\n',
+        encoding="utf-8",
+    )
+    assert main(["st", str(file)]) == 0
+    assert f"    mark : {type_name}{' := ' * bool(value)}{value};\n" in capsys.readouterr().out
+
+
+def test_several_parts_that_start_writes_make_one_value(tmp_path: Path) -> None:
+    bench = project(tmp_path, instance("R", "TRCV_C"))
+    steps = parse_script(
+        "write tx hex 0d\nwrite tx+1 hex 0a\nwrite tx+7 hex ff\nwrite tx hex 0e", bench, "start"
+    )
+    form = CallForm(written=written_data(steps, bench))
+    assert "tx : ARRAY[0..7] OF BYTE := [16#0E, 16#0A, 5(16#00), 16#FF];" in st_variables(bench, ["R"], form)
+
+
 def test_an_unknown_instance_is_answered_with_the_names_that_exist(tmp_path: Path) -> None:
     with pytest.raises(UserError) as raised:
         st_text(project(tmp_path, instance("S", "TSEND_C")), ["T"])
@@ -227,6 +276,44 @@ def test_tcon_has_the_id_and_the_description_and_baosky_has_no_id(tmp_path: Path
     call = st_call(project(tmp_path, instance("X", "TCON"), head=SIEMENS), "X")
     assert "    ID:=7,\n    CONNECT:=C1,\n" in call
     assert "ID:=" not in st_call(project(tmp_path, instance("X", "TCON")), "X")
+
+
+def test_a_short_text_names_what_differs_from_a_default(tmp_path: Path) -> None:
+    def text(case: str) -> list[str]:
+        flags, block, *lines = case.split("; ")
+        head = SIEMENS if "s7" in flags else head_of(block)
+        bench = project(tmp_path, instance("X", block, *lines), head=head)
+        return st_text(bench, ["X"], form=CallForm("short" in flags, "multi" in flags)).splitlines()
+
+    golden.answers("forms", text, "st_calls")
+
+
+def test_no_other_vendor_has_a_multi_instance(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="st --multi: found baosky, expected a dialect"):
+        st_text(project(tmp_path, instance("X", "TSEND_C")), ["X"], form=CallForm(is_multi=True))
+
+
+@pytest.mark.parametrize("flags", [(), ("--short",), ("--short", "--multi")])
+def test_st_takes_the_form_of_a_call(flags: tuple[str, ...], tmp_path: Path, capsys: Capture) -> None:
+    bench = project(tmp_path, instance("X", "TRCV"), head=SIEMENS)
+    assert main(["st", str(bench.path), *flags]) == 0
+    form = CallForm("--short" in flags, "--multi" in flags)
+    assert capsys.readouterr().out == st_text(bench, ["X"], form=form) + "\n"
+
+
+def test_addr_of_tsend_and_trcv_is_there_and_does_nothing(tmp_path: Path) -> None:
+    names = {"S": "TSEND", "R": "TRCV", "T": "TCON"}
+    head = SIEMENS.replace("RemotePort", 'LocalAddress = "127.0.0.1"\nRemotePort')
+    head = head.replace('RemoteAddress = "10.0.0.7"', 'RemoteAddress = "127.0.0.1"')
+    parts = [instance(name, block, *['addr = "SEVEN"'] * (block != "TCON")) for name, block in names.items()]
+    bench = Bench(project(tmp_path, *parts, head=head), "sim")
+    assert all("ADDR:=SEVEN" in st_call(bench.project, name) for name in "SR")
+    do(bench, "pulse T REQ", scans=5)
+    do(bench, "pulse S REQ", "set R EN_R=1", "peer P1 send hex 01 02 03 04 05 06 07 08", scans=5)
+    edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    jobs = [bench.runtime.snapshot().instance(name) for name in "SR"]
+    assert not any(edge.outputs.error for edge in edges) and [one and one.jobs_done for one in jobs] == [1, 1]
+    bench.close()
 
 
 def test_a_udp_block_of_siemens_is_given_an_id_and_a_taddr_param(tmp_path: Path) -> None:

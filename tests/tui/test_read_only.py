@@ -10,9 +10,9 @@ import pytest
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.history import waveform_text as wave_files
+from trcvtui.picture.protocol import READ_ONLY_LINES
 from trcvtui.tui import clipboard_and_files
 from trcvtui.tui import clipboard_and_files as keepsake
-from trcvtui.tui.app import READ_ONLY_LINES
 
 
 @pytest.mark.parametrize("size", [SMALL, WIDE], ids=["80x24", "140x45"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import re
 import subprocess
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -197,7 +198,7 @@ class Header(NamedTuple):
 
 
 def header(count: int, seed: int) -> Header:
-    """Return random types with bit-fields, `long`, and every way to pack them."""
+    """Return random types with bit-fields, `long`, arrays without a length, and every way to pack them."""
     random = Random(seed)
     text, members = C_HEAD, dict[str, list[str]]()
     for number in range(count):
@@ -206,6 +207,11 @@ def header(count: int, seed: int) -> Header:
         members[name] = [
             field.split()[-1].partition("[")[0].rstrip(";") for field in fields if ":" not in field
         ]
+        if members[name] and random.random() < 0.2:
+            length = "0" if word == "union" or random.random() < 0.5 else ""
+            fields.append(
+                f"{random.choice((*WHOLE, 'double', 'enum Mode', *[*members][:-1]))} tail[{length}];"
+            )
         body, pack = "{\n  " + "\n  ".join(fields) + "\n}", 2 ** random.randint(0, 4)
         ways = (
             *[f"typedef {word} {body} {name};"] * 2,
@@ -229,25 +235,108 @@ def _field(random: Random, name: str, known: list[str]) -> str:
     return f"{base} {name}{size};"
 
 
-def measured_header(given: Header, folder: Path) -> list[Measured]:
-    """Compile a header and return what gcc says of each of its types."""
+CPP_HEAD = """#include <cstdint>
+enum E8 : uint8_t { E8_A, E8_B = 200 };
+enum class E16 : std::uint16_t { A, TWO };
+constexpr int TWO = 2;
+using U32 = uint32_t;
+class Other;
+"""
+PLAIN_CPP = ("uint8_t", "std::uint16_t", "U32", "double", "bool", "E8", "E16", "unsigned short", "long long")
+# What adds nothing to the size of a class.
+NOTHING = (
+    'C(int a) : C() { const char *text = "};{"; (void)text; }\n  C() {}',
+    "~C() { for (;;) { break; } }",
+    "uint32_t f{n}() const { return 1; }",
+    "inline int g{n}(int a, const uint8_t *p);",
+    "C &operator=(const C &other) = default;",
+    "explicit operator bool() const noexcept { return '{' == '}'; }",
+    "static uint16_t h{n}(uint32_t x) { return x; };",
+    "friend bool operator==(const C &a, const C &b) { return true; }",
+    "friend class Other;",
+    "static U32 s{n};",
+    "static const uint16_t READ{n} = 0x0002;",
+    'static_assert(sizeof(int) == 4, "};");',
+    "private:",
+    "public :",
+    "struct Forward{n};",
+    "enum { ONE{n} = 1 };",
+)
+# Members with what they need; `m` begins the names of all.
+MEMBERS = (
+    *["{t} m{n};"] * 4,
+    "{t} m{n}[TWO];",
+    "volatile {t} m{n}[2][TWO];",
+    "uint16_t m{n} = TWO + 1;",
+    "U32 m{n}{{3}};",
+    "int (*m{n})(int, const char *);",
+    "static constexpr int K{n} = 5;\n  uint8_t m{n}[K{n}];",
+    "enum {{ L{n} = 3 }};\n  uint8_t m{n}[L{n}];",
+    "struct N{n} {{ uint8_t a; U32 b; int f() {{ return a; }} }};\n  N{n} m{n}[2];",
+    "using T{n} = uint16_t;\n  T{n} m{n};",
+    "typedef uint8_t T{n}[3];\n  T{n} m{n};",
+    "struct {{ uint8_t a; {t} b; }} m{n};",
+)
+# What changes it, or may.
+SIZED = (
+    *("virtual void f();", "virtual ~C() {}", "uint8_t &r;", "Vector<int> v;", "alignas(16) uint8_t a;"),
+    *("int C::*p;", "Unknown u;", "UNKNOWN(3);", "UNKNOWN(3) int f();", "template <class T> void f(T a) {}"),
+)
+
+
+class Classes(NamedTuple):
+    """A header of C++, of each of its types the members; and those that are to be refused."""
+
+    header: Header
+    refused: dict[str, str]
+
+
+def classes(count: int, seed: int) -> Classes:
+    """Return random classes with what adds nothing to their size, and some with what does."""
+    random = Random(seed)
+    text, members, refused = CPP_HEAD, dict[str, list[str]](), dict[str, str]()
+    for number in range(count):
+        name, places = f"C{number}", range(random.randint(1, 6))
+        lines = []
+        for n in places:
+            kind = random.choice((*PLAIN_CPP, *[*members][-5:]))
+            lines.append(random.choice(MEMBERS).format(t=kind, n=n))
+        for n, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
+            at = random.randint(0, len(lines))
+            lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(n + 10))))
+        head = random.choice(("struct", "struct", "class")) + f" {name}"
+        if random.random() < 0.1:
+            bad = re.sub(r"\bC\b", name, random.choice((*SIZED, "", "")))
+            refused[name] = f"{head}{' : Base' * (not bad)} {{\n  " + "\n  ".join([*lines, bad]) + "\n};\n"
+            continue
+        members[name] = [f"m{n}" for n in places]
+        body = f"{head} {{\n  " + "\n  ".join(lines) + "\n};"
+        pack = random.choice((0, 0, 1, 2, 4))
+        text += f"#pragma pack(push, {pack})\n{body}\n#pragma pack(pop)\n" if pack else f"{body}\n"
+    return Classes(Header(text, members), refused)
+
+
+def measured_header(given: Header, folder: Path, compiler: str = "gcc") -> list[Measured]:
+    """Compile a header and return what gcc or g++ says of each of its types."""
     (folder / "types.h").write_text(given.text)
-    head = '#include <stddef.h>\n#include <stdio.h>\n#include "types.h"\n'
-    return _measured(head, [*given.members.items()], folder)
+    head = '#include <stddef.h>\n#include <stdint.h>\n#include <stdio.h>\n#include "types.h"\n'
+    return _measured(head, [*given.members.items()], folder, compiler)
 
 
-def _measured(head: str, asked: Sequence[tuple[str, list[str]]], folder: Path) -> list[Measured]:
+def _measured(
+    head: str, asked: Sequence[tuple[str, list[str]]], folder: Path, compiler: str = "gcc"
+) -> list[Measured]:
     numbers: list[str] = []
     for name, places in asked:
-        offsets = [f"offsetof({name}, {place})" for place in places]
-        numbers += [f"sizeof({name})", f"_Alignof({name})", *offsets]
+        offsets = [f"(uint32_t)offsetof({name}, {place})" for place in places]
+        numbers += [f"(uint32_t)sizeof({name})", f"(uint32_t)_Alignof({name})", *offsets]
     table = f"static const uint32_t numbers[] = {{\n{','.join(numbers)}\n}};\n"
     main = "int main(void) { return fwrite(numbers, sizeof numbers, 1, stdout) != 1; }\n"
     source, program = folder / "types.c", folder / "types"
     source.write_text(head + table + main)
-    subprocess.run(
-        ["gcc", "-std=gnu11", "-w", "-Wno-packed-bitfield-compat", "-o", program, source], check=True
-    )
+    how = {"gcc": "-std=gnu11", "g++": "-std=gnu++17 -x c++ -fno-access-control -D_Alignof=alignof"}[compiler]
+    words = [*how.split(), "-w", "-Wno-packed-bitfield-compat", "-o"]
+    subprocess.run([compiler, *words, program, source], check=True)
     answer = subprocess.run([program], capture_output=True, check=True).stdout
     found = iter(array.array("I", answer))
     return [Measured(next(found), next(found), [*islice(found, len(places))]) for _, places in asked]

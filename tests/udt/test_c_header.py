@@ -8,7 +8,7 @@ import pytest
 
 from tests import golden
 from tests.udt.st_texts import lines_of, problems_of
-from trcvtui.errors import UserError
+from trcvtui.errors import Problem, UserError
 from trcvtui.udt.ast import ArraySpec, Declaration, Formula, Reference, StructSpec
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources.c_header import read_c_header
@@ -163,6 +163,15 @@ def test_what_would_move_a_member_is_refused_by_name() -> None:
         "members of a C header",
         lambda text: problems_of(read_c_header(f"typedef struct {{ {text} }} T;", "H")),
     )
+
+
+def test_what_changes_a_class_of_cpp_is_refused_at_its_line() -> None:
+    def problems(text: str) -> tuple[Problem, ...]:
+        types = join([read_c_header(text, "H.hpp")], "H.hpp")
+        assert not {"V", "W"} <= {*types.names(), "W" if "W" not in text else ""}
+        return types.problems
+
+    golden.mistakes("C++ in a header", problems)
 
 
 def test_a_bad_type_never_hides_a_good_one() -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import golden
+from trcvtui.capture.pcap import open_capture
 from trcvtui.errors import UserError
 from trcvtui.udt.sources import FORMATS, LARGEST_FILE, decode_text, extensions, read_files
 from trcvtui.udt.types import ELEMENTARY, Struct
@@ -65,6 +67,41 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     )
     with pytest.raises(UserError, match="embedded null"):
         read_files(["a\0.st"])
+
+
+OTHERS = {
+    "a.L5X": '<?xml version="1.0"?>\n<RSLogix5000Content SchemaRevision="1.0">',
+    "a.L5K": "(*****\n  Exported\n*****)\nIE_VER := 2.11;\nCONTROLLER Own",
+    "rockwell.xml": "<RSLogix5000Content>",
+    "a.xdd": "<DDTExchangeFile>",
+    "device.xdd": '<ISO15745ProfileContainer xmlns="x">',
+    "a.xef": "<FEFExchangeFile>",
+    "omron.xml": '<Project xmlns:smcext="https://www.ia.omron.com/Smc">',
+    "a.smc2": "PK\3\4\0",
+    "a.project": "PK\3\4\0",
+    "a.export": "<ExportFile>",
+    "a.zap13": "PK\3\4\0",
+    "a.zip": "PK\3\4\0",
+    "a.TcPOU": '<TcPlcObject Version="1.1">\n  <POU Name="P">',
+    "pou.TcDUT": '<TcPlcObject Version="1.1">\n  <POU Name="P">',
+    "snoop.txt": "snoop\0\0\0\0\0\0\2",
+}
+
+
+def test_files_of_others_are_named_as_types_and_as_captures_and_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = []
+    for name, content in OTHERS.items():
+        for codec in ("utf-8", "utf-16") if name.endswith(".xml") else ("utf-8",):
+            Path(name).write_bytes(content.encode(codec))
+            with pytest.raises(UserError) as refused:
+                read_files([name])
+        with pytest.raises(UserError) as as_capture, open_capture(name):
+            pass
+        said += [(f"file: {name}", [*refused.value.lines(), *as_capture.value.lines()])]
+    golden.agree("file_mistakes", "files of others", said)
 
 
 def test_several_files_are_read_as_one_set(tmp_path: Path) -> None:

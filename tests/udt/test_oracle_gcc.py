@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.oracle_gcc import Case, Measured, cases, header, measured, measured_header
+from tests.udt.oracle_gcc import Case, Measured, cases, classes, header, measured, measured_header
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import PlacedStruct
 from trcvtui.udt.sources.c_header import read_c_header
@@ -55,3 +55,19 @@ def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_p
         assert isinstance(root, PlacedStruct)
         assert list(root.names) == members
         assert Measured(root.size, root.align, list(root.offsets)) == theirs, f"{name} of\n{given.text}"
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed: nothing to compare with")
+def test_classes_of_cpp_lie_where_gpp_puts_them_or_are_refused(tmp_path: Path) -> None:
+    given = classes(COUNT, SEED)
+    types = join([read_c_header(given.header.text, "H.hpp")], "H.hpp")
+    assert [str(problem) for problem in types.problems] == []
+    theirs = measured_header(given.header, tmp_path, "g++")
+    for (name, members), found in zip(given.header.members.items(), theirs, strict=True):
+        root = lay_out(types.named(name), rules_for("c"), name).root
+        assert isinstance(root, PlacedStruct)
+        assert list(root.names) == members
+        assert Measured(root.size, root.align, list(root.offsets)) == found, name
+    bad = join([read_c_header(given.header.text + "".join(given.refused.values()), "H.hpp")], "H.hpp")
+    assert not given.refused.keys() & set(bad.names()), given.refused
+    assert given.refused.keys() <= {name.upper() for name in bad.broken}

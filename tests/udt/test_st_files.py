@@ -265,7 +265,7 @@ def test_one_type_of_tia_is_read_as_a_specification() -> None:
     assert type(read_spec('Array[0.."N"] of "My type"', "m")).__name__ == "ArraySpec"
 
 
-def test_a_second_declaration_counts_only_when_that_is_asked_for() -> None:
+def test_a_second_declaration_is_refused_with_both_places() -> None:
     files = [
         read_st("TYPE A : INT; END_TYPE", "a.st"),
         read_st("TYPE a : STRUCT x : BOOL; END_STRUCT END_TYPE", "b.st"),
@@ -275,6 +275,3 @@ def test_a_second_declaration_counts_only_when_that_is_asked_for() -> None:
     assert [str(problem) for problem in asked.problems] == [
         "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"
     ]
-    answered = join(files, "both", last_wins=["A"])
-    assert answered.problems == ()
-    assert members(answered, "A") == {"x": "BOOL"}

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.udt.command import layout_of
 from trcvtui.udt.layout.rules import LayoutChoice
@@ -103,6 +104,61 @@ def test_broken_files_links_in_circles_and_binary_ones_stop_no_good_one(folder: 
     assert refusal("report.st").startswith("bad.st:1:19: found the end of the text")
     assert size("report.st", ".") == 8
     assert size(".", name="Report") == 8
+
+
+LIB = "TYPE Line : STRUCT no : UDINT; END_STRUCT END_TYPE"
+HEADER = (
+    "typedef struct Line { unsigned short no[9]; } Line; typedef struct OnlyC { unsigned short x; } OnlyC;"
+)
+
+
+@pytest.mark.parametrize("system", ["SG3", "SG4", "SGC", "sg4"])
+def test_a_header_that_b_and_r_generates_counts_where_no_typ_declares_the_name(system: str) -> None:
+    put(box_typ="TYPE Box : STRUCT l : Line; c : OnlyC; END_STRUCT END_TYPE", Lib__Lib_typ=LIB)
+    Path("Lib", system).mkdir()
+    Path("Lib", system, "Lib.h").write_text(HEADER)
+    assert size("box.typ", ".") == 8 and size(".", name="Line") == 4
+    Path("Lib", "Lib.typ").unlink()
+    assert size("box.typ", ".") == 24
+
+
+def test_variables_of_files_of_one_name_are_told_apart_by_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    put(A__Variables_var="VAR a : INT; END_VAR", B__Variables_var="VAR b : ARRAY[0..9] OF DINT; END_VAR")
+    put(A__Other_var="VAR c : DINT; END_VAR")
+    assert size(".", name="A/Variables") == 4 and size(".", name="b/variables") == 40
+    assert size(".", name="Other") == 4
+    assert refusal(".", name="Variables").endswith("expected a type of .: A/Variables, B/Variables")
+    assert size("A/Variables.var", "B/Variables.var") == 4
+    assert size("A/Variables.var", name="Variables") == 4
+    assert main(["udt", "types", "."]) == 0
+    assert [line.split()[:2] for line in capsys.readouterr().out.splitlines()[1:]] == [
+        ["Other", "4"],
+        ["A/Variables", "4"],
+        ["B/Variables", "40"],
+    ]
+
+
+def test_what_the_packages_around_a_file_declare_is_found_the_nearest_first(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inner = folder / "Out" / "Logical" / "Pack" / "Sub" / "Prog"
+    inner.mkdir(parents=True)
+    (inner / "Types.typ").write_text("TYPE T : STRUCT a : ARRAY[1..N] OF Deep; END_STRUCT END_TYPE")
+    constant = "VAR CONSTANT N : USINT := {}; END_VAR"
+    (inner.parents[2] / "Global.var").write_text(constant.format(9))
+    (inner.parents[2] / "Deep.typ").write_text("TYPE Deep : INT; END_TYPE")
+    assert size("Out/Logical/Pack/Sub/Prog/Types.typ") == 20
+    (inner.parents[1] / "Pack.var").write_text(constant.format(3))
+    (inner.parents[1] / "Pack.h").write_text("typedef int Deep;")  # no file of B&R
+    assert size("Out/Logical/Pack/Sub/Prog/Types.typ") == 8
+    assert "N: found in Pack.var in Out/Logical/Pack\n" in capsys.readouterr().err
+    monkeypatch.chdir(inner)
+    assert size("Types.typ") == size(".", name="T") == 8
+    (inner.parents[1] / "Pack.var").unlink()
+    (inner.parents[2] / "Global.var").rename(inner.parents[3] / "Global.var")  # no part of the project
+    assert "'N'" in refusal("Types.typ")
+    (inner / "Types.st").write_text("TYPE T : ARRAY[1..2] OF Deep; END_TYPE")  # another vendor's
+    assert "'Deep'" in refusal("Types.st")
 
 
 def test_a_folder_that_is_too_large_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

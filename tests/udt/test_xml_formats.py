@@ -10,9 +10,12 @@ from tests import golden
 from tests.udt.st_texts import bare, lines_of, problems_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.sources.xml_source import MOST_DEPTH, read_xml
+from trcvtui.udt.type_set import TypeSet, join
 
 OPENNESS = """<?xml version="1.0" encoding="utf-8"?>
 <Document><Engineering version="V21" />
@@ -107,8 +110,6 @@ def test_an_unknown_root_is_one_line() -> None:
         "F:1:1: found <html>, expected <Document> (Siemens Openness), <project> (PLCopen) or"
         " <TcPlcObject> (TwinCAT)"
     )
-    with pytest.raises(UserError, match="expected PLCopen XML"):
-        read_text("", "F.export", ".export")
 
 
 # -- TwinCAT ---------------------------------------------------------------------------------------------
@@ -184,6 +185,76 @@ def test_a_bad_openness_member_is_named_and_hides_no_other() -> None:
     assert isinstance(read.types[0].spec, StructSpec) and len(read.types[0].spec.members) == 1
     for datatype in ("Array[1] of Int", "Array[] of Int", "Int;", "String[0]", " "):
         assert len(lines_of(openness(f'<Member Name="a" Datatype="{datatype}"/>'))) == 1
+
+
+def copy(name: str, datatype: str, plain: str = "", **sections: str) -> str:
+    sections = sections or {"None": plain}
+    inner = "".join(f'<Section Name="{kind}">{members}</Section>' for kind, members in sections.items())
+    return f'<Member Name="{name}" Datatype="{datatype}"><Sections>{inner}</Sections></Member>'
+
+
+PAIR = '<Member Name="id" Datatype="UInt"/><Member Name="ok" Datatype="Bool"/>'
+UNIT = copy("unit", "Array[0..1] of &quot;Unit&quot;", PAIR)
+UNIT_UDT = 'TYPE "Unit" VERSION : 0.1 STRUCT id : UInt; {} END_STRUCT; END_TYPE'
+
+
+def laid(types: TypeSet) -> list[tuple[str, int]]:
+    layout = lay_out(types.named("Motor"), S7, "Motor")
+    return [*((leaf.path, leaf.offset) for leaf in layout.leaves()), ("", layout.size)]
+
+
+def test_members_in_the_sections_of_a_member_are_those_of_its_type() -> None:
+    types = join([openness(UNIT + '<Member Name="end" Datatype="Byte"/>')], "F")
+    first, second = [("unit[0].id", 0), ("unit[0].ok", 2)], [("unit[1].id", 4), ("unit[1].ok", 6)]
+    assert laid(types) == [*first, *second, ("end", 8), ("", 10)] and not types.notes
+    assert types.layout("Unit") == "s7-standard"
+    nested = openness(copy("m", "&quot;Outer&quot;", UNIT + PAIR) + UNIT)  # a second copy, the same
+    assert [leaf for leaf, _ in laid(join([nested], "F"))][4:6] == ["m.id", "m.ok"]
+    empty = openness(copy("m", "&quot;Unit&quot;"))
+    assert join([empty], "F").problems[0].found == "'Unit'"
+
+
+def test_the_members_in_a_file_come_before_the_system_type_and_a_difference_is_noted() -> None:
+    types = join([openness(copy("d", "TDiag_Status", PAIR))], "F")
+    assert laid(types)[-1] == ("", 4)
+    assert types.notes["tdiag_status"] == ("2 values in 4 bytes, the system type has 8 values in 16 bytes",)
+    same = '<Member Name="addr" Datatype="Array[1..4] of Byte"/>'
+    assert not join([openness(copy("d", "IP_V4", same))], "F").notes
+
+
+def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> None:
+    for member, size, notes in (
+        ("more : LReal;", 20, ("2 values in 10 bytes, the copy at F:6:64 has 2 values in 4 bytes",)),
+        ("ok : Bool;", 8, ()),
+    ):
+        types = join([openness(UNIT), read_text(UNIT_UDT.format(member), "u.udt", ".udt")], "F")
+        assert laid(types)[-1] == ("", size) and types.notes.get("unit", ()) == notes
+
+
+def test_two_copies_that_differ_are_refused_with_both_places() -> None:
+    other = copy("b", "&quot;unit&quot;", '<Member Name="id" Datatype="Real"/>')
+    (problem,) = join([openness(f"{UNIT}\n{other}")], "F").problems
+    assert str(problem).startswith("F:7:") and problem.expected.endswith("the first is at F:6:64")
+
+
+def test_an_instance_has_its_parameters_and_keeps_a_pointer_to_what_is_not_elementary() -> None:
+    a, b, c = (f'<Member Name="{name}" Datatype="Int"/>' for name in "abc")
+    sections = {"Input": a, "InOut": b, "Static": c, "Temp": PAIR, "Constant": PAIR}
+    types = join([openness(copy("fb", "&quot;Drive&quot;", **sections))], "F")
+    assert laid(types) == [("fb.a", 0), ("fb.b", 2), ("fb.c", 4), ("", 6)]
+    assert "a guess" in types.notes["drive"][0]
+    for datatype in ("DTL", "String", "Array[0..1] of Int", "Variant"):
+        inner = f'<Member Name="io" Datatype="{datatype}"/>'
+        with pytest.raises(UserError, match=r"Motor\.fb\.io: found "):
+            laid(join([openness(copy("fb", "&quot;Drive&quot;", Input=a, InOut=inner))], "F"))
+    timer = join([openness(copy("t", "TON_TIME", a))], "F")  # TIA lists less than it has
+    assert "a guess" in timer.notes["ton_time"][0]
+
+
+def test_a_mistake_in_a_copy_is_told_at_its_line_where_the_copy_counts() -> None:
+    bad = openness(copy("m", "&quot;Unit&quot;", '\n<Member Name="x" Datatype="Array[5..1] of Int"/>'))
+    assert str(join([bad], "F").problems[0]) == "F:7:1: found '1', expected a number from 5 upwards"
+    assert join([bad, read_text(UNIT_UDT.format(""), "u.udt", ".udt")], "F").names() == ["Motor", "Unit"]
 
 
 def test_a_block_is_no_data_type() -> None:

@@ -196,8 +196,9 @@ class Bench:
             seam.is_busy = False
 
     def _new_peer(self, decl: PeerDecl) -> Peer:
-        small = self.project.rules.policy.small_buffers
-        return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
+        policy, journal = self.project.rules.policy, self.runtime.ledger.write
+        also = policy.small_buffers, policy.broadcasts
+        return Peer(decl, self._peer_kernel(decl), self._listening_end, journal, *also)
 
     def _new_work(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:

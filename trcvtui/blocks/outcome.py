@@ -77,6 +77,7 @@ class Cause(Struct, frozen=True):
     holder: str = ""  # the instance that is in the way
     is_orphan: bool = False  # it was deleted or downloaded
     local: str = ""  # where a partner is waited for
+    words: str = ""  # of the system
     is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 
     @property
@@ -114,8 +115,9 @@ def cause_of(fault: Fault, peer: str = "") -> Cause:
     if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
         why, name = Why.KERNEL, "nobody knows an address for the partner's name"
     return Cause(
-        why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer or fault.peer
-    )
+        why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer or fault.peer,
+        words=fault.words,
+    )  # fmt: skip
 
 
 class Lamp(Enum):

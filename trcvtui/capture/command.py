@@ -20,9 +20,10 @@ from trcvtui.capture.plc_end import (
 from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
-from trcvtui.wording import json_text
+from trcvtui.wording import count, json_text
 
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
+SHOWN_KINDS: Final = 4  # of what is not read
 WIDTH: Final = 80  # columns of text
 
 
@@ -110,8 +111,14 @@ def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: boo
         yield from (fact.line for fact in found.host_facts())
     if not found.all:
         yield f"no conversation in {found.packets} packets"
-    for why, count in found.not_read.items():
-        yield f"not read: {count} {why.value}"
+    if found.others:
+        shown = found.others.most_common(SHOWN_KINDS)
+        told = [count(number, one) + rest for (one, rest), number in shown]
+        if more := found.others.total() - sum(number for _, number in shown):
+            told.append(f"{count(more, 'packet')} of {count(len(found.others) - len(shown), 'other kind')}")
+        yield f"not read: {', '.join(told)}: no TCP or UDP"
+    for why, number in found.not_read.items():
+        yield f"not read: {number} {why.value}"
     if found.unlisted:
         yield f"not read: {found.unlisted} packets of conversations after number {len(found.all)}"
     for trouble in troubles:

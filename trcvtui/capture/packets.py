@@ -164,6 +164,40 @@ def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) 
     return _past_vlans(data, kind_at + 2, types) if kind in _VLAN_TYPES else -1
 
 
+# Names of EtherTypes, IP protocols and link types.
+_FRAMES: Final = {
+    0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS", 0x8863: "PPPoE",
+    0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
+    0x88B8: "GOOSE", 0x88BA: "Sampled Values", 0x88CC: "LLDP", 0x88CD: "SERCOS III", 0x88E1: "HomePlug",
+    0x88E3: "MRP", 0x88F7: "PTP", 0x88FB: "PRP", 0x890F: "CC-Link IE", 0x892F: "HSR", 0x9000: "loopback",
+}  # fmt: skip
+_PROTOCOLS: Final = {1: "ICMP", 2: "IGMP", 47: "GRE", 50: "ESP", 58: "ICMPv6", 89: "OSPF", 112: "VRRP"}
+_LINKS: Final = {9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN"}
+
+
+def kind_of(link_type: int, data: bytes) -> tuple[str, str]:
+    """Return what a packet without TCP and UDP is, such as `EtherCAT frame` and ` (16#88A4)`."""
+    at = ip_start(link_type, data)
+    version = data[at] >> 4 if 0 <= at < len(data) else 0
+    if version in (4, 6) and len(data) > at + (9 if version == 4 else 40):
+        protocol = data[at + 9] if version == 4 else data[at + 6]
+        if version == 6 and protocol in _MOVED_BY_8:
+            protocol = data[at + 40]
+        if protocol not in (TCP, UDP):
+            return f"{_PROTOCOLS.get(protocol, 'IP')} packet", f" (IP protocol {protocol})"
+    places = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
+    if link_type not in places:
+        return f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})"
+    kind_at, at = places[link_type]
+    kind = data[kind_at : kind_at + 2]
+    while kind in _VLAN_TYPES:
+        kind, at = data[at + 2 : at + 4], at + 4
+    number = int.from_bytes(kind, "big")
+    if number < 0x600:  # a length
+        return "802.3 LLC frame", ""
+    return f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})"
+
+
 def ip_number(link_type: int, data: bytes) -> int:
     """Return the Identification of IPv4, which most hosts count up with each packet; 0: there is none."""
     at = ip_start(link_type, data)

@@ -120,6 +120,10 @@ class CaptureReader:
         elif magic[:4] == b"\x0a\x0d\x0d\x0a":
             self._packets = self._pcapng()
         else:
+            from trcvtui.udt.other_files import refuse_other_file
+
+            if magic and self._bad_input is None:
+                refuse_other_file(name, magic, _EXPECTED)
             found = "an empty file" if not magic else f"a file that begins with 16#{magic[:4].hex().upper()}"
             raise UserError(self._bad_input or Problem(name, found, _EXPECTED))
 

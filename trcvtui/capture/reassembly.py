@@ -27,6 +27,7 @@ from trcvtui.capture.packets import (
     carried_by,
     ip_number,
     ip_start,
+    kind_of,
     macs_of,
     sack_blocks,
     scale_of,
@@ -34,6 +35,7 @@ from trcvtui.capture.packets import (
 from trcvtui.capture.pcap import ETHERNET, NOTES, OURS, RTAC_SERIAL, USER0, Packet
 
 MOST_CONVERSATIONS: Final = 28_000
+MOST_KINDS: Final = 1024  # of packets without TCP and UDP
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
 MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps
@@ -223,6 +225,7 @@ class Conversations:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
+        self.others: Counter[tuple[str, str]] = Counter()  # packets without TCP and UDP, by their kind
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.hosts = HostNotes()
@@ -358,8 +361,10 @@ class Conversations:
             self._take_fragment(packet, link_type, found)
             return
         if isinstance(found, SkippedPacket):
-            if found is not SkippedPacket.OTHER or not self._hear(packet, link_type):
+            if found is not SkippedPacket.OTHER:
                 self.not_read[found] += 1
+            elif not self._hear(packet, link_type):
+                self._skip(link_type, data)
             return
         if found.protocol == UDP:
             self._take_datagram(packet, link_type, found)
@@ -367,6 +372,11 @@ class Conversations:
             self._take_segment(packet, link_type, found)
         else:
             self.not_read[SkippedPacket.CUT] += 1
+
+    def _skip(self, link_type: int, data: bytes) -> None:
+        kind = kind_of(link_type, data)
+        is_known = kind in self.others or len(self.others) < MOST_KINDS
+        self.others[kind if is_known else ("packet", " of more kinds")] += 1
 
     def _hear(self, packet: Packet, link_type: int) -> bool:
         """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
@@ -407,7 +417,10 @@ class Conversations:
         has_data = len(data) > _SERIAL_HEAD
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
-            self.not_read[SkippedPacket.OTHER if len(data) >= _SERIAL_HEAD else SkippedPacket.CUT] += 1
+            if len(data) >= _SERIAL_HEAD:
+                self._skip(RTAC_SERIAL, data)
+            else:
+                self.not_read[SkippedPacket.CUT] += 1
             return
         name = self.names(packet.interface).encode()
         direction = self._flows.get(b"S%d" % sender + name)

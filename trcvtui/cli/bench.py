@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
+from argparse import SUPPRESS
 from pathlib import Path
 
 from trcvtui.cli.options import (
@@ -39,11 +40,16 @@ def add_run(parser: CommandParser) -> None:
     add_kernel(parser)
     add_netns(parser)
     parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
+    parser.add_argument("--attach", type=Path, help=SUPPRESS)  # a tab of `serve`, to its engine
     add_record(parser, "FILE")
     add_theme(parser)
 
 
 def _run(args: Args) -> int:
+    if args.attach is not None:
+        from trcvtui.engine.driver import AttachedDriver
+
+        return show(lambda: AttachedDriver(args.attach), args.theme, args.read_only, is_run=True)
     return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_to(args))
 
 
@@ -60,6 +66,8 @@ def add_serve(parser: CommandParser) -> None:
 def _serve(args: Args) -> int:
     from trcvtui.tui.served import refuse_root, serve
 
+    if sys.platform == "win32":
+        raise mistake("trcvtui serve", "Windows", "Linux or macOS: its tabs need a Unix socket")
     refuse_root(args.write, args.as_root)
     load_bench(args.project)
     serve(args.project, args.kernel, args.port, args.write, args.theme)

@@ -60,14 +60,19 @@ def add_st(parser: CommandParser) -> None:
     parser.set_defaults(command=_st)
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
+    parser.add_argument("--short", action="store_true", help="only pins that differ from their defaults")
+    parser.add_argument("--multi", action="store_true", help="SCL of a multi-instance: #NAME")
 
 
 def _st(args: Args) -> int:
-    from trcvtui.project.st_call import st_text
+    from trcvtui.commands.table import parse_script, written_data
+    from trcvtui.project.st_call import CallForm, st_text
 
     project = load_bench(args.project)
     names = [args.instance] if args.instance else [decl.name for decl in project.instances]
-    return print_text(st_text(project, names))
+    steps = parse_script(project.start, project, f"{project.path}: start")
+    form = CallForm(args.short, args.multi, written_data(steps, project))
+    return print_text(st_text(project, names, form=form))
 
 
 def add_completion(parser: CommandParser) -> None:

@@ -82,8 +82,7 @@ def _printing(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
 
 
 def _add_types(parser: CommandParser) -> None:
-    _add_files(parser, _printing("list_types", bad=WRONG_INPUT))
-    add_format(parser, "text", "json")
+    _add_type(parser, _printing("list_types", bad=WRONG_INPUT), ("text", "json"))
 
 
 def _add_decode(parser: CommandParser) -> None:

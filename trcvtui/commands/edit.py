@@ -24,7 +24,7 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, quoted, unquoted
+from trcvtui.commands.tokens import Words, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_left_alone
@@ -61,15 +61,16 @@ from trcvtui.project.tables import Given, shown
 from trcvtui.project.text import way_to
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
-from trcvtui.udt.sources import declared_by
+from trcvtui.udt.literals import quoted
+from trcvtui.udt.sources import apart, declared_by
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
 # 127.0.0.1, the first port from 2000 on that no part of the project has; keys of a CONNECT in the line
 # (LocalPort=2500) are its.
-# DATA: 1024 bytes to receive into, 16 to send. A receiver with an ADHOC pin gets ADHOC = 1, so that the first
-# bytes of anybody are a DONE.
+# DATA: 1024 bytes to receive into, 16 to send. A receiver of a stream is ad hoc, so that the first bytes of
+# anybody are a DONE.
 
 FIRST_PORT: Final = 2000
 LAST_PORT: Final = 49_151  # after them the system's own, for active ends
@@ -77,7 +78,6 @@ HOST: Final = "127.0.0.1"
 OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
 RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
 SENT: Final = "ARRAY[0..15] OF BYTE"
-ADHOC: Final = "ADHOC"
 LISTEN: Final = ("connect", "udp_config")
 STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
 
@@ -128,9 +128,8 @@ def complete(
         project = with_entry(project, decl)
         made.append(decl)
         whole[key] = name
-    pins = {pin.name for pin in project.pins(block)}
-    if row.receives and ADHOC in pins and not whole.keys() & {ADHOC, "LEN"}:
-        whole[ADHOC] = True
+    if not whole.keys() & {"ADHOC", "LEN"}:
+        whole |= project.adhoc_inputs(block)
     return whole, tuple(made)
 
 
@@ -207,7 +206,8 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
 
 def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
     """Return all types with those of one more file, the names of its own, and what is wrong in it."""
-    types, file = with_entry(project, decl).types, declared_by(str(project.base / decl.name), decl.content)
+    types, path = with_entry(project, decl).types, project.base / decl.name
+    file = apart(declared_by(str(path), decl.content), path, [*project.udt_files, path])
     own = {each.name.casefold() for each in file.types}
     names = [name for key, (name, _) in types.types.items() if key in own]
     return types, names, [problem for problem in types.problems if problem not in project.types.problems]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Final, Protocol
 
@@ -20,14 +20,14 @@ from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
 from trcvtui.commands.reader import after, parse_create, parse_delete, parse_download, parse_resize
-from trcvtui.commands.tokens import Words, quoted
+from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
 from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_time, quoted
 from trcvtui.udt.resolve import KNOWN_TYPE
 
 MILLISECOND: Final = 1_000_000
@@ -514,6 +514,17 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
                 steps.append(Step(number, line, command))
                 project = after(command, project)
     return steps
+
+
+def written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
+    """Return the variables of a project that commands write, each as it is after them."""
+    found = {decl.name: bytearray(decl.size) for decl in project.data}
+    writes = [
+        write for step in steps if isinstance(write := step.command, words.Write) and write.data in found
+    ]
+    for write in writes:
+        found[write.data][write.offset : write.offset + len(write.payload)] = write.payload
+    return {write.data: bytes(found[write.data]) for write in writes}
 
 
 def _short(line: str) -> str:

@@ -58,20 +58,6 @@ def _named(letter: str, digits: str) -> str:
     return _NAMED.get(letter.lower(), letter)
 
 
-def quoted(text: str) -> str:
-    """Return a text in IEC quotes, as `unquoted` reads it back (codes 0 to 255 outside ASCII as $hh)."""
-    parts = []
-    for character in text:
-        code = ord(character)
-        if character in "$'":
-            parts.append("$" + character)
-        elif code < 0x20 or 0x7F <= code <= 0xFF:
-            parts.append(f"${code:02X}")
-        else:
-            parts.append(character)
-    return f"'{''.join(parts)}'"
-
-
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
     """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
     values = dict(members_of(braces, where))

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
 from trcvtui.blocks.table import block_row
-from trcvtui.diagnosis import job, link, receive, serial
+from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DoLine, Sentence, Tell, as_sentence, says
 from trcvtui.history.records import NOT_BUILT
@@ -153,15 +153,6 @@ RULES: Final[tuple[Rule, ...]] = (
     *rows((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.no_data),
     *rows(Condition.RESULT_WRONG, job.result_too_small),
     *rows(Condition.NAME_UNKNOWN, job.ask_for_the_name),
-    *rows(Condition.TLS_UNSUPPORTED, job.showed_no_certificate),
-    *rows(
-        Condition.TLS_EXTENSION,
-        says(
-            "look at its subjectAlternateName",
-            cause="the certificate of {peer} bears another name than the one that was asked for, or an "
-            "extension that is not known",
-        ),
-    ),
     *rows(
         (
             Condition.TLS_MESSAGE,
@@ -172,7 +163,7 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.TLS_EXPIRED,
             Condition.TLS_EXTENSION,
         ),
-        job.look_at_the_certificate,
+        handshake.why_it_failed,
     ),
     *rows(Condition.STRING_OVERRUN, serial.string_too_long),
     *rows(Condition.RECEIVE_LENGTH_WRONG, serial.size_does_not_fit),
@@ -234,6 +225,7 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.RECEIVE_FAILED,
         ),
         link.injected,
+        handshake.why_it_failed,
         link.ended_by_partner,
         link.closed_after_its_message,
     ),

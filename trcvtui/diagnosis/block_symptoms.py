@@ -141,8 +141,9 @@ class BlockSymptoms:
         connect, is_session = self._connect_of(name), edge.cause.call == "session"
         said = self._handshakes.get(connect, "") if is_session else ""
         text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
+        is_tls = is_session and Condition(edge.condition).name.startswith("TLS_")
         found = Symptom(
-            "block-error", name, connect, text,
+            "tls-refused" if is_tls else "block-error", name, connect, text,
             scan, self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
             tuple([Remedy(text) for text in checks]), is_session and bool(card.do),
         )  # fmt: skip

@@ -237,7 +237,8 @@ def _judge_symptoms(
         for row in found:
             row["explains"].append(one.text)
             if one.is_of_session:
-                row["mend"] = _mend_rows(one.mend)
+                row["mend"], row["status"] = _mend_rows(one.mend), [one.status]
+                row["evidence"][:0] = [each for each in one.card if each not in row["evidence"]]
         if found:
             continue
         line = _line_of(one.connect, one.ns, cases)

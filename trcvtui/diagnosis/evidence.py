@@ -47,7 +47,7 @@ class Evidence:
     peers: tuple[PeerSnapshot, ...] = ()
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
-    has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 0 is ad hoc
+    has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 65535 is ad hoc
     adhoc_at_once: bool = False  # it acts on the job that runs
     is_stopped: bool = False  # the PLC is in STOP
     buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on

@@ -249,8 +249,8 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     name = wanted.instance
     mend = Remedy(
         "receive ad hoc, with DATA for the longest message",
-        f"set {name} ADHOC=1",
-        f"instance.{name}.ADHOC=true",
+        f"set {name} {'ADHOC=1' if wanted.static else 'LEN=65535'}",
+        f"instance.{name}.{'ADHOC=true' if wanted.static else 'LEN=65535'}",
     )
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
@@ -323,7 +323,8 @@ def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
         f"receive static, LEN {size}, where messages have one length; else ReceiveData with a frame",
-        f"set {name} ADHOC=0 LEN={size}", f"instance.{name}.ADHOC=false",
+        f"set {name} {receiver.static}LEN={size}",
+        f"instance.{name}.ADHOC=false" if receiver.static else None,
     )  # fmt: skip
     length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
     cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))
@@ -397,7 +398,7 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
     if not receiver.instance:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
-    mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
+    mend = Remedy(text, f"set {receiver.instance} {receiver.static}LEN={base}")
     return RemedyOffer((mend, *frames_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 

@@ -14,7 +14,6 @@ from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.history.records import Facts
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
-from trcvtui.net.layer import TlsError
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
@@ -135,6 +134,9 @@ def wrong_length(e: Evidence) -> Answer:
     if have is None or most is None:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
+    if e.cause.value == 65535 and e.has_adhoc and e.config is not None and e.config.description:
+        cause = f"LEN is 65535, which was ad hoc in the instructions before 3.0; {data}"
+        return do(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
@@ -297,20 +299,6 @@ def no_such_selector(e: Evidence) -> Answer:
         "make the selectors fit crosswise: its remote one has to "
         f"be {ours} (our local one) and its local one {theirs} (our remote one)",
     )
-
-
-def look_at_the_certificate(e: Evidence) -> Answer:
-    """Return how to look at what the partner shows."""
-    if e.config is None or not e.config.active or not e.cause.peer:
-        return ""
-    return do("", f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows")
-
-
-def showed_no_certificate(e: Evidence) -> Answer:
-    """The partner showed no certificate, or one that will not do."""
-    if e.cause.error == TlsError.NO_CERTIFICATE:
-        return do(f"{_peer(e)} showed no certificate, and is asked for one", "set its own certificate there")
-    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
 
 
 # -- DATA and LEN ----------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.peer import read_routines
-from trcvtui.commands.table import parse_script
+from trcvtui.commands.table import parse_script, written_data
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import LineFinding, weighed
 from trcvtui.diagnosis.data_values import unwritten_members
@@ -22,8 +22,10 @@ from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
+from trcvtui.net.connection.description_check import meaning
+from trcvtui.net.connection.resources import TakenId
 from trcvtui.net.connection.set_up import SetUpStage
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, octets
+from trcvtui.net.results import ANY_ADDRESS, octets
 from trcvtui.project.project import SERIAL
 from trcvtui.udt.types import Struct
 
@@ -59,22 +61,20 @@ def _as_started(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
     pins: dict[str, Pins] = {}
-    written: dict[str, bytes] = {}
-    for step in _steps(project):
+    steps = list(_steps(project))
+    for step in steps:
         if isinstance(step.command, words.Set):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
                 if (step.command.instance, pin) not in held:
                     known.setdefault(pin, True if value == "blink" else value)
-        elif isinstance(step.command, words.Write) and not step.command.offset:
-            written[step.command.data] = step.command.payload
     instances = tuple(
         [
             replace(each, inputs=tuple({**dict(each.inputs), **(now or pins).get(each.name, {})}.items()))
             for each in project.instances
         ]
     )
-    return replace(project, instances=instances), written
+    return replace(project, instances=instances), written_data(steps, project)
 
 
 def _steps(project: Project) -> Iterator[words.Step]:
@@ -121,6 +121,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
+        static="ADHOC=0 " if has_adhoc else "",
         words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
         is_secure=config is not None and config.session is not None and not config.is_message_oriented,
         ports=_ports(project),
@@ -234,21 +235,48 @@ def _status(project: Project, block: str, condition: Condition) -> tuple[int, ..
     return (project.rules.word(block, condition),) if condition in known else ()
 
 
-def _one_port_twice(project: Project) -> Iterator[Sign]:
-    """Yield two that call from one local port; two that listen there are refused by the dry run."""
-    first: dict[Endpoint, ConnectConfig] = {}
-    taken = project.rules.course.of_set_up(SetUpStage.BIND, "EADDRINUSE")
+def _one_id_twice(project: Project) -> Iterator[Sign]:
+    first: dict[int, ConnectConfig] = {}
+    mend = (Remedy("give each of them an ID of its own: one ID is one connection"),)
     for config in project.connects:
-        openers = [each for each in project.instances if each.connect == config.name]
-        if not config.active or not config.local.port or config.flaw is not None or not openers:
+        if config.description is None or config.flaw is not None:
             continue
-        other = first.setdefault(config.local, config)
+        identity = meaning(config.description).identity
+        other = first.setdefault(identity, config)
         if other is not config:
-            text = f"{other.name} and {config.name} have one local port, {config.local}"
-            unsure = f"some CPUs refuse the second call; whether {project.dialect.name} does is not known"
-            mend = (Remedy("give each of them a LocalPort of its own"),)
-            status = _status(project, openers[0].block, taken)
-            yield Sign(0.5, (text, unsure), instance=openers[0].name, mend=mend, status=status)
+            how = TakenId.BUILDING if config.description == other.description else TakenId.OTHER
+            said = Sign(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
+            yield _of_opener(project, config, (SetUpStage.IDENTITY, how), said)
+
+
+def _one_port_twice(project: Project) -> Iterator[Sign]:
+    """Yield two with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
+    first: dict[tuple[bool, str, int], ConnectConfig] = {}
+    mend = Remedy("give each of them a LocalPort of its own")
+    for config in project.connects:
+        local, described = config.local, config.description
+        port = local.port if described is None else meaning(described).local_port
+        if not port or config.flaw is not None:
+            continue
+        other = first.setdefault((config.is_datagram, local.address, port), config)
+        if other is not config:
+            calls = other.active, config.active
+            text = f"{other.name} and {config.name} have one local port, {local.address}:{port}"
+            unsure = f"this bench takes both; some CPUs refuse one, {project.dialect.name} perhaps"
+            is_taken = other.local.port == local.port == port and not all(calls)
+            said = Sign(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
+            late = other if calls == (True, False) else config  # one that calls binds after one that listens
+            yield _of_opener(project, late, (SetUpStage.BIND, "EADDRINUSE"), said)
+
+
+def _of_opener(project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Sign) -> Sign:
+    """Return what is said of the block that builds a CONNECT, with the STATUS that it shows for it."""
+    for decl in project.instances:
+        row = block_row(decl.block)
+        if decl.connect == config.name and (row.builds or row.runs_as is Condition.ESTABLISHING):
+            status = _status(project, decl.block, project.rules.course.of_set_up(*wrong))
+            return said._replace(instance=decl.name, status=status)
+    return said
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -328,8 +356,9 @@ def _keep_alive(project: Project) -> Iterator[Sign]:
         asked = connect.keep_alive_interval_s
         if asked > LONG_KEEP_ALIVE_S:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
+            usual = connect.keep_alive_default_s
             more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            yield Sign(0.7, (text, *more), mend=(Remedy("0, which is 10 s, or some minutes at most"),))
+            yield Sign(0.7, (text, *more), mend=(Remedy(f"0, which is {usual} s, or some minutes at most"),))
 
 
 def _adhoc_fixed(project: Project) -> Iterator[Sign]:
@@ -339,7 +368,8 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
             text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
             more = "a message that comes in two pieces makes two jobs"
             name = receiver.instance
-            mend = Remedy("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
+            off = receiver.static.strip() or f"LEN={receiver.need}"
+            mend = Remedy(f"{off}: a job ends with the whole type", f"set {name} {off}", None)
             yield Sign(0.6, (text, more), instance=name, mend=(mend,))
 
 
@@ -361,6 +391,7 @@ def _short_len(project: Project) -> Iterator[Sign]:
 LINT_RULES: Final = (
     LintRule("limits", _limits),
     LintRule("address", _address),
+    LintRule("limits", _one_id_twice),
     LintRule("address", _one_port_twice),
     LintRule("no-keep-alive", _keep_alive),
     LintRule("adhoc-splits", _adhoc_fixed),

@@ -61,17 +61,17 @@ def _before(e: Evidence, thing: str) -> str:
 
 
 def _pin(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "LEN 0 is ad hoc"
+    return "ADHOC" if e.has_adhoc else "this LEN is ad hoc"
 
 
 def _switch(e: Evidence) -> str:
     if e.pin("ADHOC"):
         return "ADHOC, which is 1 for the next job,"
-    return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
+    return "ADHOC=1" if e.has_adhoc else "LEN=65535, which is ad hoc here,"
 
 
 def _name(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "LEN 0"
+    return "ADHOC" if e.has_adhoc else "this LEN"
 
 
 def _since_up(e: Evidence) -> str:
@@ -343,8 +343,8 @@ def nobody_sends(e: Evidence) -> Answer:
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
             return do(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return do(
-        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, and a firewall drops "
-        "without a word",
+        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, a firewall drops without a "
+        "word, and 255.255.255.255 is not heard",
         "check whether the partner sends to this address and port",
     )
 

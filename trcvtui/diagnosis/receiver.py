@@ -46,6 +46,7 @@ class Receiver(NamedTuple):
     since_ns: int = 0
     until_ns: int = NEVER_NS
     has_reset: bool = False  # its block has COM_RST
+    static: str = "ADHOC=0 "  # before a LEN; "": no such pin, and a LEN of 65535 is ad hoc
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
     is_secure: bool = False  # TLS: the wire has none of its bytes
     ports: frozenset[int] = frozenset()  # that its project names, its CONNECTs without a receiver included

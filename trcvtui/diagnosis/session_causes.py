@@ -21,7 +21,7 @@ _ALERTS: Final = {
     120: "no_application_protocol",
 }  # fmt: skip
 _MEANINGS: Final = {  # RFC 8446, section 6.2
-    42: "the certificate of {other} is damaged, or its signature is wrong",
+    42: "the certificate of {other} is damaged, wrongly signed, or bears another name than the one asked for",
     43: "the certificate of {other} is of a kind that it does not take",
     44: "who signed the certificate of {other} has revoked it",
     45: "the certificate of {other} has expired, or is not valid yet: compare the clocks, too",

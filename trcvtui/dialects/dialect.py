@@ -65,7 +65,6 @@ class Dialect(Struct, frozen=True):
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
     `structures`: the connection descriptions that it takes, () all of them.
-    `types`: in ST, those that its library brings along.
     `folder`: where its scenarios lie, when that has another name.
     `follows`: the document that its course stands in, where dialects with one table differ in that.
     `words`: what it calls a condition whose neutral word is another vendor's.
@@ -83,7 +82,6 @@ class Dialect(Struct, frozen=True):
     describes_connects: bool = False
     structures: tuple[str, ...] = ()
     folder: str = ""
-    types: str = ""
     follows: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
 

@@ -36,6 +36,7 @@ from trcvtui.history.stream_reader import StreamReader
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.plc.ledger import Line
 from trcvtui.plc.runtime import Runtime
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.edit import types_now
@@ -78,7 +79,8 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:
         raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
-    told = f"{count(len(types.types), 'type')} read; `resize` takes a changed one into DATA"
+    read = types.types.keys() & types.senders.keys()
+    told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
     return replace(fresh, types=types), given, told
 
 
@@ -185,7 +187,7 @@ class Controller:
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
         self._messages = MessageRows(bench, reader, self._history.streams)
-        self._trigger_watch = TriggerWatch(bench, reader)
+        self.trigger_watch = TriggerWatch(bench, reader)
         self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()
         self.session = Session(bench, reader, self._waves)
@@ -209,7 +211,7 @@ class Controller:
             if verb == SCENARIO:
                 return self._scenario(rest.strip())
             if verb == TRIGGER:
-                self._told = self._trigger_watch.arm(rest, "prompt")
+                self._told = self.trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
                 self.session.mark()
@@ -456,8 +458,8 @@ class Controller:
         if not self._may_scan():
             return False
         self.bench.step(now)
-        if self._trigger_watch.armed:
-            fired = self._trigger_watch.scanned()
+        if self.trigger_watch.armed:
+            fired = self.trigger_watch.scanned()
             if fired is not None and fired.holds:
                 self.holding, self.wanted = True, 0
         if self.player is not None:
@@ -480,6 +482,12 @@ class Controller:
 
     # -- pictures --------------------------------------------------------------------------------------
 
+    def take_answers(self) -> tuple[Answer, ...]:
+        """Return what was answered since the last time."""
+        answers = tuple(self._answers)
+        self._answers.clear()
+        return answers
+
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
@@ -490,20 +498,17 @@ class Controller:
         internal = self.bench.containment.take_newest()
         if internal:
             self.complain(internal)
-        answers = tuple(self._answers)
-        self._answers.clear()
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1
-        kept = self._trigger_watch.take_kept() if known else None
+        kept = self.trigger_watch.take_kept() if known else None
         lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
-            lines = tuple([line for line in kept.lines if line.seq > since])
             last = kept.snapshot.ledger_seq
+            numbered = enumerate(kept.stamped, last - len(kept.stamped) + 1)
+            lines = tuple([Line(seq, *item) for seq, item in numbered if seq > since])
             wanted = replace(wanted, scan=kept.snapshot.scan) if wanted else None
-        if known:
-            self._trigger_watch.told = lines[-1].seq if lines else since
         return BenchUpdate(
             snapshot=kept.snapshot if kept else runtime.snapshot(self.bench.faults()),
             lines=lines,
@@ -511,7 +516,7 @@ class Controller:
             data=kept.data if kept else tuple((name, runtime.data(name, MOST_DATA)) for name in data_of),
             partial=kept.partial if kept else tuple((name, runtime.partial(name)) for name in partial_of),
             peers=kept.peers if kept else self.bench.peer_snapshots(),
-            answers=answers,
+            answers=self.take_answers(),
             timing=timing,
             holding=self.holding,
             kernel=self.kernel or self.bench.kernel_name,
@@ -526,10 +531,10 @@ class Controller:
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
-            facts=kept.facts if kept else self._trigger_watch.facts(partial_of),
+            facts=kept.facts if kept else self.trigger_watch.facts(partial_of),
             recorded=self.recorded,
             is_recording=self.black_box is not None and self.black_box.is_recording,
-            armed=self._trigger_watch.armed if known else "",
+            armed=self.trigger_watch.armed if known else "",
             fired=kept.fired if kept else None,
             shadows=self.shadows,
             talks=self.talks(),

@@ -6,12 +6,15 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable
+from multiprocessing.connection import Client
+from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import EngineStopped
 
 if TYPE_CHECKING:
@@ -35,12 +38,16 @@ class ProcessDriver:
     def _start(self) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         context = multiprocessing.get_context("spawn")
-        self._channel, theirs = context.Pipe()
+        ours, theirs = context.Pipe()
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
+        self._listen(ours)
+
+    def _listen(self, channel: Channel) -> None:
         from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
 
+        self._channel = channel
         self._arriving = UpdateReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
@@ -52,7 +59,7 @@ class ProcessDriver:
         return ""
 
     def restart(self) -> None:
-        self.close()
+        ProcessDriver.close(self)  # a door stays
         self._record = None  # the file has the run that has ended
         self._start()
 
@@ -77,7 +84,7 @@ class ProcessDriver:
 
     def submit(self, line: str) -> int:
         self._number += 1
-        self._send((self._number, line))
+        self._send((self._number, line.encode(errors="surrogatepass")))
         return self._number
 
     def request(self, request: UpdateRequest) -> None:
@@ -132,9 +139,11 @@ class ProcessDriver:
                 raise self._ended(message)
         return message
 
-    def _send(self, message: object) -> None:
+    def _send(self, message: tuple[int, bytes] | UpdateRequest) -> None:
+        from msgspec.msgpack import encode
+
         try:
-            self._channel.send(message)
+            self._channel.send_bytes(encode(message))
         except OSError:
             while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
                 self.picture()
@@ -152,7 +161,7 @@ class EngineDriver(ProcessDriver):
     """The bench.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project.
+    it opens no file but those of the project. With `is_shared` tabs come in at `door`.
     """
 
     def __init__(
@@ -162,11 +171,45 @@ class EngineDriver(ProcessDriver):
         netns: bool = False,
         read_only: bool = False,
         record: RecordTo | None = None,
+        is_shared: bool = False,
     ) -> None:
         from trcvtui.engine.engine import engine_main
 
+        self._door, self.door = None, Path()
+        if is_shared:
+            from trcvtui.net.os.tab_door import TabDoor
+
+            self._door = TabDoor()
+            self.door = self._door.path
         self._record = record
         super().__init__(engine_main, path, kernel, netns, read_only)
 
     def _arguments(self) -> tuple[Any, ...]:
-        return *self._asked, self._record
+        return *self._asked, self._record, self._door
+
+    def close(self) -> None:
+        super().close()
+        if self._door is not None:
+            self._door.close()
+
+
+class AttachedDriver(ProcessDriver):
+    """The bench of `trcvtui serve` for one of its tabs: the engine is that of `serve`."""
+
+    def __init__(self, door: Path) -> None:
+        self._door, self._number, self._parent = door, 0, os.getppid()
+        self._start()
+
+    def _start(self) -> None:
+        try:
+            self._listen(Client(str(self._door)))
+        except OSError:
+            raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
+
+    def _ended(self, trace: str = "") -> EngineStopped:
+        stopped = EngineStopped(trace or "the engine of `trcvtui serve` has ended")
+        stopped.ends_screen = os.getppid() != self._parent  # `serve` was killed
+        return stopped
+
+    def close(self) -> None:
+        self._channel.close()

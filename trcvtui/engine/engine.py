@@ -1,8 +1,8 @@
-"""The live engine: absolute deadlines, and the screen served in the gaps.
+"""The live engine: absolute deadlines, and the screens served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
-Rule 2: the screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
-so that it is of one scan, then pickled and written slice by slice.
+Rule 2: a screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
+so that it is of one scan, then pickled and written slice by slice. Several screens are served in turns.
 Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
@@ -15,17 +15,20 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from msgspec.structs import replace
+
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
+from trcvtui.engine.screens import AttachedScreen, AttachedScreens
 from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, close_files, noting_reads
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
+    from trcvtui.net.os.tab_door import TabDoor
     from trcvtui.recording.files import RecordTo
     from trcvtui.recording.recorder import RunRecorder
 
@@ -45,7 +48,13 @@ def engine_main(channel: Channel, *asked: Any) -> None:
 
 
 def _run(
-    channel: Channel, path: Path, kernel: str, netns: bool, read_only: bool, record: RecordTo | None
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    netns: bool,
+    read_only: bool,
+    record: RecordTo | None,
+    door: TabDoor | None = None,
 ) -> None:
     from trcvtui.scenario.scenario import load_bench
 
@@ -74,7 +83,7 @@ def _run(
                 recorder.begin(bench, path, (), is_scenario=False)
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
-            Engine(channel, bench, recorder).run()
+            Engine(AttachedScreens(channel, project, read_only, door), bench, recorder).run()
 
 
 def _tell(channel: Channel, last_words: str | UserError) -> None:
@@ -88,7 +97,6 @@ SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one
 GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
 STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
 READ_NS: Final = 100_000_000  # nothing is left unread for longer
-MOST_MESSAGES: Final = 64  # that are taken at once
 PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
 FAST_NS: Final = 5_000_000  # with shorter intervals
 PICTURE_NS: Final = 100_000_000  # lies between two pictures
@@ -96,10 +104,10 @@ TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan'
 
 
 class Engine:
-    """The console with its bench, and the channel to the screen."""
+    """The console with its bench, and the screens."""
 
-    def __init__(self, channel: Channel, bench: Bench, recorder: RunRecorder | None = None) -> None:
-        self._channel = channel
+    def __init__(self, screens: AttachedScreens, bench: Bench, recorder: RunRecorder | None = None) -> None:
+        self._screens = screens
         self._controller = Controller(bench)
         self._recorder = recorder
         self._controller.black_box = recorder.box if recorder is not None else None
@@ -107,11 +115,7 @@ class Engine:
             from trcvtui.recording.worker_process import FilesJudge, newest_in
 
             self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
-        self._pipe = UpdatePipe(channel)
-        self._request: UpdateRequest | None = None
-        self._asked_at = self._made_at = self._worked_at = 0  # when, for pictures
-        self._make_ns = 0  # what it took last to make a picture
-        self._is_answered = True  # all lines that were taken have their answer in a picture
+        self._made_at = self._worked_at = 0  # when, for pictures
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
@@ -119,6 +123,8 @@ class Engine:
     def _begin(self, bench: Bench) -> None:
         quiet_collector()
         self._bench = bench
+        for screen in self._screens.all:
+            screen.kept = None
         self._interval = bench.runtime.interval_ns
         self._timing = ScanTiming(self._mode)
         if self._timing_file:
@@ -126,7 +132,7 @@ class Engine:
         self._start = self._due = self._read_at = clock.now_ns()
 
     def run(self) -> None:
-        """Scan at every deadline; serve the screen in between."""
+        """Scan at every deadline; serve the screens in between."""
         self._begin(self._bench)
         try:
             while True:
@@ -135,7 +141,7 @@ class Engine:
                 clock.sleep_until(self._due)
                 self._scan()
         except Exception:
-            self._pipe.finish()
+            self._screens.first.pipe.finish()
             raise
         finally:
             self._bench.close()
@@ -159,7 +165,7 @@ class Engine:
             self._controller.scan()
 
     def _serve(self) -> None:
-        """Serve the screen right after the scan, and again every STEP of a long gap.
+        """Serve the screens right after the scan, and again every STEP of a long gap.
 
         The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
@@ -183,52 +189,63 @@ class Engine:
             self._read_at = now
 
     def _take_messages(self) -> None:
-        for _ in range(MOST_MESSAGES):
-            if not self._channel.poll():
-                return
-            self._take(self._channel.recv())
+        for screen, message in self._screens.messages():
+            if isinstance(message, UpdateRequest):
+                screen.request, screen.asked_at = message, clock.now_ns()
+            else:
+                self._take(*message)
+            if clock.now_ns() >= self._due - SPARE_NS:
+                return  # the rest has time until the next gap
 
-    def _take(self, message: object) -> None:
-        match message:
-            case (int() as number, str() as line):
-                self._controller.take(number, line)
-                self._is_answered = False
-                if self._controller.bench is not self._bench:
-                    if self._recorder is not None:
-                        self._recorder.close()  # the run on record is over
-                        self._recorder = self._controller.black_box = self._controller.files_judge = None
-                    self._begin(self._controller.bench)
-            case UpdateRequest() as request:
-                self._request, self._asked_at = request, clock.now_ns()
+    def _take(self, number: int, line: str) -> None:
+        self._controller.take(number, line)
+        self._screens.hand_out(self._controller.take_answers())
+        if self._controller.bench is not self._bench:
+            if self._recorder is not None:
+                self._recorder.close()  # the run on record is over
+                self._recorder = self._controller.black_box = self._controller.files_judge = None
+            self._begin(self._controller.bench)
 
     def _deliver(self, until: int) -> None:
         began = clock.now_ns()
-        if self._request is None and not self._pipe.is_busy():
+        screens = self._screens.all
+        if not any(screen.request or screen.pipe.is_busy() for screen in screens):
             self._worked_at = began
             return
         if began >= until and began < self._worked_at + PATIENCE_NS:
             return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
-        if self._request is not None and not self._pipe.is_busy() and self._may_make(began, until):
-            self._make(self._request)
-        if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
-            self._pipe.go_on(part)
+        for screen in tuple(screens):
+            screens.rotate(-1)
+            if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
+                self._make(screen, screen.request)
+            if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
+                screen.pipe.go_on(part)
+            if clock.now_ns() >= part:
+                break  # the next gap begins with the next one
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
 
-    def _make(self, request: UpdateRequest) -> None:
-        began = clock.now_ns()
-        self._pipe.begin(self._controller.picture(request, self._timing.summary(began), request.most_lines))
-        self._make_ns, self._made_at = clock.now_ns() - began, began
-        self._request, self._is_answered = None, True
+    def _make(self, screen: AttachedScreen, request: UpdateRequest) -> None:
+        began, watch = clock.now_ns(), self._controller.trigger_watch
+        for each in self._screens.all:
+            each.kept = watch.kept or each.kept
+        watch.kept = screen.kept
+        picture = self._controller.picture(request, self._timing.summary(began), request.most_lines)
+        watch.kept, screen.kept = None, watch.kept
+        self._screens.hand_out(picture.answers)
+        answers, screen.answers, screen.request = tuple(screen.answers), [], None
+        screen.pipe.begin(replace(picture, answers=answers, tabs=len(self._screens.all) - 1))
+        screen.make_ns, self._made_at = clock.now_ns() - began, began
 
-    def _may_make(self, now: int, until: int) -> bool:
+    def _may_make(self, screen: AttachedScreen, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.
 
         With short intervals there are ten a second, and one at once where a line waits for its answer.
         """
-        least = PICTURE_NS if self._interval < FAST_NS and self._is_answered else 0
+        least = PICTURE_NS if self._interval < FAST_NS and not screen.answers else 0
+        now = clock.now_ns()
         if now < self._made_at + least:
             return False
-        return now + self._make_ns <= until or now > self._asked_at + PATIENCE_NS
+        return now + screen.make_ns <= until or now > screen.asked_at + PATIENCE_NS

@@ -25,7 +25,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import InputEdge, Line
+from trcvtui.plc.ledger import InputEdge, Stamped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
@@ -191,11 +191,11 @@ Named = tuple[tuple[str, bytes], ...]
 
 
 class KeptScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `lines` are the newest of the ledger by then."""
+    """The bench in the scan of a trigger; `stamped` are the newest of the ledger by then."""
 
     fired: TriggerEvent
     snapshot: Snapshot
-    lines: tuple[Line, ...]
+    stamped: list[Stamped]
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
@@ -215,8 +215,7 @@ class TriggerWatch:
         self._statistics = LinkStatistics(reader.index)
         reader.lost.append(self._statistics.lose)
         self._seq = 0  # of the last line that was read while a trigger is armed
-        self.told = 0  # of the last line that a picture has brought
-        self._kept: KeptScan | None = None
+        self.kept: KeptScan | None = None
 
     def arm(self, text: str, where: str) -> str:
         """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError.
@@ -251,7 +250,7 @@ class TriggerWatch:
         self._trigger = None
         scans = self._bench.runtime.scans
         fired = TriggerEvent(self._count, trigger.text, scans, ledger.t_ns, trigger.holds)
-        self._kept = self._keep(fired)
+        self.kept = self._keep(fired)
         return fired
 
     def _still_armed(self) -> Trigger | None:
@@ -269,7 +268,7 @@ class TriggerWatch:
         return KeptScan(
             fired,
             runtime.snapshot(bench.faults()),
-            runtime.ledger.since(self.told, BEFORE),
+            runtime.ledger.stamped_since(0, BEFORE),
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),
@@ -296,5 +295,5 @@ class TriggerWatch:
 
     def take_kept(self) -> KeptScan | None:
         """Return the bench in the scan of a trigger that has fired since the last time."""
-        kept, self._kept = self._kept, None
+        kept, self.kept = self.kept, None
         return kept

@@ -81,7 +81,7 @@ class PinRecord:
         kept = len(self._changes)
         fresh = min(kept, self.total - number)
         if fresh < kept // 2:
-            return [*islice(reversed(self._changes), fresh)][::-1][:most]
+            return [*islice(reversed(self._changes), max(0, fresh))][::-1][:most]
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:

@@ -11,7 +11,7 @@ from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
-from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest, unpacked
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.replay.driver import serve_until_gone
 from trcvtui.snapshots.bench import EngineTiming
@@ -148,7 +148,7 @@ class ServedShadows:
         if self._player is not None:
             controller.shadows = self._player.shown  # more with each PLC end
         while self._channel.poll():
-            message = self._channel.recv()
+            message = unpacked(self._channel.recv_bytes())
             if isinstance(message, UpdateRequest):
                 self._request = message
             else:

@@ -215,8 +215,9 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
         on_config = config.is_datagram and bool(of_configs)
         block = of_configs if on_config else of_streams
         known = {pin.name for pin in base.pins(block) if pin.direction is Direction.IN}
-        inputs: list[tuple[str, PinValue]] = [(pin, True) for pin in (*ON, "ADHOC") if pin in known]
-        inputs += [("LEN", base.rules.max_datagram)] if config.is_datagram else []
+        inputs: list[tuple[str, PinValue]] = [(pin, True) for pin in ON if pin in known]
+        longest = {"LEN": base.rules.max_datagram} if config.is_datagram else {}
+        inputs += (base.adhoc_inputs(block) | longest).items()
         data.append(replace(base.data[0], name=f"{name}_data"))
         addr = f"{name}_ADDR" if config.is_datagram else None
         addrs += [AddrParam(addr)] if addr else []

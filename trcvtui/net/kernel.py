@@ -154,7 +154,10 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket: bind, the poll set and close serve it as any other; call no set_reuse."""
+        """Make a UDP socket, used as any other; set_reuse is for those that hear one broadcast address."""
+
+    def set_broadcast(self, handle: Handle) -> Fault | None:
+        """Let a UDP socket send to broadcast addresses, which is EACCES without."""
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         """Send one datagram whole, from a free port where none is bound; the Fault's call is `send`.

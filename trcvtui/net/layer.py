@@ -68,6 +68,7 @@ class SessionEnd(NamedTuple):
 
     error: str
     detail: str
+    words: str = ""  # what the library, or an alert of the partner, calls the reason: `protocol_version`
 
 
 class LayerSession(Protocol):

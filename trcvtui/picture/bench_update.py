@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-from msgspec import Struct
+from msgspec import Meta, Struct
+from msgspec.msgpack import Decoder
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
@@ -46,6 +47,16 @@ class UpdateRequest(Struct, frozen=True):
     recordings_of: tuple[str, ...] = ()  # ComBuffers
     doctor: bool = False  # whether it shall look
     messages: tuple[str, int, int] | None = None  # rows of an instance, from a number on, up to a scan
+
+
+MOST_NUMBER: Final = 1 << 32  # of lines of a screen
+_said: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER)], bytes] | UpdateRequest)
+
+
+def unpacked(content: bytes) -> tuple[int, str] | UpdateRequest:
+    """Return what a screen says; raise ValueError or MsgspecError. A file it names may be no text."""
+    said = _said.decode(content)
+    return said if isinstance(said, UpdateRequest) else (said[0], said[1].decode(errors="surrogatepass"))
 
 
 class BenchUpdate(Struct, frozen=True):
@@ -90,6 +101,7 @@ class BenchUpdate(Struct, frozen=True):
     doctor: DoctorSnapshot = NOBODY_LOOKED
     messages: MessagesDelta | None = None
     begun_ns: int | None = None  # UTC of time 0, None: simulated time
+    tabs: int = 0  # of `serve` that share this bench; 0: it is the screen's own
 
 
 NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out

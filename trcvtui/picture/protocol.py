@@ -6,10 +6,20 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
+
+
+MOST_TABS: Final = 8  # of `serve`
+REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
+READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
+
+
+def may_say(line: str) -> bool:
+    """Return whether a read-only screen may give a line: its engine carries out no other one."""
+    return line.strip().partition(" ")[0] in READ_ONLY_LINES
 
 
 class EngineStopped(Exception):

@@ -29,6 +29,7 @@ SLICE: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
 READ_BYTES: Final = 1 << 18
 LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
+MOST_PICTURE: Final = (1 << 31) - 1  # bytes: what a length can say
 
 T = TypeVar("T")
 
@@ -65,7 +66,7 @@ class UpdatePipe:
             message = next(self._pickling)
             if message:
                 self._pickling = None
-                self._post(message)
+                self.post(message)
             if clock.now_ns() >= until:
                 return
         while self._unsent and self._write() and clock.now_ns() < until:
@@ -96,7 +97,7 @@ class UpdatePipe:
         self._sent = kinds
         yield content.getvalue()
 
-    def _post(self, message: bytes) -> None:
+    def post(self, message: bytes) -> None:
         if sys.platform == "win32":
             self._channel.send_bytes(message)
         else:
@@ -107,52 +108,71 @@ class UpdatePipe:
         os.set_blocking(descriptor, False)
         try:
             self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
-        except BlockingIOError:
+        except OSError as why:
+            if not isinstance(why, BlockingIOError):
+                self._unsent = self._unsent[:0]  # the screen is gone, as its reader will find
             return False
         finally:
             os.set_blocking(descriptor, True)
         return True
 
 
-class UpdateReader:
+class MessageReader:
+    """Whole messages of a channel, each of `most` bytes at most; nobody waits for the rest of one."""
+
+    def __init__(self, channel: Channel, most: int) -> None:
+        self._channel, self._most = channel, most
+        self._bytes = bytearray()
+        self._has_ended = False
+
+    def take(self) -> bytes | None:
+        """Return the next message, None while no whole one is there; raise EOFError after the last one."""
+        if sys.platform == "win32":
+            return self._channel.recv_bytes(self._most) if self._channel.poll() else None
+        while True:
+            if len(self._bytes) >= LENGTH.size:
+                end = LENGTH.size + (size := LENGTH.unpack_from(self._bytes)[0])
+                if not 0 <= size <= self._most:
+                    raise OSError(f"a message of {size} bytes")
+                if len(self._bytes) >= end:
+                    message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                    del self._bytes[:end]
+                    return message
+            if self._has_ended:
+                raise EOFError
+            if not self._read_channel():
+                return None
+
+    def _read_channel(self) -> bool:
+        descriptor = self._channel.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            read = os.read(descriptor, READ_BYTES)
+        except BlockingIOError:
+            return False
+        except OSError:  # a reset: the other end had not read all; what it said before that is here
+            read = b""
+        finally:
+            os.set_blocking(descriptor, True)
+        self._bytes += read
+        self._has_ended = not read
+        return True
+
+
+class UpdateReader(MessageReader):
     """The screen's end. A message is taken when the whole of it is there; nobody waits for more.
 
     The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
     """
 
     def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._bytes = bytearray()
-        self._has_ended = False
+        super().__init__(channel, MOST_PICTURE)
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
-        if sys.platform == "win32":
-            return self._read(self._channel.recv_bytes()) if self._channel.poll() else None
-        self._read_channel()
-        if len(self._bytes) >= LENGTH.size:
-            end = LENGTH.size + LENGTH.unpack_from(self._bytes)[0]
-            if len(self._bytes) >= end:
-                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
-                del self._bytes[:end]
-                return self._read(message)
-        if self._has_ended:
-            raise EOFError
-        return None
-
-    def _read_channel(self) -> None:
-        descriptor = self._channel.fileno()
-        os.set_blocking(descriptor, False)
-        try:
-            while not self._has_ended:
-                read = os.read(descriptor, READ_BYTES)
-                self._bytes += read
-                self._has_ended = not read
-        except OSError as why:  # a reset: the other end had not read all; what it said before that is here
-            self._has_ended = not isinstance(why, BlockingIOError)
-        finally:
-            os.set_blocking(descriptor, True)
+        message = self.take()
+        return None if message is None else self._read(message)
 
     def _read(self, message: bytes) -> Any:
         load = pickle.Unpickler(BytesIO(message)).load

@@ -156,10 +156,11 @@ class Runtime:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         priority = task.priority if task else 1
-        if block_row(decl.block).on_buffer:
+        row = block_row(decl.block)
+        if row.on_buffer:
             return self._lines.binding(self._env, decl, self._data, priority)
         common: dict[str, Any] = {"env": self._env, "data": data, "instance": decl.name, "priority": priority}
-        addr = self._addrs[decl.addr] if decl.addr is not None else None
+        addr = self._addrs[decl.addr] if decl.addr is not None and (row.builds or row.speaks_udp) else None
         if addr is not None and decl.on_config:
             return UdpBinding(**common, port=self._ports[decl.connect], address=addr)
         return Binding(**common, connection=self._connections[decl.connect], address=addr)

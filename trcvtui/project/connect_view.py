@@ -13,6 +13,8 @@ from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
+from trcvtui.system_types import UNVERIFIED
+from trcvtui.udt.literals import quoted
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 
@@ -111,7 +113,7 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
             size = int.from_bytes(description.data[field.offset : field.offset + 2], "big")
             return f"(TSelLength := {size}, TSel := {_array(value)})"  # also a length that does not fit
         case FieldType.NAME, str():
-            return "'" + "".join(_character(one) for one in value) + "'"
+            return quoted(value)
         case FieldType.BYTES, bytes():
             return _array(value)
         case _:
@@ -120,10 +122,6 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
 
 def _array(data: bytes) -> str:
     return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
-
-
-def _character(one: str) -> str:
-    return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
 
 
 TLS: Final = "TLS"
@@ -210,7 +208,7 @@ def description_view(config: ConnectConfig, listens: str = "") -> DescriptionVie
     security = security_of(config)
     return DescriptionView(
         structure=description.structure.name,
-        says=_says(config, listens),
+        says=_says(config, listens) + ("" if description.structure.is_verified else f"; {UNVERIFIED}"),
         rows=rows(description, remarks),
         flaw=flaw.text if flaw is not None else "",
         warning=WARNING if security is not None and security.is_unsafe else "",

@@ -103,18 +103,21 @@ def _instances(project: Project, other: Project, notes: list[str]) -> tuple[Inst
     kept = []
     for decl in project.instances:
         if decl.block in blocks:
-            kept.append(_with_own_pins(decl, other, notes))
+            kept.append(_with_own_pins(decl, project, other, notes))
         else:
             notes.append(f"{decl.name} is left out: {other.dialect.name} has no {decl.block}")
     return tuple(kept)
 
 
-def _with_own_pins(decl: InstanceDecl, other: Project, notes: list[str]) -> InstanceDecl:
-    pins = {pin.name for pin in other.pins(decl.block)}
-    for name, _ in decl.inputs:
+def _with_own_pins(decl: InstanceDecl, project: Project, other: Project, notes: list[str]) -> InstanceDecl:
+    pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
+    was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
+    if was != now and was and now and was.items() <= inputs.items():  # ad hoc by ADHOC, or by its LEN
+        inputs = {name: value for name, value in inputs.items() if name not in was} | now
+    for name in inputs:
         if name not in pins:
             notes.append(f"{decl.name}: {name} is left out: {decl.block} has no such pin")
-    return replace(decl, inputs=tuple((name, value) for name, value in decl.inputs if name in pins))
+    return replace(decl, inputs=tuple((name, value) for name, value in inputs.items() if name in pins))
 
 
 # -- CONNECTs ------------------------------------------------------------------------------------------------

@@ -496,6 +496,7 @@ def config_fields(
         "remote_address": remote,
         "remote_port": remote_port,
         "keep_alive_interval_s": bench.keep_alive,
+        "keep_alive_default_s": rules.policy.keep_alive_s,
         "session": None if isinstance(session, Finding) else session,
         "description": written.description,
         "flaw": written.flaw or judge(asked) or name_flaw or of_session,

@@ -201,8 +201,8 @@ def with_edits(project: Project, edits: Edits) -> Project:
 
 def types_now(project: Project) -> TypeSet:
     """Return the types of the project's UDT files; raise UserError where one cannot be taken."""
-    library = project.dialect.types
-    return types_of(project.udts, project.base, tuple(project.constants.items()), library)
+    constants, has_system_types = tuple(project.constants.items()), project.dialect.describes_connects
+    return types_of(project.udts, project.base, constants, has_system_types)
 
 
 def edited(project: Project, edits: Edits) -> Project:

@@ -341,7 +341,7 @@ class DocumentReader:
         self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         udts = self.udts(around, tables.pop("udt"))
-        types = self.types(udts, constants, around.dialect.types)
+        types = self.types(udts, constants, around)
         around = replace(around, types=types)
         certificates = {}
         for table in tables.pop("certificate"):
@@ -390,11 +390,14 @@ class DocumentReader:
                 table.wrong("file", f"{shown(names[place])} for the second time", "each file once")
         return found
 
-    def types(self, udts: list[UdtFile | None], constants: Mapping[str, int], library: str) -> TypeSet | None:
-        """Return the UDTs of all files and the library's, None where a file cannot be read."""
+    def types(
+        self, udts: list[UdtFile | None], constants: Mapping[str, int], around: Context
+    ) -> TypeSet | None:
+        """Return the UDTs of all files, None where one cannot be read."""
+        read = tuple([each for each in udts if each is not None])
+        has_system_types = around.dialect.describes_connects
         try:
-            read = tuple([each for each in udts if each is not None])
-            types = types_of(read, self.base, tuple(constants.items()), library)
+            types = types_of(read, self.base, tuple(constants.items()), has_system_types)
         except UserError as refused:
             self.problems += refused.problems
             return None
@@ -430,13 +433,13 @@ def _label(entry: Mapping[str, Any], number: int) -> str:
 
 @lru_cache(maxsize=4)  # an edit of the UDT files is looked at several times before it is one
 def types_of(
-    udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], library: str
+    udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
-    """Return the UDTs of these files and the library's, none of them read; raise UserError for no types."""
-    if not udts and not library:
-        return join([], NO_TYPES.where, dict(constants))
+    """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
+    if not udts:
+        return join([], NO_TYPES.where, dict(constants), has_system_types)
     contents = {base / each.name: each.content for each in udts}
-    return read_files(contents, dict(constants), library=library, contents=contents)
+    return read_files(contents, dict(constants), has_system_types, contents)
 
 
 def udts_now(project: Project) -> tuple[UdtFile, ...]:

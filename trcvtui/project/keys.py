@@ -338,7 +338,7 @@ _DESCRIBED_CONNECT: Final = replace(
             writes=descriptions.dns_answer_of),
         Key("verify", VERIFY, "The only way to switch the check of a certificate off.",
             writes=descriptions.verify_of),
-        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: keep_alive.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
         _HISTORY,
     ),
@@ -512,7 +512,8 @@ def _on_link(key: str) -> Callable[[Table, Context], bool]:
 
 def _may_have_addr(table: Table, around: Context) -> bool:
     has_datagrams = any(block_row(block).datagrams for block in around.blocks)
-    return block_row(table.text("block")).builds and has_datagrams
+    row = block_row(table.text("block"))  # TSEND and TRCV: it is there, and does nothing
+    return (row.sends_stream or row.receives_stream) and has_datagrams
 
 
 def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:

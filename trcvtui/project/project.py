@@ -287,6 +287,13 @@ class Project(Struct, frozen=True, eq=False):
             ]
         )
 
+    def adhoc_inputs(self, block: str) -> dict[str, PinValue]:
+        """Return the inputs with which a block receives ad hoc, none where it cannot."""
+        if any(pin.name == "ADHOC" for pin in self.pins(block)):
+            return {"ADHOC": True}
+        lens = self.rules.area.adhoc_lens if block_row(block).receives_stream else ()
+        return {"LEN": max(lens)} if lens else {}
+
     def instance(self, name: str) -> InstanceDecl | None:
         return next((i for i in self.instances if i.name == name), None)
 

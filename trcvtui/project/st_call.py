@@ -7,7 +7,7 @@ writes back (COM_RST) and its outputs are bound to variables of their own: `TSEN
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import BlockRow, block_row, is_time
@@ -17,6 +17,7 @@ from trcvtui.project.connect_view import REMARK, Initial, declaration, declarati
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name
 from trcvtui.udt.literals import format_time
+from trcvtui.udt.st_value import initial_value
 
 Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
@@ -25,25 +26,55 @@ EN: Final = "EN"
 POINTER: Final = "p"  # so begins the name of a pin that takes an address
 
 
-def st_text(project: Project, names: Sequence[str], inputs: Mapping[str, Inputs] | None = None) -> str:
+class CallForm(NamedTuple):
+    """How a call is written: with what differs from a default alone; `written`: DATA as `start` leaves it."""
+
+    is_short: bool = False
+    is_multi: bool = False
+    written: Mapping[str, bytes] = {}
+
+
+WHOLE: Final = CallForm()
+
+
+def st_text(
+    project: Project, names: Sequence[str], inputs: Mapping[str, Inputs] | None = None, form: CallForm = WHOLE
+) -> str:
     """Return the variables of these instances as a comment, then their calls; raise UserError.
 
     `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; a pin or an instance
     that is not in it has its initial value.
     """
+    if form.is_multi and not project.dialect.describes_connects:
+        raise mistake("trcvtui st --multi", project.dialect.name, "a dialect whose language is SCL")
     given = inputs or {}
-    calls = [st_call(project, name, given.get(name, NO_INPUTS)) for name in names]
-    return "\n\n".join([st_variables(project, names), *calls])
+    calls = [st_call(project, name, given.get(name, NO_INPUTS), form) for name in names]
+    return "\n\n".join([st_variables(project, names, form), *calls])
 
 
-def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS) -> str:
+def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS, form: CallForm = WHOLE) -> str:
     """Return the call of one instance; raise UserError for a name that is not in the project."""
     decl = _instance(project, name)
     values = {**dict(decl.inputs), **inputs}
-    bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values))
+    bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values, form))
     remark = "" if decl.data or not _row(decl).data_pin else " (* DATA is not bound *)"
-    call = f"{decl.name}({remark}\n{bound}\n);"
+    called = f"#{decl.name}" if form.is_multi else f'"{decl.name}"' if _has_db(project, form) else decl.name
+    call = f"{called}({remark}\n{bound}\n);"
     return _guarded(decl, call) if _has_en(project, decl) else call
+
+
+def _has_db(project: Project, form: CallForm) -> bool:
+    """Return whether an instance is a data block of its own, and no variable."""
+    return form.is_short and not form.is_multi and project.dialect.describes_connects
+
+
+def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
+    """Return the pins that a call names; a short one needs in-outs in CODESYS, and CONT, which TIA hides."""
+    pins = project.pins(decl.block)
+    in_outs = {pin.name for pin in _of(pins, Direction.IN_OUT)}
+    kept = {"CONT"} if project.dialect.describes_connects else in_outs
+    kept |= {name for name, value in values.items() if value}
+    return [pin for pin in pins if not form.is_short or pin.name in kept]
 
 
 def _row(decl: InstanceDecl) -> BlockRow:
@@ -63,12 +94,12 @@ def _has_en(project: Project, decl: InstanceDecl) -> bool:
     return _row(decl).on_buffer and any(pin.name == EN for pin in project.pins(decl.block))
 
 
-def st_variables(project: Project, names: Iterable[str]) -> str:
+def st_variables(project: Project, names: Iterable[str], form: CallForm = WHOLE) -> str:
     """Return the declarations for these instances' calls, each once, as a comment to paste from."""
     lines: dict[str, None] = {}
     for name in names:
         decl = _instance(project, name)
-        lines |= dict.fromkeys(_declarations(project, decl))
+        lines |= dict.fromkeys(_declarations(project, decl, form))
     return "\n".join(["(* VAR", *(f"{INDENT}{line}" for line in lines), "END_VAR *)"])
 
 
@@ -83,13 +114,14 @@ def _instance(project: Project, name: str) -> InstanceDecl:
 # -- the call --------------------------------------------------------------------------------------------
 
 
-def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str]:
+def _bound(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> Iterator[str]:
     """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
-    pins = project.pins(decl.block)
+    pins = _pins(project, decl, values, form)
     free = [pin for pin in _of(pins, Direction.IN) if pin.name != EN]  # it is the IF around the call
     inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
     identity = _identity(project, decl)
-    yield from [*inputs[:1], f"ID:={identity}", *inputs[1:]] if identity else inputs
+    at = int(bool(free) and free[0].is_bool)  # REQ or EN_R
+    yield from [*inputs[:at], f"ID:={identity}", *inputs[at:]] if identity else inputs
     if not identity or not _row(decl).id_alone:
         link_pin = _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
         yield f"{link_pin}:={_link(project, decl)}"
@@ -156,18 +188,21 @@ def _literal(pin: Pin, value: PinValue) -> str:
 # -- the variables ---------------------------------------------------------------------------------------
 
 
-def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
-    yield f"{decl.name} : {decl.block};"
+def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Iterator[str]:
+    if not _has_db(project, form):
+        yield f"{decl.name} : {decl.block};"
     yield from _records(project, decl)
     if _row(decl).on_buffer:
         yield f"{_link(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
         if data is not None:
-            yield f"{data.name} : {' '.join(data.type_name.split())};"
+            content = form.written.get(data.name, b"")
+            value = f" := {initial_value(data.layout, content)}" if any(content) else ""
+            yield f"{data.name} : {' '.join(data.type_name.split())}{value};"
     if _has_en(project, decl):
         yield f"{decl.name}_EN : BOOL;"
-    for pin in project.pins(decl.block):
+    for pin in _pins(project, decl, dict(decl.inputs), form):
         if pin.direction is not Direction.IN:
             yield f"{_variable(decl, pin)} : {_type_of(decl, pin)};"
 

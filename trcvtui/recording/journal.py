@@ -203,7 +203,7 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
         ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
         (NOTHING, Fault),
     ),
-    **dict.fromkeys(("abort", "close"), (NOTHING, Fault)),
+    **dict.fromkeys(("abort", "close", "set_broadcast"), (NOTHING, Fault)),
     "port open": (NOTHING, Fault, Opening),
     "port read": (bytes, Fault),
     "port write": (int, Fault),

@@ -142,7 +142,7 @@ def _owned(owners: dict[Handle, str], owner: str, made: Handle | Fault) -> Handl
 PLAIN: Final = (  # calls whose arguments and answers are kept as they are
     *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
     *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
-    "set_user_timeout",
+    *("set_user_timeout", "set_broadcast"),
 )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import UserError, mistake
-from trcvtui.picture.bench_update import UpdateRequest
+from trcvtui.picture.bench_update import UpdateRequest, unpacked
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import shown
 from trcvtui.replay.survey import END, FIRST, read_at
@@ -95,7 +95,7 @@ def _serve(channel: Channel, time_line: TimeLine) -> None:
     while True:
         waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
         while channel.poll(waits):
-            message, waits = channel.recv(), 0.0
+            message, waits = unpacked(channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):
                 request = message
             else:

@@ -101,21 +101,21 @@ class ReplayController(Controller):
     @property
     def armed(self) -> str:
         """Return the trigger that is looked for, "" for none."""
-        return self._trigger_watch.armed
+        return self.trigger_watch.armed
 
     def step(self, now: int | None = None) -> bool:
         passed = self.run.scan()
         if self.armed:
-            fired = self._trigger_watch.scanned()
+            fired = self.trigger_watch.scanned()
             if fired is not None:
-                self._trigger_watch.take_kept()  # it stands at this very scan
+                self.trigger_watch.take_kept()  # it stands at this very scan
                 self.fired = fired.text
         return passed
 
     def disarm(self) -> None:
         self.fired = ""
         if self.armed:
-            self._trigger_watch.arm("off", "")
+            self.trigger_watch.arm("off", "")
 
     def follow(self, before: Controller) -> None:
         self._answers.extend(before._answers)

@@ -27,7 +27,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.patterns import ANY, Atom, Scan
 from trcvtui.commands.table import to_line
-from trcvtui.commands.tokens import quoted, unquoted
+from trcvtui.commands.tokens import unquoted
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
@@ -38,6 +38,7 @@ from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.project.text import way_to, with_files_from
+from trcvtui.udt.literals import quoted
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000

@@ -19,7 +19,7 @@ from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
 from trcvtui.picture.bench_update import NEVER_SAVED, BenchUpdate, lines_again
-from trcvtui.picture.protocol import Driver, EngineStopped
+from trcvtui.picture.protocol import REFUSED, Driver, EngineStopped, may_say
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -46,16 +46,10 @@ AT_WORK_S: Final = 1.0  # after one of these
 MOST_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
 ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
-REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
-READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
 
 
-# What a read-only screen may do: these two, and nothing else. A new command or screen is refused too. The
-# files of the screen's process and of its engine are closed beside that (`files.close_files`).
-
-
-def may_say(line: str) -> bool:
-    return line.strip().partition(" ")[0] in READ_ONLY_LINES
+# What a read-only screen may do: this and `may_say`, and nothing else. A new command or screen is refused
+# too. The files of the screen's process and of its engine are closed beside that (`files.close_files`).
 
 
 def may_open(screen: object) -> bool:
@@ -106,7 +100,7 @@ class BenchApp(TerminalApp):
         self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
         self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
-        self._warned = 0, 0  # the key of the warning, and what was unsaved
+        self._warned: tuple[int, object] = 0, 0  # the key of a warning, and of what
         self._worked_at = monotonic()  # the last key, paste or mouse event
         self._due_at = 0.0  # when a picture is asked for at rest
         self._before: BenchUpdate | None = None  # the newest picture when one was asked for
@@ -288,11 +282,18 @@ class BenchApp(TerminalApp):
         if self.only_looks:
             self.main.prompt.complain(REFUSED)
             return
+        picture = self.view_model.live
+        is_recording = picture is not None and picture.is_recording
+        is_shared = picture is not None and picture.tabs > 0
         if not self.last_words:
-            picture = self.view_model.live
-            self.submit("record stop" if picture is not None and picture.is_recording else "record")
+            text = f"R once more {'ends the recording' if is_recording else 'records the run'}, for all tabs"
+            if not is_shared or self._is_meant("R", text):
+                self.submit("record stop" if is_recording else "record")
             return
-        picture, self.last_words = self.view_model.live, ""
+        if is_shared:
+            self.exit()  # the page has a button that begins anew
+            return
+        self.last_words = ""
         self._engines, self._starts = self._engines + 1, True
         self._keeps_keys = True  # until `obey_kept`
         self._engine.restart()
@@ -460,20 +461,28 @@ class BenchApp(TerminalApp):
             self.call_after_refresh(self.obey_kept)
 
     async def action_quit(self) -> None:
-        """End the bench; what would be lost or cut is told first, what is lost again after another key."""
-        unsaved = self.view_model.unsaved
-        if unsaved and self._warned != (self._keys - 1, unsaved) and not self.last_words:
-            self._warned = self._keys, unsaved
-            what = count(unsaved, self.view_model.live.unsaved_word if self.view_model.live else "")
-            text = f"{what} to the project unsaved: `save project` keeps them, q quits"
-            (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
-            return
+        """End the bench; what would be lost or cut is told first, what is lost again after another key.
+
+        A tab of `serve` loses nothing.
+        """
+        picture, unsaved = self.view_model.live, self.view_model.unsaved
+        if unsaved and not self.last_words and not (picture and picture.tabs):
+            what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
+            if not self._is_meant(unsaved, f"{what}: `save project` keeps them, q quits"):
+                return
         if isinstance(self.screen, CutScreen):
             self.screen.action_leave()
         elif cuts := self._engine.cuts():
             self.push_screen(CutScreen(cuts), self._cut)
         else:
             self.exit()
+
+    def _is_meant(self, what: object, text: str) -> bool:
+        """Return whether the key before this one has asked for the same; else say what it means."""
+        is_meant, self._warned = self._warned == (self._keys - 1, what), (self._keys, what)
+        if not is_meant:
+            (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
+        return is_meant
 
     def _cut(self, key: str) -> None:
         if key:
@@ -514,7 +523,9 @@ class BenchApp(TerminalApp):
             "Record", "record the run, end that; start an ended engine anew · key R", self.action_restart
         )
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
-        yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
+        picture = self.view_model.live
+        what = "close this tab" if picture is not None and picture.tabs else "end the bench"
+        yield SystemCommand("Quit", f"{what} · key q", self.action_quit)
 
 
 def _replay_screen(app: BenchApp) -> MainScreen:

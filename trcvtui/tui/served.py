@@ -4,7 +4,8 @@ Rule 1: 127.0.0.1 alone, and only for pages that come from here: another page in
 speak to the bench (the Host and the Origin of every request are looked at).
 Rule 2: only for who has the address that was printed: other users of this machine reach the port as well.
 The address holds a random token; the browser gets a cookie for it, and every later request shows that.
-Rule 3: each screen is a process of its own; at most MOST_SCREENS run.
+Rule 3: there is one engine, which ends with this process; each tab is a process of its own that shows it.
+At most MOST_TABS run.
 """
 
 from __future__ import annotations
@@ -16,14 +17,18 @@ import re
 import secrets
 import shlex
 import socket
-import subprocess
 import sys
 from asyncio import BoundedSemaphore
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import closing, suppress
+from functools import partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.errors import mistake
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.errors import UserError, mistake
+from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -32,7 +37,6 @@ if TYPE_CHECKING:
 HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
-MOST_SCREENS: Final = 8
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
 MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
@@ -43,7 +47,15 @@ FONT: Final = """<style>@font-face {
 QUIET: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
 FOREIGN: Final = "this bench is only for pages of its own\n"
 UNKNOWN: Final = "open the whole address that `trcvtui serve` has printed\n"
-FULL: Final = f"{MOST_SCREENS} screens are open already; close one\n"
+FULL: Final = f"{MOST_TABS} screens are open already; close one\n"
+HEAD: Final = """<head>
+    <title>%s</title>
+    <link rel="icon" href="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 8 8'>
+      <path d='M1 1v6l6-3z' fill='limegreen'/></svg>">
+    <script>const waits = setInterval(() => {
+      const keys = document.querySelector("textarea");
+      if (keys) { keys.focus(); clearInterval(waits); }
+    }, 20);</script>"""
 
 
 def refuse_root(write: bool, as_root: bool) -> None:
@@ -92,7 +104,7 @@ class Entrance:
 
 
 def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None) -> None:
-    """Serve until Ctrl+C; raise UserError where textual-serve is not there or the port is taken."""
+    """Serve until Ctrl+C; raise UserError where that cannot be."""
     try:
         import textual_serve.server  # noqa: F401
         from aiohttp import web
@@ -102,14 +114,36 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     door = listening(port)
     entrance = Entrance(door.getsockname()[1])
     how = "every command is carried out" if write else "read-only; --write lets it command"
-    command = command_line(project, kernel, write, theme)
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
-    app = application(command, entrance, f"trcvtui {project.name}", about)
-    web.run_app(app, sock=door, print=None)
+    try:
+        with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
+            engine.project()
+            command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
+            title = f"trcvtui {project.name}"
+            web.run_app(application(command, entrance, title, about, begin), sock=door, print=None)
+    except (EngineStopped, OSError) as failed:
+        found = str(failed).splitlines()[-1]
+        raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n`") from None
 
 
-async def application(command: str, entrance: Entrance, title: str, about: str) -> web.Application:
-    """Return what answers the requests; it starts `command` for each screen, and says first where it is."""
+def revive(engine: EngineDriver) -> str:
+    """Start another engine where the one before has ended, and say why it has; return why none begins."""
+    try:
+        engine.picture()
+    except EngineStopped as stopped:
+        sys.stderr.write(f"{str(stopped).strip()}\n")
+        engine.restart()
+        try:
+            engine.project()
+        except (UserError, EngineStopped) as wrong:
+            return f"{wrong}\n"
+    return ""
+
+
+async def application(
+    command: str, entrance: Entrance, title: str, about: str, begin: Callable[[], str]
+) -> web.Application:
+    """Return what answers the requests, and says first where it is; each tab is `begin` and `command`."""
     from aiohttp import web
     from textual_serve.server import Server
 
@@ -130,10 +164,10 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
                         await getattr(app_service, what)()
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
-            """Give the page out without what it would fetch from elsewhere."""
+            """Give the page out with a head of ours, and without what it would fetch from elsewhere."""
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
-                page.text = OUTSIDE.sub(FONT, page.text or "")
+                page.text = OUTSIDE.sub(FONT, page.text or "").replace("<head>", HEAD % escape(title), 1)
                 page.headers.update(QUIET)
             return page
 
@@ -143,7 +177,7 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
             sys.stdout.flush()
             sys.stderr.write(about)
 
-    screens = BoundedSemaphore(MOST_SCREENS)
+    screens = BoundedSemaphore(MOST_TABS)
 
     @web.middleware
     async def _only_who_may(request, handler):  # type: ignore[no-untyped-def]
@@ -159,6 +193,8 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
         if screens.locked():
             return web.Response(status=503, text=FULL)
         async with screens:
+            if wrong := begin():
+                return web.Response(status=503, text=wrong)
             asked = request.query
             size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
             return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
@@ -185,8 +221,7 @@ def listening(port: int) -> socket.socket:
     """Return a socket that listens on loopback; raise UserError for a port that cannot be had."""
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        if sys.platform != "win32":
-            door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         door.bind((HOST, port))
         door.listen()  # before the address is told
     except (OSError, OverflowError) as failed:
@@ -195,9 +230,9 @@ def listening(port: int) -> socket.socket:
     return door
 
 
-def command_line(project: Path, kernel: str, write: bool, theme: str | None) -> str:
-    """Return what a browser's screen is started with; textual-serve gives it to a shell."""
-    words = [sys.executable, "-m", "trcvtui", "run", str(project), "--kernel", kernel]
+def command_line(project: Path, door: Path, write: bool, theme: str | None) -> str:
+    """Return what a tab is started with; textual-serve gives it to a shell."""
+    words = [sys.executable, "-m", "trcvtui", "run", str(project), "--attach", str(door)]
     words += [] if write else ["--read-only"]
     words += ["--theme", theme] if theme else []
-    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+    return f"exec {shlex.join(words)}"

@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import Pointer, StringType, Unplaced
@@ -13,6 +13,7 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
+NO_LENGTH = -1  # in place of a width: an ARRAY OF `spec` without a length at the end, which is no member
 PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
@@ -77,11 +78,13 @@ class StructSpec(NamedTuple):
 class EnumSpec(NamedTuple):
     """Enumeration; no base is the layout's own (INT for most).
 
-    A value of None is one more than the value before it, the first one 0.
+    A value of None is one more than the value before it, the first one 0. Those of a scoped one are known
+    in it alone.
     """
 
     base: Reference | None
     values: tuple[tuple[str, Number | None], ...]
+    is_scoped: bool = False
 
 
 # A type without names to look up is itself its specification.
@@ -124,7 +127,8 @@ class SenderLayout(NamedTuple):
 class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
-    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK.
+    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK. `copies` are types that other
+    files declare: each counts where none of them is given.
     """
 
     types: tuple[Declaration, ...]
@@ -132,3 +136,13 @@ class Declarations(NamedTuple):
     constants: tuple[Constant, ...] = ()
     sender: SenderLayout = SenderLayout()
     others: tuple[str, ...] = ()
+    copies: tuple[Declaration, ...] = ()
+
+
+def bare(part: Any) -> Any:
+    """Return a part of a declaration without its places."""
+    if isinstance(part, tuple):
+        names = getattr(part, "_fields", ())
+        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
+        return type(part), *map(bare, kept)
+    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

@@ -16,12 +16,14 @@ from msgspec.structs import replace
 
 from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
 from trcvtui.files import is_folder
+from trcvtui.system_types import UNVERIFIED
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import read_headers_with
+from trcvtui.udt.sources import apart, read_headers_with
+from trcvtui.udt.system_types import unverified_in
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
 
@@ -60,18 +62,22 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import in_columns
 
+    choice = choice_of_options(args)
     types, own = types_of(args, None)
     rows: list[dict[str, Any]] = []
+    wanted = (args.type or "").casefold()
     for name, where in [(each.name, each.where) for file in own for each in file.types]:
+        if wanted not in ("", name.casefold()):
+            continue
         rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout, _ = TypeChoice(types, name, types.named(name)).layout()
+            layout, _ = TypeChoice(types, name, types.named(name), choice).layout()
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
             rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
         rows[-1]["sender"] = types.sender(name).layout or None
     if not rows:
-        types.only(own)  # has the line on that
+        _ = types.named(args.type, "--type") if args.type else types.only(own)  # has the line on that
     is_good = any(row["layout"] for row in rows)
     tell([str(problem) for file in own for problem in file.problems])
     tell([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
@@ -189,12 +195,14 @@ class TypeChoice(NamedTuple):
     choice: LayoutChoice = NO_CHOICE
 
     def rules(self) -> tuple[LayoutRules, list[str]]:
-        """Return the rules, and a note where the type's source decided on the layout."""
+        """Return the rules, and notes: the type's source decided on the layout, offsets are not verified."""
         choice, name, sender = self.choice, self.name, self.types.sender(self.name)
+        unsure = [f"{name}: {each}: {UNVERIFIED}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
-            return choice.rules(), []
+            return choice.rules(), unsure
         if own := self.types.layout(name):
-            return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+            text = f"{name}: a Siemens source, laid out as {own}; --layout takes another"
+            return choice.rules(own), [text, *unsure]
         shown = choice.rules()
         text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
         return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
@@ -269,7 +277,7 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
 
     What the named ones lack (None: those of FILE) comes from folders among these, then from beside FILE.
     """
-    from trcvtui.udt.sources.type_folder import TypeFolder, find_types
+    from trcvtui.udt.sources.type_folder import PACKAGE_FILES, TypeFolder, find_types, packages_around
 
     paths = [args.file, *args.others]
     read_headers_with(paths, getattr(args, "long_size", None))
@@ -280,12 +288,15 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files[path] = [] if is_folder(path) else [given_types(path)]
+                files[path] = [] if is_folder(path) else [apart(given_types(path), path, paths)]
     own = files[args.file]
     if not own and None in names:
         own += folders[0].all()
     elif own and args.file != STDIN:
         folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
+    names_in = folders[0].texts if is_folder(args.file) else [args.file]
+    if any(name.lower().endswith(PACKAGE_FILES) for name in names_in):
+        folders += packages_around(args.file, paths)
     wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
     given = [file for each in files.values() for file in each]
     where = ", ".join(map(where_of, paths))

@@ -48,6 +48,18 @@ _DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME|DATE_AND_LTIME|DTL)
 _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
+def quoted(text: str, wide: bool = False) -> str:
+    """Return a text in IEC quotes, codes 0 to 255 outside ASCII as $hh; it begins and ends no comment."""
+    mark, digits = ('"', 4) if wide else ("'", 2)
+    coded = []
+    for one in text:
+        is_code = ord(one) < 0x20 or 0x7F <= ord(one) <= 0xFF or 0xD800 <= ord(one) <= 0xDFFF
+        code = f"${ord(one) % 16**digits:0{digits}X}" if is_code else one
+        coded.append(f"${one}" if one in f"${mark}" else code)
+    star = f"${ord('*'):0{digits}X}"
+    return mark + "".join(coded).replace("(*", f"({star}").replace("*)", f"{star})") + mark
+
+
 def parse_time(text: str, where: str = "duration") -> int:
     """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
     ns = parse_duration(text)

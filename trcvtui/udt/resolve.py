@@ -5,11 +5,13 @@ Rule: a bad type never hides a good one; each bad type knows everything that is 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
+from trcvtui.system_types import UNSURE_HANDLES
 from trcvtui.udt import ast
 from trcvtui.udt.constants import Constants
+from trcvtui.udt.system_types import system_types
 from trcvtui.udt.types import (
     BUILTIN_TYPES,
     ELEMENTARY,
@@ -43,22 +45,20 @@ class Resolver:
         constants: Constants,
         known: Mapping[str, tuple[str, Type]],
         broken: Mapping[str, tuple[Problem, ...]],
-        last_wins: Collection[str] = (),
     ) -> None:
         self.constants, self.known, self.broken = constants, known, broken
-        self.last_wins = frozenset(name.casefold() for name in last_wins)
         self.declared: dict[str, ast.Declaration] = {}
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
         self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
+        self.system_users: set[str] = set()  # those that may have members of system types
+        self.used_system: dict[str, str] = {}  # as they are written there
 
-    def declare(self, declaration: ast.Declaration) -> None:
+    def declare(self, declaration: ast.Declaration, uses_system: bool = False) -> None:
         key = declaration.name.casefold()
-        if key in self.last_wins:
-            self.bad.pop(key, None)
-            self.declared[key] = declaration
+        self.system_users |= {key} if uses_system else set()
         first = self.declared.setdefault(key, declaration)
         for problem in declaration.problems:
             self.refuse(key, problem)
@@ -78,7 +78,7 @@ class Resolver:
 
     def build_all(self) -> None:
         for declaration in self.declared.values():
-            if isinstance(declaration.spec, ast.EnumSpec):
+            if isinstance(declaration.spec, ast.EnumSpec) and not declaration.spec.is_scoped:
                 self.constants.add_values(declaration.name, declaration.spec.values)
         for key in self.in_order():
             declaration = self.declared[key]
@@ -207,6 +207,10 @@ class Resolver:
 
     def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
         base = self.build(member.spec, "", user)[0]
+        if width == ast.NO_LENGTH:
+            if base is not None:
+                yield BitField(at, 0, 0, True, base)
+            return
         row = base.base if isinstance(base, Enumeration) else base
         if isinstance(row, Elementary) and width <= 8 * row.size:
             yield BitField(at, row.size, width, bool(member.name))
@@ -273,6 +277,11 @@ class Resolver:
             self.refuse(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
+        elif user in self.system_users and key in system_types():
+            self.used_system[key] = reference.name
+            if reference.name.upper() in UNSURE_HANDLES:
+                self.notes.setdefault(user, {})[f"{reference.name}: 16 bits are not verified"] = None
+            return system_types()[key], 0
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0

@@ -276,7 +276,7 @@ def named_types(type_: Type) -> list[Type]:
         for part in parts_of(one):
             below(part)
         if isinstance(one, Struct | Union) and one.bit_fields:
-            raise mistake(one.name or "STRUCT", "bit-fields of C", "a type without: ST and SCL have none")
+            raise mistake(one.name or "STRUCT", "bit-fields or an open array of C", "a type without")
         if isinstance(one, Struct | Union | Enumeration) and one.name:
             found[id(one)] = one
 

@@ -6,14 +6,18 @@ Rule: a bad type never hides a good one. Duplicates, recursion and unknown types
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import Declarations, SenderLayout, Spec
+from trcvtui.udt.ast import Declaration, Declarations, SenderLayout, Spec, bare
 from trcvtui.udt.constants import Constants
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
-from trcvtui.udt.types import Type
+from trcvtui.udt.system_types import system_types
+from trcvtui.udt.types import Struct, Type
+from trcvtui.wording import count
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +25,8 @@ class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
 
     `problems` are those of all files in order. `unknown_constants` are the names to ask for, `notes` what is
-    to be shown beside a type, `senders` the layouts that the sources of types tell.
+    to be shown beside a type, `senders` the layouts that the sources of types tell. `used_system` are the
+    system types of Siemens that are used; with `has_system_types` a new type may use all of them.
     """
 
     where: str
@@ -32,6 +37,8 @@ class TypeSet:
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
+    used_system: tuple[str, ...] = ()
+    has_system_types: bool = False
 
     def names(self) -> list[str]:
         """Return the names of the good types, as declared, in declared order."""
@@ -85,27 +92,35 @@ def join(
     files: Iterable[Declarations],
     where: str,
     constants: Mapping[str, int] | None = None,
-    last_wins: Collection[str] = (),
+    has_system_types: bool = False,
 ) -> TypeSet:
     """Return the types of all files together; they may use each other in any order.
 
-    `constants` are the user's own; of a type in `last_wins` the last declaration counts, of any other
-    a second one is a mistake.
+    `constants` are the user's own. The types of a Siemens source, with `has_system_types` all, may use the
+    system types of Siemens; a type that a file declares comes before one of these.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])
-    resolver = Resolver(known, {}, {}, last_wins)
+    resolver = Resolver(known, {}, {})
     for file in files:
         for declaration in file.types:
-            resolver.declare(declaration)
+            resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
+    copies = {bare((one.name, one.spec)): one for file in files for one in file.copies}.values()
+    known_twice = resolver.declared.keys() & {one.name.casefold() for one in copies}
+    for copy in copies:
+        if copy.name.casefold() not in known_twice:
+            resolver.declare(copy, uses_system=True)
     resolver.build_all()
+    _note_differences(resolver, [one for one in copies if one.name.casefold() in known_twice])
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
+    system = system_types().items() if has_system_types else ()
+    of_system = {key: (each.name, each) for key, each in system if isinstance(each, Struct)}
     senders = {
         key: file.sender
         for file in files
-        for declared in file.types
+        for declared in (*file.types, *file.copies)
         if resolver.declared[key := declared.name.casefold()] is declared
     }
     first: dict[object, Problem] = {}  # what is unknown: one name, one line, at the first place
@@ -115,7 +130,8 @@ def join(
     problems = tuple(first.values())
     return TypeSet(
         where,
-        types={key: types[key] for key in resolver.declared if key in types},
+        types={key: types[key] for key in resolver.declared if key in types}
+        | {key: each for key, each in of_system.items() if key not in resolver.declared},
         broken={key: tuple(bad) for key, bad in resolver.bad.items() if key not in types},
         problems=problems,
         unknown_constants=tuple(
@@ -128,7 +144,37 @@ def join(
         },
         senders=senders,
         constants=known,
+        used_system=tuple(resolver.used_system.values()),
+        has_system_types=has_system_types,
     )
+
+
+def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None:
+    """Note where a type is not the system type of its name, or not what a copy of it says."""
+    types, users = resolver.types, resolver.system_users & resolver.types.keys()
+    rows = [(key, type_, "the system type") for key, type_ in system_types().items() if key in users]
+    resolver.system_users.add("")
+    for copy in copies:
+        built = resolver.build(copy.spec, copy.name, "")[0] if copy.spec else None
+        rows += [(copy.name.casefold(), built, f"the copy at {copy.where}")] if built else []
+    resolver.bad.pop("", None)
+    for key, other, what in rows:
+        ours, theirs = _places(types[key]) if key in types else [], _places(other)
+        if ours and theirs and ours != theirs:
+            sizes = [f"{count(len(each) - 1, 'value')} in {each[0]} bytes" for each in (ours, theirs)]
+            resolver.notes.setdefault(key, {})[f"{sizes[0]}, {what} has {sizes[1]}"] = None
+
+
+def _places(type_: Type) -> list[object]:
+    """Return the size of a type and where its members lie, nothing where it cannot be laid out."""
+    try:
+        layout = lay_out(type_, S7)
+    except UserError:
+        return []
+    return [
+        layout.size,
+        *((each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()),
+    ]
 
 
 def _reading_order(problem: Problem) -> list[str | int]:
@@ -139,6 +185,7 @@ def _reading_order(problem: Problem) -> list[str | int]:
 def build(spec: Spec, types: TypeSet) -> Type:
     """Return the type that a specification means among these types; raise UserError with all its problems."""
     resolver = Resolver(types.constants, types.types, types.broken)
+    resolver.system_users |= {""} if types.has_system_types else set()
     type_, _ = resolver.build(spec, "", "")
     if type_ is None:
         raise UserError(resolver.bad[""])

@@ -169,12 +169,16 @@ class Member:
 
 
 class BitField(NamedTuple):
-    """Bits of C before the member number `at`: no member, only room; their type has `size` bytes."""
+    """Bits of C before the member number `at`: no member, only room; their type has `size` bytes.
+
+    With `element` it is an ARRAY of it without a length, which aligns the end of the type and has no bytes.
+    """
 
     at: int
     size: int
     width: int
     is_named: bool
+    element: Type | None = None
 
 
 # eq=False: two UDTs are the same type when they are the same declaration, as in IEC 61131-3; and

@@ -96,8 +96,8 @@ def test_the_machine_owns_loopback_and_what_it_was_given() -> None:
     kernel = SimKernel(addresses=("10.0.0.1", "10.0.0.2"), not_ethernet=("10.8.0.1",))
     assert kernel.local_addresses() == (
         LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True, broadcast="127.255.255.255"),
-        LocalAddress("10.0.0.1", "eth0"),
-        LocalAddress("10.0.0.2", "eth0"),
+        LocalAddress("10.0.0.1", "eth0", broadcast="10.0.0.255"),
+        LocalAddress("10.0.0.2", "eth0", broadcast="10.0.0.255"),
         LocalAddress("10.8.0.1", "tun0", ethernet=False),
     )
 

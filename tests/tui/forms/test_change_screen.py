@@ -12,8 +12,8 @@ from tests.tui.looking import BOTH, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import on_a_line
 from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.picture.protocol import REFUSED
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import REFUSED
 from trcvtui.tui.forms.fields import all_parts, fields_to_change, set_line, text_of, values_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -24,7 +24,7 @@ LAST_SHOWN: Final = 4096  # received bytes in a snapshot
 class Peer:
     """One peer: its queues and its transport. Commands answer "" or what is wrong.
 
-    `small_buffers`: as small as those of the PLC's CONNECTs.
+    `small_buffers`: as small as those of the PLC's CONNECTs; `broadcasts`: sent and heard.
     """
 
     def __init__(
@@ -34,6 +34,7 @@ class Peer:
         resolve: Callable[[str], Endpoint | None],
         journal: Callable[[Event], None],
         small_buffers: bool = False,
+        broadcasts: bool = False,
     ) -> None:
         self.decl = decl
         self.stalled = False
@@ -43,6 +44,7 @@ class Peer:
         self.transport: DatagramTransport | StreamTransport = transport(
             decl, kernel, resolve, self.queues, options
         )
+        self.transport.broadcasts = broadcasts
         self.due = self.queues.outbox.next_due
         # What the transport does alone.
         self.listen = self.transport.listen

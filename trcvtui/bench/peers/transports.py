@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
+from trcvtui.net.broadcast import begin_broadcasts, take_datagram
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
@@ -25,6 +26,8 @@ LARGEST: Final = 65507  # bytes of a datagram
 
 class _Transport:
     """What both have: the peer's queues, and an own end that is kept from one socket to the next."""
+
+    broadcasts = False  # datagrams to a broadcast address are sent, and heard
 
     def __init__(
         self,
@@ -337,6 +340,7 @@ class DatagramTransport(_Transport):
     """One UDP socket, a datagram a message, to the `remote` of the file, else to the sender heard last."""
 
     _handle: Handle | None = None
+    _hearing: Handle | None = None  # a second socket, for broadcasts
     _heard: Endpoint | None = None  # the end that sent last
     listening_port: int | None = None  # of TCP
 
@@ -377,6 +381,11 @@ class DatagramTransport(_Transport):
         self._reached_by(handle)
         self._queues.begin()
         self._queues.note("listening", f"{self.local} (UDP)")
+        if self.broadcasts and self.local is not None:
+            name = self._decl.name
+            self._hearing, why = begin_broadcasts(self._kernel, name, handle, self.local, polled=False)
+            if why:
+                self._queues.note("no socket for broadcasts", why)
         return ""
 
     def close(self) -> str:
@@ -413,9 +422,10 @@ class DatagramTransport(_Transport):
         return ""
 
     def end(self) -> None:
-        if self._handle is not None:
-            self._kernel.close(self._handle)
-            self._handle = None
+        for handle in (self._handle, self._hearing):
+            if handle is not None:
+                self._kernel.close(handle)
+        self._handle = self._hearing = None
 
     # -- between scans -------------------------------------------------------------------------------
 
@@ -428,7 +438,7 @@ class DatagramTransport(_Transport):
 
     def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_DATAGRAMS):
-            got = self._kernel.recv_from(handle, self._queues.landing)
+            got = take_datagram(self._kernel, handle, self._hearing, self._queues.landing, self.local)
             if isinstance(got, Fault):
                 self._queues.note("cannot receive", str(got))
             if not isinstance(got, Datagram):

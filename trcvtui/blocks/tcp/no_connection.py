@@ -65,6 +65,7 @@ def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
         call=fault.call if fault else _FIN_CALL.get(loss.kind, ""),
         error=fault.error if fault else "",
         injected=fault.injected if fault else False,
+        words=fault.words if fault else "",
         peer=loss.peer,
         have=job.have if job.running else None,
         need=job.need if job.running else None,

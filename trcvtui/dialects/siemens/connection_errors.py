@@ -421,6 +421,7 @@ JOB_ERRORS: Final = (
         Reproducibility.REAL,
         "STEP 7 help, Open User Communication",
         also=(Condition.LINK_DEAD,),
+        unsure="after how long keep-alive finds a connection dead is from memory: switch keep_alive",
     ),
     StatusRow(
         0x80C6,

@@ -56,7 +56,7 @@ DESCRIPTION_ERRORS: Final = (
         ("the hardware identifier of the port instead of 0", "whether multicast is meant at all"),
         Reproducibility.NEVER,
         "STEP 7 help: TCON",
-        unreached="TUSEND and TURCV of the bench send to one address at a time",
+        unreached="the bench joins no multicast group; a group as RemoteAddress shows 80A4",
     ),
     StatusRow(
         0x80B3,

@@ -14,7 +14,7 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.states import ALL, BOTH_C
-from trcvtui.dialects.siemens.status import STATUS
+from trcvtui.dialects.siemens.status import OLD_AD_HOC, STATUS
 from trcvtui.net.connection.config import Policy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.description_check import Flaw
@@ -23,25 +23,6 @@ from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
 
 # One course for all of them; a dialect below it is its limits and its few differences.
-
-# Words and numbers of State and Kind are the help's; the order of the fields is that of T_DIAG's table.
-TDIAG_STATUS: Final = """
-TYPE TDiag_State : (Down := 1, ActiveTrying := 2, PassiveWaiting := 3, Established := 4, Closing := 5) USINT;
-END_TYPE
-TYPE TDiag_Kind : (Configured := 1, Programmed := 3) USINT; END_TYPE
-TYPE TDiag_Status :
-STRUCT
-    InterfaceId : UINT; // HW_ANY
-    ID : UINT; // CONN_OUC
-    ConnectionType : BYTE; // 16#0B, 16#11 TCP; 16#0C, 16#12 ISO-on-TCP; 16#13 UDP
-    ActiveEstablished : BOOL;
-    State : TDiag_State;
-    Kind : TDiag_Kind;
-    SentBytes : UDINT;
-    ReceivedBytes : UDINT;
-END_STRUCT
-END_TYPE
-"""
 
 _TLS: Final[dict[str, Condition]] = {
     TlsError.PLAIN: Condition.TLS_MESSAGE,
@@ -137,6 +118,15 @@ SWITCHES: Final = (
     ),
     BACKLOG,
     INTERNAL_FAULT,
+    Switch(
+        "keep_alive",
+        "count",
+        30,
+        "seconds between probes of a silent partner where KeepAliveTimeInterval is 0: a dead link shows "
+        "after 2 to 3 of them; 30 is from memory, unverified",
+        least=1,
+        most=32767,
+    ),
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
@@ -235,7 +225,9 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),
+            keep_alive_s=int(chosen["keep_alive"]),
             narrow_tsaps=cpu.narrow_tsaps,
+            broadcasts=True,  # System Manual, TUSEND: by the address in ADDR
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
@@ -302,7 +294,6 @@ def _dialect(
         describes_connects=True,
         folder="siemens",
         words=WORDS,
-        types=TDIAG_STATUS,
         follows=follows,
         answer=partial(_answer_of, cpu, switches),
     )
@@ -320,7 +311,7 @@ S7_1200: Final = _dialect(
     with_default("cont_mode", "manual"),
 )
 
-AD_HOC: Final = frozenset({0, 65535})  # LEN, where there is no ADHOC pin; 65535 in the older manual
+AD_HOC: Final = frozenset({65535})  # LEN of TRCV_C and TRCV, which have no ADHOC pin; 0: switch legacy_len0
 LEGACY_CPU: Final = Cpu(8192, 1472, 8, True, True)
 UNSURE: Final = "the help of instructions before 3.0 tells it otherwise: switch status_sequence"
 
@@ -338,6 +329,14 @@ LEGACY_SWITCHES: Final = (
         "figures: 7001 7002 0001 7005 7006 as in the figures of the status sequences; help: as in the help "
         "of these instructions, 7001 until the connection is up, then 0000 with DONE; 7002 while bytes move",
         ("figures", "help"),
+    ),
+    Switch(
+        "legacy_len0",
+        "choice",
+        "data",
+        "LEN = 0 of TRCV_C and TRCV: data, the size of DATA (S7-1200 System Manual 11/2011, Easy Book); "
+        "adhoc, as LEN = 65535 (STEP 7 help before 3.0)",
+        ("data", "adhoc"),
     ),
 )
 
@@ -368,15 +367,15 @@ OWN_ROWS: Final = (
         causes=(
             "nothing has come: normal with EN_R at 1; a cut line or a partner without power looks the same "
             "until keep-alive ends it",
-            "LEN is 0 (or 65535): ad hoc, what is there ends the job; any other LEN is awaited whole",
+            "LEN is 65535: ad hoc, what is there ends the job; any other LEN is awaited whole (0: DATA)",
             "EN_R fell, and the job goes on all the same until data is there",
         ),
         checks=(
             "the partner's length against LEN: bytes here against bytes wanted",
-            "frames of varying length: LEN = 0, or ISO-on-TCP, which keeps their ends",
+            "frames of varying length: LEN = 65535, or ISO-on-TCP, which keeps their ends",
             "shifted values: one rising edge at COM_RST, then watch the first frame",
         ),
-        unsure=UNSURE,
+        unsure=f"{UNSURE}; LEN = 0 is ad hoc there: switch legacy_len0",
     ),
 )  # fmt: skip
 # switch status_sequence = help: what shows another code than in the figures.
@@ -389,11 +388,12 @@ _OWN: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
 
 # What newer instructions or structures say of themselves, and what stands for it here.
 _REWORDED: Final = {
+    "; 65535 was ad hoc before 3.0": "",
     "; T_DIAG shows State 4 while it stands": "",
     "; T_DIAG after TDISCON ends here, too": "",
     " (T_DIAG: RESULT)": "",
     ": T_DIAG tells whether it stands": ": a TSEND or TRCV tells whether it stands",
-    "ADHOC = 1 into a symbolic DATA": "LEN = 0, ad hoc, into a symbolic DATA",
+    "ADHOC = 1 into a symbolic DATA": "LEN = 65535, ad hoc, into a symbolic DATA",
 }
 _ONLY_TCON_PARAM: Final = "a TCON_Param, which is all these instructions take, has no name and no certificate"
 _NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
@@ -402,7 +402,7 @@ _NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
 def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
     for theirs, ours in _REWORDED.items():
         lines = tuple(line.replace(theirs, ours) for line in lines)
-    return tuple(line for line in lines if "T_DIAG" not in line)
+    return tuple(line for line in lines if "T_DIAG" not in line and line != OLD_AD_HOC)
 
 
 def _listed(row: StatusRow) -> StatusRow:
@@ -433,7 +433,7 @@ def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
         status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
         types={"LEN": "UINT", "RCVD_LEN": "UINT"},
-        area=replace(newer.area, adhoc_lens=AD_HOC),
+        area=replace(newer.area, adhoc_lens=AD_HOC | ({0} if chosen["legacy_len0"] == "adhoc" else set())),
         course=replace(newer.course, reset_closes=True),
     )
     return _by_help(rules) if chosen["status_sequence"] == "help" else rules

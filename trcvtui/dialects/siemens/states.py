@@ -205,6 +205,7 @@ STATES: Final = (
             "TCON: the partner has not come or answered yet",
             "TSEND, TUSEND: the stack has not taken all bytes, or has, which shows in the next scan",
             "TRCV, TURCV: ready and waiting; on TCP perhaps with part of the frame here",
+            "TURCV: it hears broadcasts of its own network, none to 255.255.255.255, and no multicast group",
             "TRCV: a cut line or a partner without power looks the same until keep-alive ends it",
         ),
         (

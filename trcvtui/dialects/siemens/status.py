@@ -46,6 +46,8 @@ def _never(
     ]
 
 
+OLD_AD_HOC: Final = "TRCV_C, TRCV: LEN is 65535, ad hoc in the instructions before 3.0; now ADHOC = 1 is"
+
 PARAMETER_ERRORS: Final = (
     StatusRow(
         0x8081,
@@ -96,6 +98,7 @@ PARAMETER_ERRORS: Final = (
             "LEN or DATA was changed after the job had begun (BUSY = 1)",
             "LEN is above the limit of the CPU: 8192 on an S7-1200, 65536 on an S7-1500; UDP 1472, 2048",
             "LEN is 0 and DATA has no byte",
+            OLD_AD_HOC,
         ),
         (
             "what writes LEN: let it change only while EN_R is 0 and BUSY is 0",
@@ -185,7 +188,7 @@ PARAMETER_ERRORS: Final = (
         True,
         "LEN and DATA do not go together",
         (
-            "LEN is larger than DATA, often after DATA or its type was made smaller",
+            "LEN is larger than DATA, often after DATA was made smaller; 65535 was ad hoc before 3.0",
             "DATA is symbolic (in an optimized block) and LEN is not 0",
             "ADHOC = 1 into a symbolic DATA whose elements have more than 8 bits, on an S7-1200",
             "DATA is a STRING or WSTRING, and LEN cuts it (TSEND) or its header (TRCV)",

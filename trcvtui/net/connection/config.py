@@ -16,6 +16,8 @@ from trcvtui.net.layer import LayerSettings
 from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
 
+SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
+
 
 class Policy(Struct, frozen=True):
     """What a dialect decides about connections; times in ns."""
@@ -32,11 +34,12 @@ class Policy(Struct, frozen=True):
     small_buffers: bool = False
     tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
     narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 after it, then ASCII
+    keep_alive_s: int = SYSTEM_KEEP_ALIVE_S
+    broadcasts: bool = False  # the manual has UDP to broadcast addresses: they are sent, and heard
     user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
 
 
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
-SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
 LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPIDLE); a UINT can ask for more
 
 
@@ -56,6 +59,7 @@ class ConnectConfig(Struct, frozen=True):
     remote_port: int | str = 0
     send_delay_opt: bool = False
     keep_alive_interval_s: int = 0
+    keep_alive_default_s: int = SYSTEM_KEEP_ALIVE_S
     session: LayerSettings | None = None
     description: Description | None = None
     flaw: Finding | None = None
@@ -72,7 +76,7 @@ class ConnectConfig(Struct, frozen=True):
     @property
     def keep_alive_s(self) -> int:
         """Return the keep-alive interval in seconds that is in force."""
-        return min(self.keep_alive_interval_s or SYSTEM_KEEP_ALIVE_S, LONGEST_KEEP_ALIVE_S)
+        return min(self.keep_alive_interval_s or self.keep_alive_default_s, LONGEST_KEEP_ALIVE_S)
 
     @property
     def keep_alive_limited(self) -> str:

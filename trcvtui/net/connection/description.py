@@ -1,159 +1,27 @@
 """Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (STEP 7 help).
 
 Rule: the bytes are the description; a value is read from them, and whatever they hold can be read.
-All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC structures are unverified.
+All numbers are big-endian. Which field lies where stands in `system_types.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
 from typing import Final, NamedTuple
 
 from msgspec import Struct
 
+from trcvtui.system_types import ADDRESSES as ADDRESSES
+from trcvtui.system_types import CONNECTIONS as CONNECTIONS
+from trcvtui.system_types import LONGEST_NAME as LONGEST_NAME
+from trcvtui.system_types import LONGEST_SELECTOR as LONGEST_SELECTOR
+from trcvtui.system_types import DescriptionField as DescriptionField
+from trcvtui.system_types import FieldType as FieldType
+from trcvtui.system_types import Structure as Structure
+
 CONFIGURED: Final = 254  # ConnectionType
-LONGEST_SELECTOR: Final = 32
-LONGEST_NAME: Final = 254
-SELECTOR_SIZE: Final = 2 + LONGEST_SELECTOR
-NAME_SIZE: Final = 2 + LONGEST_NAME
 
 Value = int | bool | str | bytes
-
-
-class FieldType(StrEnum):
-    NUMBER = "UINT"
-    TRUTH = "BOOL"
-    ADDRESS = "IP_V4"
-    SELECTOR = "TSelector"  # UINT length and 32 bytes
-    NAME = "STRING[254]"
-    BYTES = "ARRAY OF BYTE"
-
-
-class DescriptionField(NamedTuple):
-    """One field of a structure; offset and size in bytes."""
-
-    name: str
-    offset: int
-    type: FieldType
-    size: int
-
-
-class Structure(NamedTuple):
-    """One kind of description; `size` in bytes, of which the last `spare` may be missing."""
-
-    name: str
-    size: int
-    fields: tuple[DescriptionField, ...]
-    spare: int = 0
-
-    def field(self, name: str) -> DescriptionField | None:
-        return next((field for field in self.fields if field.name == name), None)
-
-
-NUMBER, TRUTH, BYTES = FieldType.NUMBER, FieldType.TRUTH, FieldType.BYTES
-ADDRESS, SELECTOR, NAME = FieldType.ADDRESS, FieldType.SELECTOR, FieldType.NAME
-
-_HEAD: Final = (
-    DescriptionField("InterfaceId", 0, NUMBER, 2),
-    DescriptionField("ID", 2, NUMBER, 2),
-    DescriptionField("ConnectionType", 4, NUMBER, 1),
-)
-_OPEN: Final = (*_HEAD, DescriptionField("ActiveEstablished", 5, TRUTH, 1))
-_IP_V4: Final = (
-    *_OPEN,
-    DescriptionField("RemoteAddress", 6, ADDRESS, 4),
-    DescriptionField("RemotePort", 10, NUMBER, 2),
-    DescriptionField("LocalPort", 12, NUMBER, 2),
-)
-_QDN: Final = (
-    *_OPEN,
-    DescriptionField("RemoteQDN", 6, NAME, NAME_SIZE),
-    DescriptionField("RemotePort", 262, NUMBER, 2),
-    DescriptionField("LocalPort", 264, NUMBER, 2),
-)
-
-
-def _secure(at: int) -> tuple[DescriptionField, ...]:
-    return (
-        DescriptionField("ActivateSecureConn", at, TRUTH, 1),
-        DescriptionField("TLSServerReqClientCert", at + 1, TRUTH, 1),
-        DescriptionField("ExtTLSCapabilities", at + 2, NUMBER, 2),
-        DescriptionField("TLSServerCertRef", at + 4, NUMBER, 4),
-        DescriptionField("TLSClientCertRef", at + 8, NUMBER, 4),
-    )
-
-
-_PARAM: Final = (
-    DescriptionField("block_length", 0, NUMBER, 2),
-    DescriptionField("id", 2, NUMBER, 2),
-    DescriptionField("connection_type", 4, NUMBER, 1),
-    DescriptionField("active_est", 5, TRUTH, 1),
-    DescriptionField("local_device_id", 6, NUMBER, 1),
-    DescriptionField("local_tsap_id_len", 7, NUMBER, 1),
-    DescriptionField("rem_subnet_id_len", 8, NUMBER, 1),
-    DescriptionField("rem_staddr_len", 9, NUMBER, 1),
-    DescriptionField("rem_tsap_id_len", 10, NUMBER, 1),
-    DescriptionField("next_staddr_len", 11, NUMBER, 1),
-    DescriptionField("local_tsap_id", 12, BYTES, 16),
-    DescriptionField("rem_subnet_id", 28, BYTES, 6),
-    DescriptionField("rem_staddr", 34, BYTES, 6),
-    DescriptionField("rem_tsap_id", 40, BYTES, 16),
-    DescriptionField("next_staddr", 56, BYTES, 6),
-    DescriptionField("spare", 62, NUMBER, 2),
-)
-_RFC: Final = (
-    *_OPEN,
-    DescriptionField("RemoteAddress", 8, ADDRESS, 4),
-    DescriptionField("RemoteTSelector", 12, SELECTOR, SELECTOR_SIZE),
-    DescriptionField("LocalTSelector", 46, SELECTOR, SELECTOR_SIZE),
-)
-
-CONNECTIONS: Final = {
-    structure.name: structure
-    for structure in (
-        Structure("TCON_IP_v4", 14, _IP_V4),
-        Structure("TCON_IP_RFC", 80, _RFC),
-        Structure("TCON_QDN", 266, _QDN),
-        Structure("TCON_IP_V4_SEC", 26, (*_IP_V4, *_secure(14))),
-        Structure("TCON_QDN_SEC", 278, (*_QDN, *_secure(266))),
-        Structure("TCON_Param", 64, _PARAM),
-        Structure("TCON_Configured", 6, _HEAD, spare=1),
-    )
-}
-ADDRESSES: Final = {
-    structure.name: structure
-    for structure in (
-        Structure(
-            "TADDR_Param",
-            8,
-            (
-                DescriptionField("rem_ip_addr", 0, ADDRESS, 4),
-                DescriptionField("rem_port_nr", 4, NUMBER, 2),
-                DescriptionField("reserved", 6, NUMBER, 2),
-            ),
-        ),
-        Structure(
-            "TADDR_SEND_QDN",
-            260,
-            (
-                DescriptionField("RemoteQDN", 0, NAME, NAME_SIZE),
-                DescriptionField("RemotePort", 256, NUMBER, 2),
-                DescriptionField("reserved", 258, NUMBER, 2),
-            ),
-        ),
-        Structure(
-            "TADDR_RCV_IP",
-            20,
-            (
-                DescriptionField("RemoteAddress", 0, BYTES, 16),
-                DescriptionField("RemotePort", 16, NUMBER, 2),
-                DescriptionField("type", 18, NUMBER, 1),
-                DescriptionField("reserved", 19, NUMBER, 1),
-            ),
-        ),
-    )
-}
 
 
 class Description(Struct, frozen=True):

@@ -353,7 +353,8 @@ def _remote(asked: DescribedConnect) -> Finding | None:
     if says.is_active and says.remote_address == ANY_ADDRESS:
         return Finding(Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address")
     if is_group(says.remote_address):
-        return Finding(Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is no address of one partner")
+        text = f"{says.remote_address} is no address of one partner, and multicast groups are not joined"
+        return Finding(Flaw.REMOTE, "RemoteAddress", text)
     # On loopback the bench and its peers share one address.
     if says.remote_address == asked.own_address and not is_loopback(says.remote_address):
         return Finding(Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address")

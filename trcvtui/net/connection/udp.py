@@ -7,11 +7,12 @@ Rule 2: `incarnation` counts the sockets; a block whose socket is gone sees anot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
+from trcvtui.net.broadcast import begin_broadcasts, take_datagram
 from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
-from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, State
+from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, SocketUse, State
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import Claim, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
@@ -33,6 +34,7 @@ class UdpSetUp(SetUp):
     """From socket to bound port; nobody has to come."""
 
     needs_addr = False  # the block that opens it has none, and needs one
+    hearing: Handle | None = None  # a second socket, for broadcasts
 
     @property
     def listening(self) -> Endpoint | None:
@@ -52,6 +54,11 @@ class UdpSetUp(SetUp):
         self.local = self._kernel.local_end(self.attempt)
         if self.local is not None:
             self._kept_port = self.local.port
+            if self._policy.broadcasts:
+                name = self.config.name
+                self.hearing, why = begin_broadcasts(self._kernel, name, self.attempt, self.local)
+                if why:  # the port works as any other
+                    self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {why}")
         return None
 
     def _reuse(self, handle: Handle) -> Fault | None:
@@ -74,6 +81,9 @@ class UdpSetUp(SetUp):
         return self.free_attempt()
 
     def free_attempt(self) -> Fault | None:
+        if self.hearing is not None:
+            handle, self.hearing = self.hearing, None
+            self._kernel.close(handle)
         if self.attempt is None:
             return None
         handle, self.attempt = self.attempt, None
@@ -109,6 +119,12 @@ class UdpEndpoint(Connection):
     @property
     def is_open(self) -> bool:
         return self.handle is not None
+
+    @property
+    def sockets(self) -> Iterator[tuple[Handle, SocketUse]]:
+        yield from super().sockets
+        if self.set_up.hearing is not None:
+            yield self.set_up.hearing, SocketUse.DATAGRAMS
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
         """Queue the set-up job; who opens it without an ADDR is told so by the first step."""
@@ -155,7 +171,7 @@ class UdpEndpoint(Connection):
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; what there is no room for is gone."""
         assert self.handle is not None
-        got = self._kernel.recv_from(self.handle, into)
+        got = take_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
         if isinstance(got, Datagram):
             self.peer = got.source
             self._took(into[: got.size], instance, got.whole - got.size if self.is_config else 0)
@@ -212,4 +228,5 @@ class UdpEndpoint(Connection):
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         super()._end_incarnation(loss, state)
+        self.set_up.free_attempt()
         self.set_up.local = None

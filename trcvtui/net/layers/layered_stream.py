@@ -135,7 +135,7 @@ class LayeredStream:
         if self.fault is not None:
             return self.fault
         ended = self.session.ended
-        return None if ended is None else Fault("session", ended.error)
+        return None if ended is None else Fault("session", ended.error, words=ended.words)
 
     def fail(self) -> None:
         """End it after an exception: nothing more is asked of the session."""
@@ -409,7 +409,8 @@ class SharedListener:
         member = self._any_member()
         told = session.ended is not None and not hasattr(session, "has_asked")
         if session.ended is not None and told and not self._is_full(member):
-            member.ready.append(Fault("session", session.ended.error, peer=str(client.peer)))
+            ended = session.ended
+            member.ready.append(Fault("session", ended.error, words=ended.words, peer=str(client.peer)))
         self._drop(client, why)
 
     def _drop(

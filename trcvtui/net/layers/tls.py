@@ -67,8 +67,8 @@ def ended_of(problem: Exception) -> SessionEnd:
     reason = str(getattr(problem, "reason", None) or problem)
     before, alert, said = reason.partition(_ALERT)
     if alert and before in ("SSLV3", "TLSV1", "TLSV13"):
-        return SessionEnd(TlsError.REFUSED, f"the partner says: {_in_words(said)}")
-    return SessionEnd(_REASONS.get(reason, TlsError.HANDSHAKE), _in_words(reason))
+        return SessionEnd(TlsError.REFUSED, f"the partner says: {_in_words(said)}", said.lower())
+    return SessionEnd(_REASONS.get(reason, TlsError.HANDSHAKE), _in_words(reason), reason.lower())
 
 
 def _in_words(reason: str) -> str:

@@ -338,6 +338,9 @@ class OsKernel:
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
+    def set_broadcast(self, handle: Handle) -> Fault | None:
+        return self._do("set_broadcast", handle, lambda sock: sock.setsockopt(BASE, socket.SO_BROADCAST, 1))
+
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         if self._links.is_down(handle):
             return len(data)  # a datagram has no connection whose other end could be made deaf

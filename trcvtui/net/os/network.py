@@ -263,7 +263,7 @@ def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
 
 def _broadcast(address: str, item: _IfAddrs) -> str:
     told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
-    if told in (None, ANY_ADDRESS):
+    if told in (None, ANY_ADDRESS, address):  # glibc has the own one where none was given (`ip addr add`)
         told = broadcast_of(address, _ipv4(item.netmask) or "")
     return "" if told == address else told
 

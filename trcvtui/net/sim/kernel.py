@@ -23,17 +23,15 @@ from trcvtui.net.results import (
     Unread,
     WaitingMessage,
     WouldBlock,
-    broadcast_of,
     is_group,
 )
-from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, is_sane
+from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, broadcast_at, is_sane
 from trcvtui.net.sim.stream import StreamPhase
 from trcvtui.net.sim.timers import MS
 
 # Datagrams of one sender stay in order; one that finds nobody, a cut link or a full queue is gone.
 
 LARGEST: Final = 65507  # 65535 less the headers of IP and UDP
-BROADCAST: Final = "255.255.255.255"
 # net.core.rmem_default of Linux, and what a queued datagram costs of it there (256 of up to 100 bytes fit).
 RECEIVE_ROOM: Final = 212_992
 COST: Final = 832
@@ -73,9 +71,17 @@ class DatagramWire:
             self._deliver(owner, source, remote, data)
 
     def _deliver(self, owner: str, source: Endpoint, remote: Endpoint, data: bytes) -> None:
-        target = self._socket_at(remote)
-        if target is not None and self.wire.is_up(owner, target.owner):
-            target.arrive(source, data)
+        for target in self._sockets_at(remote):
+            if self.wire.is_up(owner, target.owner):
+                target.arrive(source, data)
+
+    def _sockets_at(self, end: Endpoint) -> list[SimDatagrams]:
+        """Return who gets a datagram: of a broadcast each socket that is bound to it or to any address."""
+        if not self.wire.is_broadcast(end.address):
+            target = self._socket_at(end)
+            return [] if target is None else [target]
+        heard = (end.address, ANY_ADDRESS)
+        return [each for each in self._bound.get(end.port, []) if each.claim.address in heard]
 
     def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
         """Hand over a datagram from elsewhere; return whether a socket there had room for it."""
@@ -99,7 +105,7 @@ class DatagramWire:
 class SimDatagrams(SimSocket):
     """One UDP socket. The methods answer "" or an errno name, as the system calls of Linux do."""
 
-    __slots__ = ("_datagrams", "_dropped", "_queue", "_used")
+    __slots__ = ("_datagrams", "_dropped", "_queue", "_used", "may_broadcast")
 
     is_gone = False  # there is no connection that could end
 
@@ -109,6 +115,7 @@ class SimDatagrams(SimSocket):
         self._datagrams = datagrams
         self._queue: deque[tuple[Endpoint, bytes]] = deque()
         self._used = self._dropped = 0
+        self.may_broadcast = False
 
     @property
     def is_readable(self) -> bool:
@@ -147,9 +154,9 @@ class SimDatagrams(SimSocket):
             return "EINVAL"
         if size > LARGEST:
             return "EMSGSIZE"
-        if is_group(remote.address):
-            return "EACCES" if remote.address == BROADCAST else ""
-        return self._no_way_to(remote.address)
+        is_broadcast = self._wire.is_broadcast(remote.address)
+        error = "" if is_group(remote.address) else self._no_way_to(remote.address)
+        return error or ("EACCES" if is_broadcast and not self.may_broadcast else "")
 
     def peek(self, skip: int) -> Unread:
         """Return the datagrams that wait, after the first `skip`."""
@@ -196,7 +203,7 @@ def _cost(data: bytes) -> int:
 
 WASTE_BYTES: Final = 65536
 LOOPBACK_PORT: Final = LocalAddress(
-    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=broadcast_of(LOOPBACK, "255.0.0.0")
+    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=broadcast_at(LOOPBACK)
 )
 
 
@@ -217,6 +224,7 @@ class SimKernel:
         names: Mapping[str, str] | None = None,
     ) -> None:
         self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self.wire.broadcasts |= {broadcast_at(each) for each in addresses if each not in not_ethernet}
         self.datagrams = DatagramWire(self.wire, latency_ns)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
         self._random = Chance(seed)
@@ -269,7 +277,9 @@ class SimKernel:
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         others = (
-            LocalAddress(a, "tun0", ethernet=False) if a in self._not_ethernet else LocalAddress(a, "eth0")
+            LocalAddress(a, "tun0", ethernet=False)
+            if a in self._not_ethernet
+            else LocalAddress(a, "eth0", broadcast=broadcast_at(a))
             for a in self.wire.addresses
         )
         return (LOOPBACK_PORT, *others)
@@ -426,6 +436,12 @@ class SimKernel:
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         return self._keep(SimDatagrams(self.datagrams, owner))
+
+    def set_broadcast(self, handle: Handle) -> Fault | None:
+        socket = self._sockets.get(handle)
+        if isinstance(socket, SimDatagrams):
+            socket.may_broadcast = True
+        return _fault("set_broadcast", "EBADF" if socket is None else "")
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         socket = self._sockets.get(handle)

@@ -12,7 +12,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from trcvtui.net.kernel import SocketOptions
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_group, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, broadcast_of, is_group, is_loopback, octets
 from trcvtui.net.sim.stream import (
     RESET,
     RTO_MAX,
@@ -25,6 +25,15 @@ from trcvtui.net.sim.stream import (
     nobody_looks,
 )
 from trcvtui.net.sim.timers import MS, SECOND, Ticket, TimerQueue
+
+LOOPBACK: Final = "127.0.0.1"
+EVERYBODY: Final = "255.255.255.255"
+
+
+def broadcast_at(address: str) -> str:
+    """Return the broadcast address of a simulated network: its mask is that of `--netns`."""
+    return broadcast_of(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
+
 
 FIRST_FREE: Final = 32768
 LAST_FREE: Final = 60999
@@ -121,6 +130,7 @@ class SimWire:
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
+        self.broadcasts = {broadcast_at(LOOPBACK), EVERYBODY}
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
@@ -155,6 +165,9 @@ class SimWire:
 
     def owns(self, address: str) -> bool:
         return is_loopback(address) or address in self.addresses
+
+    def is_broadcast(self, address: str) -> bool:
+        return address in self.broadcasts and address not in self.addresses
 
     # -- segments ------------------------------------------------------------------------------------
 
@@ -328,7 +341,6 @@ class SimWire:
             self.ports.release(stream.claim)
 
 
-LOOPBACK: Final = "127.0.0.1"
 KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
 KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
 SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
@@ -403,7 +415,8 @@ class SimSocket:
         if not is_sane(end) or self.claim.port:
             return "EINVAL"
         # Linux binds to broadcast and multicast addresses without complaint (8081).
-        if not (self._wire.owns(end.address) or end.address == ANY_ADDRESS or is_group(end.address)):
+        known = self._wire.owns(end.address) or self._wire.is_broadcast(end.address)
+        if not (known or end.address == ANY_ADDRESS or is_group(end.address)):
             return "EADDRNOTAVAIL"
         return ""
 
@@ -428,7 +441,8 @@ class SimSocket:
         if not is_sane(end) and self.owner not in self._wire.played:
             return "EINVAL"
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
-        error = self._no_way_to(remote.address)
+        is_broadcast = self._wire.is_broadcast(remote.address)
+        error = "ENETUNREACH" if is_broadcast else self._no_way_to(remote.address)
         if error:
             return error
         local = self._source_for(remote.address)

@@ -27,7 +27,7 @@ def kinds_of(project: Project) -> tuple[str, ...]:
 
 def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
     """Return the command that the fields make; an empty field says nothing."""
-    from trcvtui.commands.tokens import quoted  # read when first asked for
+    from trcvtui.udt.literals import quoted  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(kind, project)
     words = ["add", kind, quoted(name.strip()) if kind == "udt" and " " in name.strip() else name.strip()]
@@ -140,7 +140,7 @@ def set_line(
     if part.kind == "message":  # its text is the end of the line
         words += [f"peer={changed['peer']}"] if "peer" in changed else []
         return " ".join([*words, after["text"]])
-    from trcvtui.commands.tokens import quoted  # read when first asked for
+    from trcvtui.udt.literals import quoted  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(part.kind, project)
     words += [changed.pop(key) for key in bare & changed.keys()]

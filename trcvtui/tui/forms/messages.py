@@ -120,7 +120,7 @@ class MemberField(FormField):
     @property
     def written(self) -> str:
         """Return `path=value` as the payload has it, "" where the field is empty."""
-        from trcvtui.commands.tokens import quoted  # read when first asked for
+        from trcvtui.udt.literals import quoted  # read when first asked for
 
         text = self.value.strip()
         if not text:

@@ -14,7 +14,6 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
-from trcvtui.commands.tokens import quoted
 from trcvtui.errors import UserError
 from trcvtui.files import is_same_file
 from trcvtui.tui import messages
@@ -35,6 +34,7 @@ from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
+from trcvtui.udt.literals import quoted
 from trcvtui.udt.sources import formats_text
 
 KEYS: Final = (

@@ -334,6 +334,8 @@ class HeaderLine(WordLine):
         pieces += self._frozen()
         now = self._view_model.live or picture
         pieces.append(_state(now.snapshot.running, now.holding))
+        if getattr(self.app, "only_looks", False):
+            pieces.append(HeaderWord(" READ-ONLY ", "stop", 0))
         pieces.append(HeaderWord(format_time(snapshot.interval_ns), "", 30))
         live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))

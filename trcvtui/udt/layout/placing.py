@@ -137,6 +137,7 @@ class Placing:
         for at, (_, inner, node) in enumerate(parts):
             if type_.bit_fields:
                 end, align = self.after_bits(type_, at, end, align)
+                bit = 0 if any(one.at == at for one in type_.bit_fields) else bit
             step = self.step(node, cap)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -162,6 +163,10 @@ class Placing:
         for one in type_.bit_fields:
             if one.at != at:
                 continue
+            if one.element is not None:
+                step = self.tail_step(one.element, cap)
+                place, align = up(place, 8 * step), max(align, step)
+                continue
             unit = 8 * one.size
             if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
                 place = up(place, unit)
@@ -169,11 +174,16 @@ class Placing:
             align = max(align, min(one.size, cap)) if one.is_named else align
         return up(place, 8) // 8, align
 
+    def tail_step(self, element: Type, cap: int) -> int:
+        """Return the alignment of an ARRAY without a length."""
+        return max(min(self.pitch(self.place(element, ""))[1], cap), self.rules.member_floor)
+
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
         align = self.rules.struct_floor if parts or type_.bit_fields else 1
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
         align = max([align, *(min(one.size, cap) for one in type_.bit_fields if one.is_named)])
+        align = max([align, *(self.tail_step(one.element, cap) for one in type_.bit_fields if one.element)])
         for _, inner, node in parts:
             align = max(align, self.step(node, cap))
             end = max(end, up(node.size, self.end_floor(inner)))

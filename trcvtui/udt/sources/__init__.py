@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache, partial
 from importlib import import_module
@@ -17,7 +17,8 @@ from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
-from trcvtui.udt.sources.st import read_spec, read_st
+from trcvtui.udt.other_files import HEAD, refuse_other_file
+from trcvtui.udt.sources.st import VARIABLES_NOTE, read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
 from trcvtui.udt.types import Type
@@ -37,8 +38,7 @@ class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
     `read` gets the text and the name of the file, of a format with `root` the XML element of that name.
-    `needs`: what has to be installed. `refused`: what such files hold and where the types are. `sender`: the
-    layout that most devices have of which such files are.
+    `needs`: what has to be installed. `sender`: the layout that most devices have of which such files are.
     """
 
     name: str
@@ -46,12 +46,9 @@ class TypeFormat(NamedTuple):
     read: Callable[..., Declarations] = read_st
     root: str = ""
     needs: str = ""
-    refused: tuple[str, str] | tuple[()] = ()
     sender: str = ""
 
     def declarations(self, content: Any, name: str) -> Declarations:
-        if self.refused:
-            raise mistake(name, *self.refused)
         read = self.read(content) if self.root else self.read(content, name)
         sender = SenderLayout(self.sender, self.name.split()[0])
         return read if read.sender.layout else read._replace(sender=sender)
@@ -75,8 +72,6 @@ def _later(module: str, kind: str = "") -> Callable[..., Declarations]:
 
 
 _TWINCAT = _later("plcopen", "twincat")
-_NO_TEXTS = "the texts of a SIMATIC SD file", "the .s7dcl file beside it"
-_NO_EXPORT = "a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 
 FORMATS: Final = {
     row.name: row
@@ -84,13 +79,11 @@ FORMATS: Final = {
         TypeFormat("IEC text", (".st", ".iecst", ".txt"), read_st),
         TypeFormat("TIA source", (".udt", ".scl", ".db", ".awl"), partial(read_st, dialect=TIA)),
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
-        TypeFormat("SIMATIC SD texts", (".s7res",), refused=_NO_TEXTS),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
         TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _TWINCAT, "TcPlcObject", sender=NATURAL),
         TypeFormat("PLCopen", (".xml",), _later("plcopen"), root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _later("openness"), root="Document"),
-        TypeFormat("CODESYS 3 export", (".export",), refused=_NO_EXPORT),
         TypeFormat("C header", (".h", ".hpp"), _later("c_header"), needs="the extra c", sender=NATURAL),
     )
 }
@@ -102,13 +95,12 @@ _SIGNS = {
     r"(?i)\bEND_(?:STRUCT|UNION|TYPE|VAR)\b": "IEC text",
     r"(?m)^[ \t]*(?:#[ \t]*(?:include|define|pragma|if)|typedef|struct|union|enum)\b": "C header",
 }
-LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
 
 def extensions() -> list[str]:
-    """Return the extensions of all formats, refused ones too, in lower case."""
+    """Return the extensions of all formats, in lower case."""
     return list(dict.fromkeys(extension for row in FORMATS.values() for extension in row.extensions))
 
 
@@ -117,13 +109,12 @@ def formats_text() -> str:
     return ", ".join(
         f"{' '.join(row.extensions)} {row.name}" + (f" (needs {row.needs})" if row.needs else "")
         for row in FORMATS.values()
-        if not row.refused
     )
 
 
 def type_files_in(folder: Path) -> list[str]:
     """Return the names of the files in a folder whose extension is that of a format that can be read."""
-    known = {each for row in FORMATS.values() if not row.refused for each in row.extensions}
+    known = extensions()
     try:
         return sorted(name for name in os.listdir(folder) if os.path.splitext(name)[1].lower() in known)
     except OSError:
@@ -166,26 +157,28 @@ def read_xml_file(text: str, name: str) -> Declarations:
 def read_files(
     paths: Iterable[Path],
     constants: Mapping[str, int] | None = None,
-    last_wins: Collection[str] = (),
-    library: str = "",
+    has_system_types: bool = False,
     contents: Mapping[Any, bytes] = {},  # of those that were read before
 ) -> TypeSet:
-    """Return the types of files, good and bad, that use each other's; raise UserError if one is unreadable.
-
-    `library`: types in ST that are there without any file; one of the same name in a file comes first.
-    """
+    """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
     files: list[Declarations] = []
-    if library:
-        files.append(read_st(library, LIBRARY))
-        last_wins = {*last_wins, *(declared.name for declared in files[0].types)}
     paths = list(paths)
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(
-                    declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
-                )
-    return join(files, ", ".join(map(str, paths)), constants, last_wins)
+                read = declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
+                files.append(apart(read, path, paths))
+    return join(files, ", ".join(map(str, paths)), constants, has_system_types)
+
+
+def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations:
+    """Return what a file declares; variables that are named by it have its folder where others are alike."""
+    folder, name = os.path.split(str(path))
+    if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
+        return read
+    if [os.path.basename(each).casefold() for each in map(str, paths)].count(name.casefold()) < 2:
+        return read
+    return read._replace(types=tuple([each._replace(name=f"{folder}/{each.name}") for each in read.types]))
 
 
 def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
@@ -224,21 +217,28 @@ def decode_text(data: bytes) -> str:
 
 def declarations_in(path: Path) -> Declarations:
     """Return what a file declares; raise UserError when it cannot be read at all."""
-    return _declared(str(path), content_of(path))
+    extension = _extension(str(path))
+    return declarations_of(content_of(path), str(path), extension)
 
 
-def _declared(path: str, content: bytes) -> Declarations:
+@lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
+def declared_by(path: str, content: bytes) -> Declarations:
+    """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
+    return declarations_of(content, path, _extension(path))
+
+
+def _extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
+        with suppress(OSError, ValueError):  # then the suffix is what is wrong
+            refuse_other_file(path, read_bytes(path, HEAD))
         raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
-    return declarations_of(content, path, extension)
-
-
-declared_by = lru_cache(maxsize=16)(_declared)  # of a project's files one is new, the others are as they were
+    return extension
 
 
 def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations:
     """Return what the bytes of a file declare; without an extension the text itself tells its format."""
+    refuse_other_file(name, data)
     text = decode_text(data)
     if "\0" in text:
         found = "zero bytes, as in binary data or UTF-16 without a byte order mark"

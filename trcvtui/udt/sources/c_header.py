@@ -10,16 +10,20 @@ with a name that is not known is unknown itself.
 from __future__ import annotations
 
 import re
+from collections import ChainMap
 from collections.abc import Callable, Iterator
 from operator import add, and_, eq, ge, gt, inv, le, lt, mul, ne, neg, not_, or_, pos, sub, xor
+from types import SimpleNamespace
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake, need, noting
 from trcvtui.udt import ast
 from trcvtui.udt.constants import LARGEST, LONGEST, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
+from trcvtui.udt.sources.cpp_source import MARKS, without_texts
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
+CPP = "this is C++"
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
 
@@ -33,7 +37,7 @@ def read_c_header(text: str, name: str) -> ast.Declarations:
     return ast.Declarations(
         tuple(reader.types),
         tuple(source.problems),
-        tuple(map(ast.Constant, reader.constants, reader.constants.values())),
+        tuple(ast.Constant(name, value) for name, value in reader.constants.items() if value is not None),
     )
 
 
@@ -48,7 +52,10 @@ class _Reader:
         self.long_size = LONG_SIZE.get()
         macros = Macros(source)
         numbers = ((name, macros.macro(name)) for name in source.numbers if name not in source.given)
-        self.constants = {name: value for name, value in numbers if value is not None}
+        known: dict[str, int | None] = {name: value for name, value in numbers if value is not None}
+        self.constants = ChainMap(known)  # those of a class before; of None only the name is known
+        self.scope: ChainMap[str, ast.Spec] = ChainMap()  # the types that are declared in a class
+        self.loose: set[str] = set()  # classes that are not packed
         self.problems: list[Problem] = []
         self.notes: dict[str, None] = {}
 
@@ -105,6 +112,8 @@ class _Reader:
         with noting(self.problems):
             spec = read()
         where = self.where(node)
+        if spec and self.is_loose(spec):
+            self.loose.add(name)
         self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec
 
@@ -127,16 +136,22 @@ class _Reader:
         if kind == "IdentifierType":
             return self.named(node)
         if not _is_definition(node):
-            return ast.Reference(self.tags.get(node.name, node.name), self.where(node))
-        return self.enum(node) if kind == "Enum" else self.struct(node, depth)
+            name = self.tags.get(node.name, node.name)
+            return self.scope.get(node.name, ast.Reference(name, self.where(node)))
+        spec = self.enum(node) if kind == "Enum" else self.struct(node, depth)
+        if node.name and depth and self.source.cpp.is_cpp:
+            self.scope[node.name] = spec
+        return spec
 
-    def named(self, node: Any) -> ast.Reference:
+    def named(self, node: Any) -> ast.Spec:
         words = sorted(word for word in node.names if word != "signed" or "char" in node.names)
         if len(words) > 1 and "int" in words and words != ["int", "unsigned"]:
             words.remove("int")
         if words == ["unsigned"]:
             words = ["int", "unsigned"]
         name = " ".join(words) or "int"
+        if name in self.scope:
+            return self.scope[name]
         if name in self.aliases:
             return self.aliases[name]._replace(where=self.where(node))
         if name in LONGS and self.long_size is not None:
@@ -151,21 +166,57 @@ class _Reader:
         return ast.Reference(C_TYPES.get(name, name), self.where(node))
 
     def struct(self, node: Any, depth: int) -> ast.StructSpec:
-        place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
-        members: list[ast.MemberSpec] = []
+        members, count = list[ast.MemberSpec](), len(self.problems)
+        is_union, cpp = type(node).__name__ == "Union", self.source.cpp
+        outer = self.constants, self.scope
+        if cpp.is_cpp:  # what a class declares is not known outside of it
+            self.constants, self.scope = self.constants.new_child(), self.scope.new_child()
         for at, member in enumerate(node.decls or ()):
             if type(member).__name__ == "Decl":
+                is_last = is_union or member is node.decls[-1]
                 with noting(self.problems):
-                    members.append(self.member(member, at, depth + 1))
-        bits = [one.name for one in members if one.width is not None and one.name]
+                    members += self.member(member, at, depth + 1, is_last)
+        self.constants, self.scope = outer
+        brace = self.brace(node)
+        pack, by_pragma = self.source.pack(brace), self.source.by_pragma(brace)
+        tails = [one for one in members if one.width == ast.NO_LENGTH]
+        has_bits = any(one.width is not None for one in members)
+        wrong = ""
+        if count < len(self.problems):
+            pass  # what is wrong is told
+        elif (tails or cpp.is_cpp) and not any(one.name and one not in tails for one in members):
+            wrong = "without members" + f": {CPP}" * cpp.is_cpp
+        elif has_bits and pack == 1 != (by_pragma or 1):
+            wrong = "of bit-fields that an attribute and a #pragma pack in two ways"
+        elif (
+            brace in self.source.braces
+            and cpp.has_classes
+            and any(self.is_loose(one.spec) for one in members)
+        ):
+            wrong = f"packed by an attribute around one that is not: {CPP}"
+        if wrong:
+            raise mistake(self.where(node), f"a class {wrong}", "plain members, packed by one #pragma pack")
+        for one in tails:
+            self.notes[f"{one.name}[] is no member: what it holds comes after the bytes of the type"] = None
+        bits = [one.name for one in members if one.width is not None and one.name and one not in tails]
         if bits:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
             told = f"bit-fields are no members: {names}; their room is padding, as gcc has it on x86-64"
             self.notes[told] = None
-        is_union = type(node).__name__ == "Union"
-        return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
+        return ast.StructSpec(tuple(members), pack=pack, is_union=is_union)
 
-    def member(self, node: Any, at: int, depth: int) -> ast.MemberSpec:
+    def brace(self, node: Any) -> int:
+        """Return the place of the brace that a definition opens."""
+        return self.source.text.find("{", self.source.offset(node.coord.line, node.coord.column or 1))
+
+    def is_loose(self, spec: ast.Spec) -> bool:
+        """Return whether a type is a class that is not packed: g++ may not pack it in another one."""
+        while isinstance(spec, ast.ArraySpec):
+            spec = spec.element
+        return spec.pack != 1 if isinstance(spec, ast.StructSpec) else getattr(spec, "name", "") in self.loose
+
+    def member(self, node: Any, at: int, depth: int, is_last: bool) -> Iterator[ast.MemberSpec]:
+        """Yield a member; nothing for a type that stands in a class."""
         name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
             width = fold(node.bitsize, self.constants.get)
@@ -174,11 +225,25 @@ class _Reader:
         elif node.align:
             raise mistake(where, f"_Alignas at '{node.name}'", "a member without it")
         elif not name:
-            if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
+            kind, is_cpp = type(node.type).__name__, self.source.cpp.is_cpp
+            if is_cpp and (kind == "Enum" or (kind in ("Struct", "Union") and node.type.name)):
+                self.inner(node.type, depth)
+                return
+            if kind not in ("Struct", "Union") or node.type.name:
                 raise mistake(where, "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            return ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), where)
-        return ast.MemberSpec(name, self.spec(node.type, depth), where, width)
+            yield ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), where)
+            return
+        elif "_Atomic" in node.quals and self.source.cpp.has_types:
+            self.scope[name] = self.spec(node.type, depth)
+            return
+        elif type(node.type).__name__ == "ArrayDecl":
+            dim = node.type.dim
+            if dim is None or fold(dim, self.constants.get) == 0:
+                if not is_last:
+                    raise mistake(where, f"{name}[] before other members", "a length, or it as the last one")
+                node, width = node.type, ast.NO_LENGTH
+        yield ast.MemberSpec(name, self.spec(node.type, depth), where, width)
 
     def array(self, node: Any, depth: int) -> ast.Spec:
         bounds: list[tuple[ast.Number, ast.Number]] = []
@@ -200,7 +265,7 @@ class _Reader:
         length = fold(node.dim, self.constants.get)
         if length is None:
             text = formula(node.dim)
-            if text is None:
+            if text is None or any(self.constants.get(one, 0) is None for one in _WORD.findall(text)):
                 expected = "a number, or + - * / of names and numbers"
                 raise mistake(where, "a length that is no number", expected)
             return ast.Formula(f"{text} - 1", where)
@@ -209,16 +274,24 @@ class _Reader:
         return length - 1
 
     def enum(self, node: Any) -> ast.EnumSpec:
-        self.notes["an enum is taken as 4 bytes"] = None
+        base, is_scoped = self.source.cpp.bases.get(self.brace(node), ("", False))
+        if not base:
+            self.notes["an enum is taken as 4 bytes"] = None
         values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
         for row in node.values.enumerators:
             given = fold(row.value, self.constants.get)
             number = given if row.value is not None else None if number is None else number + 1
-            if number is not None:
+            if not is_scoped and (number is not None or len(self.constants.maps) > 1):
                 self.constants[row.name] = number
             values.append((row.name, number if number is not None else ast.Formula("?", self.where(row))))
-        return ast.EnumSpec(ast.Reference("DINT", self.where(node)), tuple(values))
+        known = [value for _, value in values if isinstance(value, int)] or [0]
+        if not base and (min(known) < -(1 << 31) or max(known) >= 1 << (31 if min(known) < 0 else 32)):
+            raise mistake(self.where(node), "an enum of more than 32 bits", "values that 4 bytes hold")
+        name = self.named(SimpleNamespace(names=base.split() or ["int"], coord=node.coord))
+        if not isinstance(name, ast.Reference):
+            raise mistake(self.where(node), f"an enum of '{base}'", "an integer type")
+        return ast.EnumSpec(name, tuple(values), is_scoped)
 
 
 def _is_definition(node: Any) -> bool:
@@ -343,7 +416,9 @@ _FOREIGN = re.compile(
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
 # What may declare a type or a constant; functions and variables are passed over.
-_DECLARES = re.compile(r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=")
+_DECLARES = re.compile(
+    r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=|\bstruct\s+(?:alignas|__declspec)\b"
+)
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _FAILED = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
 
@@ -352,7 +427,7 @@ def parsed(source: CSource) -> Iterator[Any]:
     """Yield the outer declarations of a header as nodes; one that cannot be read as a bad `Declaration`."""
     types = {found.group(1) for found in _FOREIGN.finditer(source.text)} - KEYWORDS
     types |= NAMED_TYPES
-    for begin, end in _statements(source.text):
+    for begin, end in _statements(without_texts(source.text)):
         text = source.text[begin:end]
         if not _DECLARES.search(text):
             continue
@@ -387,6 +462,12 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
         what = found[3] if found else str(failed).rpartition(": ")[2]
     except (RecursionError, AssertionError, AttributeError, IndexError, KeyError, TypeError, ValueError):
         where, what = source.where(begin), "unknown to the C parser"
+    mark = MARKS.search(text)
+    if mark or source.cpp.is_cpp:
+        where = source.where(begin + mark.start()) if mark else where
+        shown = " ".join(mark[0].split())[:60] if mark else what[:60]
+        expected = "a class of plain members alone: what else is in it may change its size"
+        raise mistake(where, f"'{shown}': {CPP}", expected)
     expected = "C declarations; of a macro that another header defines, --with that header"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
@@ -427,7 +508,8 @@ def _begin(text: str, place: int) -> int:
 
 def _name_of(text: str) -> str | None:
     found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.search(r"\btypedef\b", text) else None
-    found = found or re.search(r"\b(?:struct|union|enum)\s+([A-Za-z_]\w*)", text)
+    extra = r"(?:(?:alignas|__declspec)\s*\([^;{}]*?\)\s*|\[\[[^;{}]*?\]\]\s*)*"
+    found = found or re.search(rf"\b(?:struct|union|enum)\s+{extra}([A-Za-z_]\w*)", text)
     return found.group(1) if found and found.group(1) not in KEYWORDS else None
 
 

@@ -13,8 +13,9 @@ from contextvars import ContextVar
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs, without_texts
 
-PACKS = (1, 2, 4, 8, 16)
+PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # 16 is 8: no type has more
 LONGEST_WORDS = 200
 MOST_CALLS = 256  # of macros in a line, and in what they put into it
 MOST_CALLS_IN_ALL = 50_000
@@ -33,12 +34,16 @@ _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
 _SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
+_CLASS = re.compile(r"\bclass\b(?=\s+\w+(?:\s+\w+)*\s*(?::(?!:)|[{;]))")
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
-_PACK = re.compile(r"pack\s*\(\s*(?:(push|pop|show)\b\s*,?\s*)?(?:([A-Za-z_]\w*)\s*,?\s*)?(\w*)\s*\)\s*")
+_PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
+_NAME_HEAD = re.compile(
+    r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{"
+)  # before `struct` gcc leaves an attribute out
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
@@ -61,6 +66,8 @@ class CSource:
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
         self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
+        is_cpp = name.lower().endswith(".hpp")
+        self.numbers |= {"__cplusplus": "201703"} if is_cpp else {}
         self.words: dict[str, str] = {}
         self.calls: dict[str, tuple[list[str], str]] = {}
         self._macros: tuple[dict[str, Any], ...] = self.numbers, self.words, self.calls
@@ -72,14 +79,16 @@ class CSource:
         self.includes: list[str] = []
         self.packs: list[tuple[int, int | None]] = [(0, None)]
         self.braces: set[int] = set()  # of the structures that are packed by an attribute
-        self._stack: list[int | None] = []
+        self._stack: list[tuple[str, int | None]] = []  # name and packing before it
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
         without_comments = self._without_comments(text)
-        ready = "\n".join(self._lines(_SCOPE.sub(_blank, without_comments)))
+        ready = "\n".join(self._lines(_SCOPE.sub(blank, without_comments)))
+        ready, count = _CLASS.subn("struct", ready)
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
-        self.text = self._attributes(ready)
+        self.cpp = CppSource(self._attributes(ready), bool(count), is_cpp)
+        self.text = self.cpp.text
 
     def place(self, offset: int) -> tuple[int, int]:
         """Return line and column of a place in the ready text, both from 1."""
@@ -95,12 +104,13 @@ class CSource:
         """Return the place of a line and column, within the text."""
         return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
 
-    def pack(self, offset: int) -> int | None:
-        """Return the packing of the STRUCT whose brace opens at or after a place."""
-        brace = self.text.find("{", offset)
+    def pack(self, brace: int) -> int | None:
+        """Return the packing of the STRUCT that a brace opens."""
+        return 1 if brace in self.braces else self.by_pragma(brace)
+
+    def by_pragma(self, offset: int) -> int | None:
         line = bisect_right(self.starts, offset)
-        by_pragma = self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
-        return 1 if brace in self.braces else by_pragma
+        return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
 
     def check(self, begin: int, end: int) -> None:
         """Raise UserError when something between two places moves members in a way not understood."""
@@ -121,14 +131,14 @@ class CSource:
     def _without_comments(self, text: str) -> str:
         text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
 
-        def blank(found: re.Match[str]) -> str:
+        def without(found: re.Match[str]) -> str:
             if found[0][0] in "\"'":
                 return found[0]
             if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
                 self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
-            return _blank(found)
+            return blank(found)
 
-        return _SKIPPED.sub(blank, text)
+        return _SKIPPED.sub(without, text)
 
     def _lines(self, text: str) -> list[str]:
         ready: list[str] = []
@@ -158,7 +168,8 @@ class CSource:
             line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
-            self._depth = max(0, self._depth + line.count("{") - line.count("}"))
+            bare = without_texts(line)
+            self._depth = max(0, self._depth + bare.count("{") - bare.count("}"))
         if self._conditions:
             self.refuse(len(lines), "the end of the file", "#endif")
         return ready
@@ -271,39 +282,36 @@ class CSource:
             self.words[name] = body if len(body) <= LONGEST_WORDS else name
 
     def _pragma_pack(self, rest: str, line: int) -> None:
-        found = _PACK.fullmatch(rest)
-        action, number = (found.group(1), self._pack_number(found.group(3))) if found else (None, -1)
+        """Do what gcc does: what it does not understand it passes over."""
+        text = _WORD.sub(lambda word: self.numbers.get(word[0], word[0]), self._expanded(rest))
+        found = _PACK.match(text)
+        action, *more = [word.strip() for word in found[1].split(",")] if found else ["?"]
+        if action not in ("push", "pop", "show"):
+            action, more = "set", [action, *more] if action or more else []
+        names = [word for word in more if _WORD.fullmatch(word) and action != "set"]
+        numbers = [PACKS.get(word, -1) for word in more if word[:1].isdigit() and action != "pop"]
         if self._depth > 0:
             self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
-            return
-        if found is None or number == -1:
-            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
-            return
         now = self.packs[-1][1]
-        if action == "show":
-            return
-        if action == "push":
-            self._stack.append(now)
-        if action == "pop":
-            if not self._stack:
-                self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
-                return
-            now = self._stack.pop()
-        self.packs.append((line, number if number or action is None else now))
-
-    def _pack_number(self, text: str) -> int | None:
-        """Return the number of a pragma, None without, -1 for one that no compiler takes; 16 is 8."""
-        if not text:
-            return None
-        number = self.evaluate(self._expanded(text), self)
-        return min(number, 8) if number in PACKS else -1
+        if len(names) > 1 or len(numbers) > 1 or len(more) > len(names) + len(numbers) or -1 in numbers:
+            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
+        elif action == "pop" and not self._stack:
+            self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
+        elif action == "pop":
+            at = next((at for at, (name, _) in enumerate(self._stack[::-1]) if [name] == names), 0)
+            self.packs.append((line, self._stack[-1 - at][1]))
+            del self._stack[-1 - at :]
+        elif action != "show":
+            if action == "push":
+                self._stack.append(("".join(names), now))
+            self.packs.append((line, numbers[0] if numbers else now if action == "push" else None))
 
     # -- attributes --------------------------------------------------------------------------------------
 
     def _attributes(self, text: str) -> str:
-        pairs = _brace_pairs(text)
+        pairs = brace_pairs(text)
 
-        def blank(found: re.Match[str]) -> str:
+        def without(found: re.Match[str]) -> str:
             listed = found.group("list")
             names = {"packed"} if listed is None else {n.strip().strip("_") for n in listed.split(",")} - {""}
             brace = _braced(text, found.start(), found.end(), pairs) if "packed" in names else None
@@ -314,13 +322,9 @@ class CSource:
                 line, _ = self.place(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
-            return _blank(found)
+            return blank(found)
 
-        return _ATTRIBUTE.sub(blank, text)
-
-
-def _blank(found: re.Match[str]) -> str:
-    return re.sub(r"[^\n]", " ", found.group())
+        return _ATTRIBUTE.sub(without, text)
 
 
 def _arguments(text: str, begin: int) -> tuple[list[str], int]:
@@ -340,16 +344,5 @@ def _arguments(text: str, begin: int) -> tuple[list[str], int]:
 def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
     if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
         return pairs.get(text.rindex("}", 0, begin))
-    ahead = _HEAD.match(text, end)
+    ahead = (_NAME_HEAD if text.startswith("__attribute", begin) else _HEAD).match(text, end)
     return ahead.end() - 1 if ahead else None
-
-
-def _brace_pairs(text: str) -> dict[int, int]:
-    opened: list[int] = []
-    pairs: dict[int, int] = {}
-    for found in re.finditer("[{}]", text):
-        if found.group() == "{":
-            opened.append(found.start())
-        elif opened:
-            pairs[found.start()] = opened.pop()
-    return pairs

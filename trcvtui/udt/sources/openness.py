@@ -1,20 +1,28 @@
 """Siemens Openness XML (SimaticML): PLC data types, global data blocks; trees of `Member[@Name][@Datatype]`.
 
-Start values, comments and the copies of a UDT's members below a member of that UDT are left out: the name
-of the type says it all.
+Start values and comments are left out. What stands in the `Sections` of a member is a copy of its type.
 """
 
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
+from trcvtui.udt.resolve import references
 from trcvtui.udt.sources.st import OPTIMISED, read_spec
 from trcvtui.udt.sources.xml_source import Element, deeper
+from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, Unplaced
 
 TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
+NOT_STORED = ("Temp", "Constant", "Return")
+BY_POINTER = "an in-out parameter, of which an instance keeps a pointer"
+INSTANCE = "an FB instance as the file lists it: it may hide members, so the places after it are a guess"
+
+
+Copies = dict[Any, ast.Declaration]  # by what they declare
 
 
 def read_openness(root: Element) -> ast.Declarations:
@@ -25,13 +33,15 @@ def read_openness(root: Element) -> ast.Declarations:
         raise mistake(root.where, others or "no type", f"<{TYPE}> or <{DATA_BLOCK}>")
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
+    copies: Copies = {}
     for struct in structs:
         with noting(problems):
-            types.append(_declaration(struct))
-    return ast.Declarations(tuple(types), tuple(problems), sender=ast.SenderLayout(S7.name))
+            types.append(_declaration(struct, copies))
+    read = ast.Declarations(tuple(types), tuple(problems), sender=ast.SenderLayout(S7.name))
+    return read._replace(copies=tuple(copies.values()))
 
 
-def _declaration(element: Element) -> ast.Declaration:
+def _declaration(element: Element, copies: Copies) -> ast.Declaration:
     name = element.at("AttributeList", "Name")
     if name is None or not name.text.strip():
         raise mistake(element.where, f"<{element.name}> without a name", "<AttributeList> with <Name>")
@@ -40,7 +50,7 @@ def _declaration(element: Element) -> ast.Declaration:
     if sections is None:
         problems.append(Problem(element.where, f"'{name.text.strip()}' without members", "<Sections>"))
         return ast.Declaration(name.text.strip(), None, element.where, tuple(problems))
-    members = [m for section in sections.all("Section") for m in _members(section, 1, problems)]
+    members = [m for section in sections.all("Section") for m in _members(section, 1, problems, copies)]
     access = element.at("AttributeList", "MemoryLayout")
     notes = (OPTIMISED,) if access is not None and access.text.strip() == "Optimized" else ()
     spec = ast.StructSpec(tuple(members))
@@ -48,23 +58,51 @@ def _declaration(element: Element) -> ast.Declaration:
     return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes, is_data)
 
 
-def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.MemberSpec]:
+def _members(element: Element, depth: int, problems: list[Problem], copies: Copies) -> list[ast.MemberSpec]:
     """Return the members in a section or a STRUCT; a bad one is noted and left out."""
     members: list[ast.MemberSpec] = []
     for member in element.all("Member"):
         with noting(problems):
-            spec = _type(member.needed("Datatype"), member, depth, problems)
+            spec = _type(member.needed("Datatype"), member, depth, problems, copies)
             members.append(ast.MemberSpec(member.needed("Name"), spec, member.where))
     return members
 
 
-def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> ast.Spec:
+def _type(text: str, member: Element, depth: int, problems: list[Problem], copies: Copies) -> ast.Spec:
     """Return the type that ST text names; the members of a STRUCT in it stand below the element."""
     is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
     spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
     if is_struct:
-        return _filled(spec, ast.StructSpec(tuple(_members(member, deeper(depth, member), problems))))
+        return _filled(spec, ast.StructSpec(tuple(_members(member, deeper(depth, member), problems, copies))))
+    named = next(references(spec), None)
+    own = member.at("Sections")
+    if own is not None and named is not None and named.name.upper() not in ELEMENTARY:
+        _copy(named.name, own, deeper(depth, member), copies)
     return spec
+
+
+def _copy(name: str, own: Element, depth: int, copies: Copies) -> None:
+    """Keep the members of a type of this name, once."""
+    problems: list[Problem] = []
+    members: list[ast.MemberSpec] = []
+    kinds = set()
+    for section in own.all("Section"):
+        kind = section.get("Name")
+        found = [] if kind in NOT_STORED else _members(section, depth, problems, copies)
+        members += map(_kept, found) if kind == "InOut" else found
+        kinds |= {kind} if found else set()
+    if members or problems:
+        is_instance = name.casefold() in BUILTIN_TYPES or not kinds <= {"", "None"}
+        notes = (INSTANCE,) if is_instance else ()
+        copy = ast.Declaration(name, ast.StructSpec(tuple(members)), own.where, tuple(problems), notes)
+        copies.setdefault(ast.bare((name, copy.spec)), copy)
+
+
+def _kept(member: ast.MemberSpec) -> ast.MemberSpec:
+    """Return what an instance keeps of an in-out parameter: the value of an elementary one."""
+    row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.Reference) else None
+    is_value = row is not None and row.name not in ("DT", "DTL")
+    return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER))
 
 
 def _filled(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:

@@ -11,23 +11,30 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.ast import Declaration, Declarations
+from trcvtui.udt.ast import Declaration, Declarations, bare
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
+from trcvtui.udt.sources import apart, content_of, declarations_in, decode_text, type_files_in
 from trcvtui.udt.type_set import TypeSet, join
 
 MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_TOLD: Final = 8  # names in one line
 TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
+PACKAGE_FILES: Final = (".typ", ".var")  # what they declare counts in all packages of their folder
+MOST_AROUND: Final = 8  # folders
+GENERATED: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the .typ files of a library
 
 
 class TypeFolder:
     """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
+
+    extensions: str | tuple[str, ...] = ""  # of the files that count, "" for all
 
     def __init__(self, path: str, place: str, without: Iterable[str] = (), is_whole: bool = True) -> None:
         self.path, self.place, self.is_whole = path, place, is_whole
@@ -41,7 +48,8 @@ class TypeFolder:
         size = 0
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
-            for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+            names = [name for name in type_files_in(folder) if name.lower().endswith(self.extensions)]
+            for path in (os.path.join(folder, name) for name in names):
                 if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
                     continue
                 with suppress(UserError):
@@ -54,12 +62,21 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, nothing if it cannot be read."""
+        """Return what a file declares, of a generated header what no .typ does; nothing of one unread."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with suppress(UserError):
-                self.read[file] = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+                read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+                if re.fullmatch(GENERATED, file):
+                    types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
+                    read = read._replace(types=types, problems=read.problems if types else ())
+                self.read[file] = apart(read, file, self.texts)
         return self.read[file]
+
+    @cached_property
+    def typ_names(self) -> set[str]:
+        files = [self.declarations(file) for file in self.texts if file.lower().endswith(".typ")]
+        return {each.name.casefold() for declared in files for each in declared.types}
 
     def all(self) -> list[Declarations]:
         return _once(map(self.declarations, self.texts))
@@ -70,9 +87,10 @@ class TypeFolder:
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
         found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
-        for file in [file for file, text in self.texts.items() if sought.search(text)]:
+        texts = self.texts.items()
+        for file in [file for file, text in texts if sought.search(text) or sought.search(file.casefold())]:
             declared = self.declarations(file)
-            owners = [each for each in declared.types if last in _names(each, kind)]
+            owners = [each for each in declared.types if _declares(each, last, kind)]
             constants = declared.constants if kind == CONSTANT else ()
             if owners or any(plain_name(each.name).casefold().split(".")[-1] == last for each in constants):
                 is_good = not any(each.spec is None or each.problems for each in owners)
@@ -80,10 +98,25 @@ class TypeFolder:
         return found[True] or found[False]
 
 
-def _names(declared: Declaration, kind: str) -> list[str]:
+def _declares(declared: Declaration, name: str, kind: str) -> bool:
     if kind == CONSTANT:
-        return [name.casefold() for name, _ in getattr(declared.spec, "values", ())]
-    return [] if declared.is_data and kind == TYPE else [declared.name.casefold()]
+        return name in [each.casefold() for each, _ in getattr(declared.spec, "values", ())]
+    is_sought = kind == TYPE_OR_DATA or not declared.is_data
+    return is_sought and f"/{declared.name.casefold()}".endswith(f"/{name}")  # `Prog/Variables` is one, too
+
+
+def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
+    """Yield the packages around a file, or a folder, up to the begin of the project, the nearest first."""
+    inner = Path(os.path.abspath(path))
+    folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_AROUND + 1]
+    for folder, around in pairwise(folders):
+        if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
+            return
+        package = TypeFolder(
+            os.path.relpath(around), f"in {os.path.relpath(around)}", without, is_whole=False
+        )
+        package.extensions = PACKAGE_FILES
+        yield package
 
 
 def find_types(
@@ -112,6 +145,7 @@ def find_types(
 
 def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     known = types.types.keys() | types.broken.keys()
+    yield from ((name, TYPE) for name in types.used_system)  # what a file declares comes first
     for name in names:
         if known.isdisjoint({name.casefold(), name.casefold().rpartition(".")[2]}):
             yield name, TYPE_OR_DATA
@@ -140,17 +174,8 @@ def _once(files: Iterable[Declarations]) -> list[Declarations]:
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:
-        bare = [_bare((each.name, each.spec, file.sender.layout)) for each in file.types]
-        new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
+        contents = [bare((each.name, each.spec, file.sender.layout)) for each in file.types]
+        new = [each for each, content in zip(file.types, contents, strict=True) if content not in known]
         kept.append(file._replace(types=tuple(new)))
-        known |= set(bare)
+        known |= set(contents)
     return kept
-
-
-def _bare(part: Any) -> Any:
-    """Return a part of a declaration without its places."""
-    if isinstance(part, tuple):
-        names = getattr(part, "_fields", ())
-        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
-        return type(part), *map(_bare, kept)
-    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

@@ -1,0 +1,95 @@
+"""The screens of an engine: what each of them says and asks for, and what it has to be told.
+
+Rule 1: none of them stops a scan: nothing here waits, and of many no more is taken at once than of one.
+Rule 2: an answer goes to the screen that gave the line, what is told of itself to all.
+Rule 3: one that ends, or says what no screen says, is closed; with the first one the engine ends.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections import deque
+from collections.abc import Iterable, Iterator
+from multiprocessing.connection import Connection as Channel
+from typing import TYPE_CHECKING, Final
+
+from msgspec import MsgspecError
+from msgspec.structs import replace
+
+from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, unpacked
+from trcvtui.picture.protocol import MOST_TABS, REFUSED, may_say
+from trcvtui.picture.update_pipe import MessageReader, UpdatePipe
+from trcvtui.snapshots.bench import Answer
+
+if TYPE_CHECKING:
+    from trcvtui.engine.trigger_watch import KeptScan
+    from trcvtui.net.os.tab_door import TabDoor
+    from trcvtui.project.project import Project
+
+MOST_MESSAGES: Final = 64  # that are taken at once
+MOST_MESSAGE: Final = 4 << 20  # bytes
+MOST_UNREAD: Final = 1024  # answers
+FIRST_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
+
+
+class AttachedScreen:
+    """One screen; `number` counts them from 0. Its lines have numbers among those of all screens."""
+
+    def __init__(self, channel: Channel, number: int) -> None:
+        self.channel, self.number = channel, number
+        self.pipe, self._reader = UpdatePipe(channel), MessageReader(channel, MOST_MESSAGE)
+        self.request: UpdateRequest | None = None
+        self.asked_at, self.make_ns = 0, FIRST_NS if number else 0  # what it took last to make a picture
+        self.answers: list[Answer] = []  # that are in no picture yet
+        self.kept: KeptScan | None = None  # the scan of a trigger that it has not been shown
+        self.is_gone = False
+
+    def message(self) -> tuple[int, str] | UpdateRequest | None:
+        try:
+            content = self._reader.take()
+            said = None if content is None else unpacked(content)
+        except (EOFError, OSError, ValueError, MsgspecError, RecursionError):
+            said, self.is_gone = None, True
+        return (self.number * MOST_NUMBER + said[0], said[1]) if isinstance(said, tuple) else said
+
+
+class AttachedScreens:
+    """The first screen, or `serve` in its place, and the tabs that come in by the door of `serve`."""
+
+    def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabDoor | None) -> None:
+        self.first = AttachedScreen(channel, 0)
+        self.all = deque([self.first])  # as their turns come
+        self._read_only, self._door, self._came = read_only, door, 0
+        self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
+
+    def messages(self) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
+        """Yield what has come; let tabs in and out; raise EOFError when the first one is gone."""
+        if self._door is not None and (descriptor := self._door.accept()) is not None:
+            self._came += 1
+            self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))
+            tab.pipe.post(self._hello)
+            tab.is_gone = len(self.all) - 1 > MOST_TABS
+        self.all.rotate(-1)
+        for screen in tuple(self.all):
+            for _ in range(MOST_MESSAGES // len(self.all)):
+                if (message := screen.message()) is None:
+                    break
+                if self._read_only and not isinstance(message, UpdateRequest) and not may_say(message[1]):
+                    self.hand_out([Answer(*message, REFUSED)])
+                else:
+                    yield screen, message
+            if screen.is_gone and screen is self.first:
+                if self._door is not None:
+                    self._door.close()  # `serve` may have been killed
+                raise EOFError
+            if screen.is_gone:
+                self.all.remove(screen)
+                screen.channel.close()
+
+    def hand_out(self, answers: Iterable[Answer]) -> None:
+        for answer in answers:
+            number, own = divmod(answer.number, MOST_NUMBER)
+            for screen in self.all:
+                if number == screen.number or not answer.number:
+                    screen.answers[:-MOST_UNREAD] = []
+                    screen.answers.append(replace(answer, number=own))

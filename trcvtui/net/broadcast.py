@@ -1,0 +1,50 @@
+"""UDP broadcasts: one socket may send them, and a second one hears those of its network.
+
+A socket that is bound to an address gets no broadcast on Linux. The second one is bound to the broadcast
+address of that very network, never to 0.0.0.0; 255.255.255.255 comes to neither.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.net.kernel import Handle, Kernel
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
+
+MOST_OWN: Final = 256  # datagrams of our own that one call passes over
+
+
+def begin_broadcasts(
+    kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
+) -> tuple[Handle | None, str]:
+    """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
+    refused = kernel.set_broadcast(handle)
+    here, own = local.address, kernel.local_addresses()  # 127.0.0.0/8 is one network
+    near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
+    everybody = next((each.broadcast for each in near), "")
+    if refused is not None or not everybody:
+        return None, str(refused or f"this system tells no broadcast address of {local.address}")
+    made, end = kernel.datagram_socket(owner), Endpoint(everybody, local.port)
+    if isinstance(made, Fault):
+        return None, str(made)
+    refused = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
+    if refused is None:
+        return made, ""
+    kernel.close(made)
+    return None, f"{end}: {refused}"
+
+
+def take_datagram(
+    kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
+) -> Datagram | WouldBlock | Fault:
+    """Take the next datagram; with broadcasts the stack brings back our own, which a CPU does not hear."""
+    if hearing is None:
+        return kernel.recv_from(handle, into)
+    for each in (handle, hearing):
+        for _ in range(MOST_OWN):
+            got = kernel.recv_from(each, into)
+            if got is WOULD_BLOCK:
+                break
+            if not isinstance(got, Datagram) or got.source != own:
+                return got
+    return WOULD_BLOCK

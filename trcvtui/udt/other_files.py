@@ -1,0 +1,58 @@
+"""Files that are not read, a row each: what they are, how they are known, and what to use in their place.
+
+Rule: the content tells first, then the name. Type files and captures are refused with the same words.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from typing import Final, NamedTuple
+
+from trcvtui.errors import mistake
+
+HEAD: Final = 4096  # bytes in which a content shows
+_ST: Final = "its types as text: TYPE ... END_TYPE"
+_XML: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
+_DUT: Final = "the .TcDUT file of each type"
+_CAPTURE: Final = "pcapng: editcap -F pcapng {0} {0}.pcapng"
+_NO: Final = "(?!)"
+
+
+class _OtherFile(NamedTuple):
+    what: str
+    expected: str
+    suffix: str = _NO
+    content: bytes = _NO.encode()
+
+
+_ROWS: Final = (
+    _OtherFile("a Microsoft Network Monitor 2.x capture", _CAPTURE, content=rb"\AGMBU"),
+    _OtherFile("a Microsoft Network Monitor 1.x capture", _CAPTURE, content=rb"\ARTSS"),
+    _OtherFile("a Sun snoop capture", _CAPTURE, content=rb"\Asnoop\x02"),
+    _OtherFile("a Rockwell Studio 5000 export (L5X)", _ST, "l5x", rb"<RSLogix5000Content\b"),
+    _OtherFile("a Rockwell Studio 5000 export (L5K)", _ST, "l5k", rb"(?m)^\s*IE_VER\s*:="),
+    _OtherFile("a Rockwell Studio 5000 project (ACD)", _ST, "acd"),
+    _OtherFile("a CANopen or POWERLINK device file (XDD)", _ST, "xdc", rb"<(\w+:)?ISO15745Profile"),
+    _OtherFile("a Schneider Control Expert (Unity Pro) export (XEF, XDD)", _ST, "[xz]ef|x(dd|db|sy|pg)",
+               rb"<\w+ExchangeFile\b"),
+    _OtherFile("an Omron Sysmac Studio export (XML)", _ST, content=rb"//www\.ia\.omron\.com/Smc"),
+    _OtherFile("an Omron Sysmac Studio project (SMC2)", _ST, "smc2?|csm2"),
+    _OtherFile("a CODESYS export (.export)", _XML, "export", rb"<ExportFile>"),
+    _OtherFile("a CODESYS project (.project)", _XML, "project|projectarchive"),
+    _OtherFile("a Siemens TIA Portal project (.zap, .ap)", "its types as .udt or .xml", r"z?ap\d\d"),
+    _OtherFile("a Siemens SIMATIC SD text file (.s7res)", "the .s7dcl file beside it", "s7res"),
+    _OtherFile("a Beckhoff TwinCAT POU (.TcPOU)", _DUT, "tcpou|tcio", rb"<TcPlcObject[^>]*>\s*<(POU|Itf)\b"),
+    _OtherFile("a Beckhoff TwinCAT project (.tsproj, .tmc)", _DUT, "tsproj|plcproj|tmc"),
+    _OtherFile("a zip archive", "the files in it, unpacked", content=rb"\APK\x03\x04"),
+)  # fmt: skip
+
+
+def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
+    """Raise UserError for a file that has a row and begins so; `expected` in place of what is no capture."""
+    text, suffix = head[:HEAD].replace(b"\0", b""), name.rpartition(".")[2]  # of UTF-16, too
+    found = [row for row in _ROWS if re.search(row.content, text)]
+    named = [row for row in _ROWS if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
+    for row in named + found if text.startswith(b"PK") else found + named:
+        wanted = row.expected if not expected or row.expected is _CAPTURE else expected
+        raise mistake(name, f"{row.what}, which is not read", wanted.format(shlex.quote(name)))

@@ -1,0 +1,195 @@
+"""C++ in a header made C: what adds nothing to the size of a class goes, all else keeps its place.
+
+Rule: only what is known to add nothing goes; the rest stays, and the C parser refuses it at its line.
+In a class a type is left as a member that is `_Atomic`, a constant as an enumeration.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+DEEPEST: Final = 64
+_NAME: Final = r"[A-Za-z_]\w*"
+_QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
+_STD: Final = re.compile(r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)")
+_CLASS: Final = re.compile(r"\b(?:struct|union)\b([^;{}()=<>,]*)\{")
+_ENUM: Final = re.compile(rf"\benum\b(\s+struct\b)?(?:\s+{_NAME})?\s*(:[\w\s]+)?\{{")
+_ALIAS: Final = re.compile(rf"\busing\s+({_NAME})\s*=([\w\s*]+);")
+_CONSTANT: Final = re.compile(r"\bconstexpr\b(?=[\w\s]*=(?:[\w\s+\-*/()|&'\0]|<<|>>)*;)")
+_LANGUAGE: Final = re.compile(
+    r"\b(?:namespace|template|virtual|using|public|private|protected|constexpr|operator|friend)\s+\w|::"
+)
+# In a class, of which the brackets and texts hold NULs alone.
+_LABEL: Final = re.compile(r"(?:public|private|protected)\s*:(?!:)")
+_NOTHING: Final = re.compile(rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;")
+_STATIC: Final = re.compile(
+    rf"(?:(?:inline|const|constexpr)\s+)*static\b(?:[\w\s*&]|::|<[^;{{}}()=]*>)*?\b({_NAME})\s*"
+    r"(?:\[\0*\]\s*)*(=[^;{},]*|=?\s*\{\0*\}\s*)?;"
+)
+_FUNCTION: Final = re.compile(
+    rf"""(?P<head>(?:[\w\s*&]|::|<[^;{{}}()=]*>){{0,300}}?)
+    (?P<name>\boperator\b\s*(?:\(\0*\)|\[\0*\]|[^\s\w({{;\[]+|[\w*&\s]{{1,80}}?)|~?\b{_NAME})\s*+
+    \((?P<given>\0*)\)\s*+(?P<after>(?:(?:const|noexcept|volatile)\b\s*+)*&{{0,2}})\s*+
+    (?:(?P<body>(?::(?:\s*+[\w:]++\s*+(?:\(\0*\)|\{{\0*\}})\s*+,?)+\s*+)?\{{\0*\}}(?:\s*;)?)
+    |=\s*+(?:default|delete)\s*+;|;)""",
+    re.VERBOSE,
+)
+_SPECIFIERS: Final = {"static", "inline", "constexpr", "explicit", "friend", "const", "struct", "enum"}
+_BUILT_IN: Final = {"void", "bool", "char", "short", "int", "long", "float", "double", "signed", "unsigned"}
+_PARAMETERS: Final = re.compile(
+    r"\s*\Z|.*(?:\w\s*[\s*&]\s*[A-Za-z_*&)]|\b(?:\w+_t|int|bool|float|double|char)\b)", re.DOTALL
+)
+_TYPE: Final = re.compile(r"(?:(?:const|volatile)\s+)*(?:struct|union|enum)\b")
+_VALUE: Final = re.compile(
+    r"(?<![=!<>])=(?!=)[^;,{}]*(?:\{\0*\}\s*)?(?=[;,])|(?<=[\w\]])\s*\{\0*\}(?=\s*[;,])"
+)
+_FITS: Final = re.compile(  # its type surely holds the value
+    rf"(?<!short\s)\b(?:unsigned|int|size_t|u?int(?:32|64)_t)\s+{_NAME}\s*=|\A(?!.*\bbool\b).*=\s*\d{{1,2}}\s*\Z",
+    re.DOTALL,
+)
+# What is C++ in a text that the C parser cannot read; the first of it is at fault.
+MARKS: Final = re.compile(
+    r"\b(?:virtual|template|alignas|operator|decltype|friend|using|constexpr|static)\b|\[\[|~|\w+\s*::"
+    rf"|{_NAME}\s*<[^;{{}}()]*>|[\w>]\s*&&?\s*\w+\s*[;,]|(?<!:):(?!:)[^;{{}}()?]*\{{"
+)
+
+
+class CppSource:
+    """A header of which the C parser can read the `text`; whether it `is_cpp`, and `has_classes` of C++.
+
+    `bases` are the types of enumerations by the place of their brace, and whether these are scoped;
+    `has_types`: a member that is `_Atomic` is a type.
+    """
+
+    def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
+        self.text = _STD.sub(blank, text)
+        self.bases: dict[int, tuple[str, bool]] = {}
+        self._edits: dict[int, str] = {}
+        self.has_types = "_Atomic" not in text
+        bare = without_texts(self.text)
+        pairs, ends = brace_pairs(bare), list[int]()
+        for found in _CLASS.finditer(bare):
+            end = pairs.get(found.end() - 1, 0)
+            ends = [one for one in ends if one > end]
+            if end and len(ends) < DEEPEST:
+                ends.append(end)
+                names = re.findall(_NAME, found[1].split(":")[0])
+                self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
+        self.has_classes = has_classes or bool(self._edits)
+        self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
+        for found in _ENUM.finditer(bare):
+            if found[1] or found[2]:
+                self.bases[found.end() - 1] = (found[2] or ":int")[1:].strip(), bool(found[1])
+                self._blank(*found.span(1))
+                self._blank(*found.span(2))
+        outer = _flat(bare, 0, len(bare))
+        for found in _ALIAS.finditer(outer):
+            self._put(*found.span(), f"typedef {found[2].strip()} {found[1]};")
+        for found in _CONSTANT.finditer(outer):
+            self._edits[found.start()] = "const    "
+        parts, at = [], 0
+        for begin, new in sorted(self._edits.items()):
+            parts += [self.text[at:begin], new]
+            at = begin + len(new)
+        self.text = "".join([*parts, self.text[at:]])
+
+    def _blank(self, begin: int, end: int) -> None:
+        if begin >= 0:
+            self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
+
+    def _put(self, begin: int, end: int, new: str) -> None:
+        """Put C in place of C++ in one line, where it has room; else that stays."""
+        first = len(self.text[:begin].rstrip(" \t"))
+        if "\n" not in self.text[begin:end] and len(new) <= end - first:
+            begin = min(begin, end - len(new))
+            self._edits[begin] = new.ljust(end - begin)
+
+    def _class(self, flat: str, start: int, name: str) -> None:
+        at = _end(r"\s*", flat, 0)
+        while at < len(flat):
+            text = flat[at : _end(r"[^;]*;?", flat, at)]
+            found = _LABEL.match(flat, at) or ("(" in text and _FUNCTION.match(flat, at)) or None
+            if found and (found.re is _LABEL or self._is_function(found, start, name)):
+                self._blank(start + at, start + found.end())
+                at = found.end()
+            else:
+                self._data(text, start + at)
+                at += len(text)
+            at = _end(r"\s*", flat, at)
+
+    def _is_function(self, found: re.Match[str], start: int, class_: str) -> bool:
+        """Return whether it is surely no member with a size, nor a macro that could be one."""
+        name, head = found["name"], found["head"]
+        words = re.findall(r"\w+", re.sub(r"<[^;]*>|\w+\s*::", " ", head))
+        types = [word for word in words if word not in _SPECIFIERS]
+        count = len([word for word in types if word not in _BUILT_IN]) + any(w in _BUILT_IN for w in types)
+        if name == class_ or name[0] == "~":
+            return not count and not re.search("[*&]", head)
+        if name.startswith("operator"):
+            return count <= 1
+        if count != 1 or name in _BUILT_IN | _SPECIFIERS:
+            return False
+        given = self.text[start + found.start("given") : start + found.end("given")]
+        is_plain = _PARAMETERS.match(given) and not name.isupper()
+        return is_plain or bool(found["body"] or found["after"])
+
+    def _data(self, text: str, at: int) -> None:
+        if re.search(r"\b(?:operator|virtual|template)\b", text):
+            return
+        if _NOTHING.fullmatch(text):
+            self._blank(at, at + len(text))
+        elif found := _STATIC.fullmatch(text):
+            given = self.text[at : at + len(text) - 1]
+            if not re.search(r"\bconst(?:expr)?\b", text):
+                self._blank(at, at + len(text))
+            else:
+                is_known = (found[2] or "")[:1] == "=" and _FITS.search(given)
+                value = given[found.start(2) + 1 :] if is_known else '""'  # a name without a number
+                self._put(at, at + len(text), f"enum{{{found[1]}={value.strip()}}};")
+        elif (alias := _ALIAS.fullmatch(text)) and self.has_types:
+            self._put(at, at + len(text), f"_Atomic {alias[2].strip()} {alias[1]};")
+        elif re.match(r"typedef\b", text) and self.has_types:
+            self._edits[at] = "_Atomic"
+        else:
+            for found in () if _TYPE.match(text) else _VALUE.finditer(text):
+                self._blank(at + found.start(), at + found.end())
+
+
+def without_texts(text: str) -> str:
+    return _QUOTED.sub(lambda found: "\0" * len(found[0]), text)
+
+
+def blank(found: re.Match[str]) -> str:
+    return re.sub(r"[^\n]", " ", found.group())
+
+
+def brace_pairs(text: str) -> dict[int, int]:
+    opened: list[int] = []
+    pairs: dict[int, int] = {}
+    for found in re.finditer("[{}]", text):
+        if found.group() == "{":
+            opened.append(found.start())
+        elif opened:
+            pairs[found.start()] = opened[-1]
+            pairs[opened.pop()] = found.start()
+    return pairs
+
+
+def _end(pattern: str, text: str, at: int) -> int:
+    found = re.compile(pattern).match(text, at)
+    return found.end() if found else at
+
+
+def _flat(text: str, begin: int, end: int) -> str:
+    """Return a part of a text with NULs in place of what stands in brackets."""
+    parts, depth, at = list[str](), 0, begin
+    for found in re.compile(r"[(\[{}\])]").finditer(text, begin, end):
+        if found[0] in "([{":
+            parts += [] if depth else [text[at : found.end()]]
+            at, depth = (at if depth else found.end()), depth + 1
+        elif depth:
+            depth -= 1
+            parts += [] if depth else ["\0" * (found.start() - at)]
+            at = at if depth else found.start()
+    return "".join([*parts, "\0" * (end - at) if depth else text[at:end]])

@@ -1,0 +1,50 @@
+"""Bytes of a type as its initial value in ST: `[16#0D, 16#0A]`, `(speed := 1.5, name := 'abc')`."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import Final
+
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedArray, PlacedLeaf, PlacedUnion
+from trcvtui.udt.layout.value_text import real_text
+from trcvtui.udt.layout.values import decode_leaf
+from trcvtui.udt.literals import quoted
+from trcvtui.udt.types import Elementary, LeafType, StringType, ValueKind
+
+FEWEST_REPEATED: Final = 4  # `4(16#00)`, and fewer one by one
+
+
+def initial_value(layout: Layout, content: bytes) -> str:
+    def of(node: Node, at: int, bit: int | None = None) -> str:
+        if isinstance(node, PlacedLeaf):
+            leaf = Leaf("", node.type, at, node.size, node.coding, (bit or 0) if node.is_bit else None)
+            return _literal(node.type, node.size, decode_leaf(layout, leaf, content[at : at + node.size]))
+        if isinstance(node, PlacedArray):
+            places = map(node.place, range(node.count))
+            return f"[{', '.join(_repeated([of(node.element, at + place, bit) for place, bit in places]))}]"
+        members = list(node.flat(at))
+        if isinstance(node, PlacedUnion):  # one member alone has a value
+            members = [max(members, key=lambda one: one.node.size)]
+        return f"({', '.join(f'{one.name} := {of(one.node, one.offset, one.bit)}' for one in members)})"
+
+    return of(layout.root, 0)
+
+
+def _repeated(values: list[str]) -> list[str]:
+    found = [(value, len([*same])) for value, same in groupby(values)]
+    each = ([f"{n}({value})"] if n >= FEWEST_REPEATED else [value] * n for value, n in found)
+    return [value for some in each for value in some]
+
+
+def _literal(type_: LeafType, size: int, value: Value) -> str:
+    kind = type_.kind if isinstance(type_, Elementary) else None
+    if isinstance(type_, StringType) or kind is ValueKind.CHARACTER:
+        return quoted(str(value), type_.wide if isinstance(type_, StringType) else size > 1)
+    if isinstance(value, bool):
+        return str(value).upper()
+    if isinstance(value, float):
+        text = real_text(value, size)
+        return text if "." in text else text.replace("e", ".0e")
+    return f"16#{value:0{2 * size}X}" if kind is ValueKind.BITS else str(value)

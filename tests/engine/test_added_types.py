@@ -147,7 +147,7 @@ def test_a_row_of_no_file_is_a_mistake_of_a_reload(driver: LocalDriver, folder: 
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "gone.st"\n', encoding="utf-8")
     assert "gone.st: found No such file" in answer(driver, "udt reload")
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "t.st"\n', encoding="utf-8")
-    assert "'t.st' for the second time" in answer(driver, "udt reload")
+    assert "'t.st', the name of another udt" in answer(driver, "udt reload")
     (folder / "p.toml").unlink()
     assert answer(driver, "udt reload").startswith("1 type read")
 

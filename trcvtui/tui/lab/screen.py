@@ -34,7 +34,6 @@ from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
-from trcvtui.udt.literals import quoted
 from trcvtui.udt.sources import formats_text
 
 KEYS: Final = (
@@ -43,7 +42,7 @@ KEYS: Final = (
 )  # fmt: skip
 ACTIONS: Final = {
     "e": "order('theirs')", "f": "fit", "c": "cure", "o p": "profile('theirs')", "s": "text('theirs')",
-    "x": "exchange", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
+    "x": "exchange", "u": "use", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
     "?": "help", "esc": "leave",
 }  # fmt: skip
 OPEN: Final = "ask('udt open ')"
@@ -197,7 +196,7 @@ class LabScreen(SideScreen[None]):
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
-        self.show_keys()
+        self.show_keys((("u", f"use for {data}"),) if (data := self._data_for_use()) else ())
 
     def look(self) -> None:
         if self.lab.look():
@@ -382,18 +381,28 @@ class LabScreen(SideScreen[None]):
             self.send(f"resize {declared.name} {declared.type_name}")
         self.show()
 
+    def _data_for_use(self) -> str:
+        """Return DATA of the selected instance that has another type than the one that is looked at."""
+        declared, name = self._view_model.declaration, self.lab.type_name
+        is_other = declared is not None and (self.lab.opened or declared.type_name != name)
+        return declared.name if declared is not None and name and is_other else ""
+
     def action_use(self) -> None:
         """Let DATA of the selected instance have the type that is looked at; its file comes first."""
-        declared, project = self._view_model.declaration, self._view_model.project
-        file = self.lab.opened.paths[0].resolve() if self.lab.opened is not None else None
-        is_new = file is not None and not any(is_same_file(file, each) for each in project.udt_files)
-        first = f"add udt {quoted(str(file))}" if is_new else f"{UDT} {RELOAD}"
-        self._trouble = fault_of(first, project) if is_new else ""
-        if declared is None or not self.lab.type_name:
-            self._trouble = "u is for a type, and an instance that has DATA"
+        from trcvtui.commands.edit import udt_line  # read when first asked for
+
+        project, opened, data = self._view_model.project, self.lab.opened, self._data_for_use()
+        first, self._trouble = f"{UDT} {RELOAD}", ""
+        if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
+            first = udt_line(str(opened.paths[0].resolve()))
+            self._trouble = fault_of(first, project)
+        if not data:
+            has_data = self._view_model.declaration is not None
+            missing = "another type (t, O)" if has_data else "an instance that has DATA"
+            self._trouble = f"u uses a type for DATA of the selected instance: needs {missing}"
         elif not self._trouble:
             self.send(first)
-            self.send(f"set data {declared.name} type={self.lab.type_name}")
+            self.send(f"set data {data} type={self.lab.type_name}")
         self.show()
 
     def action_data_as_theirs(self) -> None:

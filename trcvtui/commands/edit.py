@@ -183,11 +183,6 @@ UDT: Final = "udt"
 MOST_TYPES: Final = 8  # that are told
 
 
-def udt_line(name: str) -> str:
-    """Return the line that adds a file of types."""
-    return f"add {UDT} " + (quoted(name) if "'" in name or '"' in name else name)
-
-
 def _udt_file(name: str, project: Project, where: str) -> UdtFile:
     """Return a file with types for the project; raise UserError where it has none, or hides one."""
     path = os.path.expanduser(name)
@@ -380,7 +375,8 @@ def _changes(kind: str, words: Words) -> dict[str, Any]:
 def parse_remove(words: Words, project: Project) -> Remove:
     """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
     kind, name = _named(words, project)
-    words.next("the name of what is to be removed")
+    missing = "the name of what is to be removed"
+    name = unquoted(words.rest_text(missing)) if kind == UDT else words.next(missing)
     decl = entry(kind, name, project) if kind else None
     if decl is None:
         names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
@@ -517,8 +513,6 @@ def add_line(command: Add | AddData) -> str:
             return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
         case SequenceDecl():
             return " ".join([start, *decl.steps])
-        case UdtFile():
-            return udt_line(decl.name)
         case _:
             return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
 

@@ -25,10 +25,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
-from trcvtui.commands.edit import udt_line
 from trcvtui.commands.patterns import ANY, Atom, Scan
 from trcvtui.commands.table import to_line
-from trcvtui.commands.tokens import unquoted
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
@@ -448,9 +446,8 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
 
 def _from_here(line: str, old: Path, new: Path) -> str:
     """Return a step as it stands in another folder: a file that it adds is named from there on."""
-    start = udt_line("")
-    name = unquoted(line.removeprefix(start))
-    return udt_line(way_to(name, old, new)) if line.startswith(start) else line
+    start, name = "add udt ", line.removeprefix("add udt ")
+    return start + way_to(name, old, new) if line.startswith(start) else line
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:

@@ -136,8 +136,8 @@ async def test_beside_the_demo_nothing_is_written(path: Path) -> None:
     before = sorted(demo_path().parent.iterdir())
     async with form_of_types(demo_path()) as stage:
         await paste(stage, ORDER)
-        await stage.press("enter")
         assert "which came with trcvtui" in said(stage)
+        await stage.press("enter")
         assert isinstance(stage.app.screen, AddScreen)
     assert sorted(demo_path().parent.iterdir()) == before
 

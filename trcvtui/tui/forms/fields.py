@@ -27,11 +27,8 @@ def kinds_of(project: Project) -> tuple[str, ...]:
 
 def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
     """Return the command that the fields make; an empty field says nothing."""
-    from trcvtui.commands.edit import UDT, udt_line  # read when first asked for
-    from trcvtui.udt.literals import quoted
+    from trcvtui.udt.literals import quoted  # read when first asked for
 
-    if kind == UDT:
-        return udt_line(name.strip())
     bare, may_have_blanks = keys_of_line(kind, project)
     words = ["add", kind, name.strip()]
     for key, text in texts.items():

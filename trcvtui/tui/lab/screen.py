@@ -389,12 +389,10 @@ class LabScreen(SideScreen[None]):
 
     def action_use(self) -> None:
         """Let DATA of the selected instance have the type that is looked at; its file comes first."""
-        from trcvtui.commands.edit import udt_line  # read when first asked for
-
         project, opened, data = self._view_model.project, self.lab.opened, self._data_for_use()
         first, self._trouble = f"{UDT} {RELOAD}", ""
         if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
-            first = udt_line(str(opened.paths[0].resolve()))
+            first = f"add udt {opened.paths[0].resolve()}"
             self._trouble = fault_of(first, project)
         if not data:
             has_data = self._view_model.declaration is not None

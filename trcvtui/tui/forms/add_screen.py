@@ -124,7 +124,7 @@ class AddScreen(FormDialog[str]):
 
     def _specs(self, project: Project) -> list[AddField]:
         if self.kind == "udt":
-            return [AddField(FILE, "of a folder beside it", tuple(type_files_in(project.base)))]
+            return [AddField(FILE, "none beside the project", tuple(type_files_in(project.base)))]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 

@@ -196,7 +196,9 @@ class LabScreen(SideScreen[None]):
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
-        self.show_keys((("u", f"use for {data}"),) if (data := self._data_for_use()) else ())
+        declared, name = self._view_model.declaration, self.lab.type_name
+        is_other = declared is not None and name.casefold() not in ("", declared.type_name.casefold())
+        self.show_keys((("u", f"use for {declared.name}"),) if declared is not None and is_other else ())
 
     def look(self) -> None:
         if self.lab.look():
@@ -381,26 +383,19 @@ class LabScreen(SideScreen[None]):
             self.send(f"resize {declared.name} {declared.type_name}")
         self.show()
 
-    def _data_for_use(self) -> str:
-        """Return DATA of the selected instance that has another type than the one that is looked at."""
-        declared, name = self._view_model.declaration, self.lab.type_name
-        is_other = declared is not None and (self.lab.opened or declared.type_name != name)
-        return declared.name if declared is not None and name and is_other else ""
-
     def action_use(self) -> None:
         """Let DATA of the selected instance have the type that is looked at; its file comes first."""
-        project, opened, data = self._view_model.project, self.lab.opened, self._data_for_use()
+        declared, project, opened = self._view_model.declaration, self._view_model.project, self.lab.opened
         first, self._trouble = f"{UDT} {RELOAD}", ""
         if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
             first = f"add udt {opened.paths[0].resolve()}"
             self._trouble = fault_of(first, project)
-        if not data:
-            has_data = self._view_model.declaration is not None
-            missing = "another type (t, O)" if has_data else "an instance that has DATA"
-            self._trouble = f"u uses a type for DATA of the selected instance: needs {missing}"
+        if declared is None or not self.lab.type_name:
+            what = "a type (t, O)" if declared is not None else "an instance with DATA to be selected"
+            self._trouble = f"u takes the type for DATA, and needs {what}"
         elif not self._trouble:
             self.send(first)
-            self.send(f"set data {data} type={self.lab.type_name}")
+            self.send(f"set data {declared.name} type={self.lab.type_name}")
         self.show()
 
     def action_data_as_theirs(self) -> None:

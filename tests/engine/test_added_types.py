@@ -131,6 +131,27 @@ def test_a_file_of_another_folder_is_named_from_that_of_the_project(
     assert names(driver) == ["T"]
 
 
+def test_a_file_is_added_once_by_whatever_name(driver: LocalDriver, folder: Path) -> None:
+    (folder / "a b").mkdir()
+    say(driver, "add udt order.st")
+    for name in ("order.st", "./order.st", "a b/../order.st", f"{folder}/order.st"):
+        assert "'order.st', the name of another udt" in answer(driver, f"add udt {name}")
+    assert say(driver).unsaved == 1
+
+
+def test_a_name_with_blanks_needs_no_quotes(driver: LocalDriver, folder: Path) -> None:
+    (folder / "an order.st").write_text(ORDER, encoding="utf-8")
+    say(driver, "add udt an order.st")
+    assert names(driver) == ["T", "Order"]
+    assert answer(driver, "remove udt an order.st") == "UDT file an order.st is removed"
+
+
+def test_a_row_that_was_removed_does_not_come_back_with_a_reload(driver: LocalDriver, folder: Path) -> None:
+    say(driver, "remove data rx", "remove udt t.st", "udt reload")
+    assert names(driver) == [] and say(driver).unsaved == 2
+    assert answer(driver, "undo") == "taken back: UDT file t.st is added"
+
+
 def test_rows_that_were_written_by_hand_come_with_a_reload_and_stand_once(
     driver: LocalDriver, folder: Path
 ) -> None:

@@ -124,7 +124,9 @@ class AddScreen(FormDialog[str]):
 
     def _specs(self, project: Project) -> list[AddField]:
         if self.kind == "udt":
-            return [AddField(FILE, "none beside the project", tuple(type_files_in(project.base)))]
+            known = [each.name for each in project.udts]
+            files = tuple([name for name in type_files_in(project.base) if name not in known])
+            return [AddField(FILE, "none is new beside the project", files)]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 

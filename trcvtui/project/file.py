@@ -35,7 +35,7 @@ from trcvtui.project.tables import (
 )
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import content_of, read_files
-from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
+from trcvtui.udt.type_set import NO_TYPES, TypeSet
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 WORDS: Final = ("peer",)
@@ -428,8 +428,6 @@ def types_of(
     udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
     """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
-    if not udts:
-        return join([], NO_TYPES.where, dict(constants), has_system_types)
     contents = {base / each.name: each.content for each in udts}
     return read_files(contents, dict(constants), has_system_types, contents)
 

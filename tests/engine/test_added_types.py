@@ -242,6 +242,7 @@ def test_a_job_that_runs_takes_the_type_as_a_resize_and_no_connection_ends(
             "01 00 00 00 02 00 00 00",
         ),
         ("struct a : T; end_struct; {a={a=3}}", "03 00 00 00"),
+        ("STRUCT END_STRUCT {}", "found"),
         ("STRUCT a : INT {a=1}", "expected STRUCT a : INT; END_STRUCT {a=1}"),
         ("STRUCT a : NOBODY; END_STRUCT {a=1}", "found 'NOBODY', expected a known type"),
     ],

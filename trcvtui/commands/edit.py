@@ -195,8 +195,12 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
         assert isinstance(decl, UdtFile)
         types, names, wrong = _types_of(decl, project)
         of_types = {problem for bad in types.broken.values() for problem in bad}
-        if not names or project.types.types.keys() - types.types.keys() or not of_types.issuperset(wrong):
-            raise UserError(wrong) if wrong else mistake(path, "no type", "TYPE ... END_TYPE")
+        lost = [name for key, (name, _) in project.types.types.items() if key not in types.types]
+        if not names or lost or not of_types.issuperset(wrong):
+            found = (
+                f"a second file of this name, so that {lost[0]} is called otherwise" if lost else "no type"
+            )
+            raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
     except UserError as refused:
         raise UserError(
             [replace(each, where=f"{where}: {each.where}") for each in refused.problems]

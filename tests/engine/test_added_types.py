@@ -131,6 +131,27 @@ def test_a_file_of_another_folder_is_named_from_that_of_the_project(
     assert names(driver) == ["T"]
 
 
+def test_a_file_is_added_once_by_whatever_name(driver: LocalDriver, folder: Path) -> None:
+    (folder / "a b").mkdir()
+    say(driver, "add udt order.st")
+    for name in ("order.st", "./order.st", "a b/../order.st", f"{folder}/order.st"):
+        assert "'order.st', the name of another udt" in answer(driver, f"add udt {name}")
+    assert say(driver).unsaved == 1
+
+
+def test_a_name_with_blanks_needs_no_quotes(driver: LocalDriver, folder: Path) -> None:
+    (folder / "an order.st").write_text(ORDER, encoding="utf-8")
+    say(driver, "add udt an order.st")
+    assert names(driver) == ["T", "Order"]
+    assert answer(driver, "remove udt an order.st") == "UDT file an order.st is removed"
+
+
+def test_a_row_that_was_removed_does_not_come_back_with_a_reload(driver: LocalDriver, folder: Path) -> None:
+    say(driver, "remove data rx", "remove udt t.st", "udt reload")
+    assert names(driver) == [] and say(driver).unsaved == 2
+    assert answer(driver, "undo") == "taken back: UDT file t.st is added"
+
+
 def test_rows_that_were_written_by_hand_come_with_a_reload_and_stand_once(
     driver: LocalDriver, folder: Path
 ) -> None:
@@ -147,7 +168,7 @@ def test_a_row_of_no_file_is_a_mistake_of_a_reload(driver: LocalDriver, folder: 
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "gone.st"\n', encoding="utf-8")
     assert "gone.st: found No such file" in answer(driver, "udt reload")
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "t.st"\n', encoding="utf-8")
-    assert "'t.st' for the second time" in answer(driver, "udt reload")
+    assert "'t.st', the name of another udt" in answer(driver, "udt reload")
     (folder / "p.toml").unlink()
     assert answer(driver, "udt reload").startswith("1 type read")
 
@@ -221,6 +242,7 @@ def test_a_job_that_runs_takes_the_type_as_a_resize_and_no_connection_ends(
             "01 00 00 00 02 00 00 00",
         ),
         ("struct a : T; end_struct; {a={a=3}}", "03 00 00 00"),
+        ("STRUCT END_STRUCT {}", "found"),
         ("STRUCT a : INT {a=1}", "expected STRUCT a : INT; END_STRUCT {a=1}"),
         ("STRUCT a : NOBODY; END_STRUCT {a=1}", "found 'NOBODY', expected a known type"),
     ],

@@ -283,6 +283,18 @@ def test_after_a_change_of_the_type_its_old_columns_are_empty(run: Run, folder: 
     assert told(rows(run, "s.pcapng", "--where", "length < 9"), "length") == [("8",)]
 
 
+def test_columns_are_of_the_type_that_data_has_with_its_first_message(run: Run, folder: Path) -> None:
+    (folder / "u.st").write_text(
+        "TYPE Pair : STRUCT first : DINT; more : ARRAY[0..7] OF BYTE; END_STRUCT END_TYPE"
+    )
+    changes = CHANGES.replace("run 9", "add udt u.st\nset data rx type=Pair\nrun 9", 1)
+    (folder / "s.toml").write_text((folder / "p.toml").read_text() + changes)
+    assert main(["scenario", "s.toml", "--record", "s.pcapng"]) == 0
+    found = told(rows(run, "s.pcapng"), "length", "first")
+    assert found == [("12", "1"), ("8", "")]
+    assert told(rows(run, "s.pcapng", "--where", "first = 1"), "length") == [("12",)]
+
+
 class Cut:
     """A cutter, and what it has given: size, bytes, reason, whether the message begins there."""
 

@@ -98,7 +98,7 @@ def after_peer(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 3:
         return (*SEND_MODES, "message")
     if len(words) == 4 and words[3] == "udt":
-        return (data.type_name for data in project.data)
+        return project.types.names()
     return SEND_OPTIONS
 
 

@@ -62,7 +62,6 @@ from trcvtui.project.text import way_to
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.literals import quoted
-from trcvtui.udt.sources import apart, declared_by
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
@@ -158,11 +157,11 @@ PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 def parse_add(words: Words, project: Project) -> Add | AddData:
     """Return `add KIND NAME ...`; raise UserError."""
     kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
+    if kind == UDT:  # a name with blanks needs no quotes
+        return Add(_udt_file(unquoted(words.rest_text("a file of types")), project, words.where))
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
-    if kind == UDT:
-        return Add(_udt_file(unquoted(name), project, words.where))
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
         called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
     else:
@@ -187,16 +186,21 @@ MOST_TYPES: Final = 8  # that are told
 def _udt_file(name: str, project: Project, where: str) -> UdtFile:
     """Return a file with types for the project; raise UserError where it has none, or hides one."""
     path = os.path.expanduser(name)
-    is_here = not is_disk_left_alone() and os.path.exists(path) and not os.path.exists(project.base / path)
-    if os.path.isabs(path) or is_here:
-        path = way_to(os.path.relpath(path), Path(), project.base)
+    if not is_disk_left_alone():  # each file has one name; a link keeps its own
+        is_here = os.path.exists(path) and not os.path.exists(project.base / path)
+        folder, file = os.path.split(path if is_here else project.base / path)
+        path = f"{way_to(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
     try:
-        decl = read_entry(UDT, {"file": path}, project, where)
+        decl = read_entry(UDT, {"file": path}, project, path)
         assert isinstance(decl, UdtFile)
         types, names, wrong = _types_of(decl, project)
         of_types = {problem for bad in types.broken.values() for problem in bad}
-        if not names or project.types.types.keys() - types.types.keys() or not of_types.issuperset(wrong):
-            raise UserError(wrong) if wrong else mistake(path, "no type", "TYPE ... END_TYPE")
+        lost = [name for key, (name, _) in project.types.types.items() if key not in types.types]
+        if not names or lost or not of_types.issuperset(wrong):
+            found = (
+                f"a second file of this name, so that {lost[0]} is called otherwise" if lost else "no type"
+            )
+            raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
     except UserError as refused:
         raise UserError(
             [replace(each, where=f"{where}: {each.where}") for each in refused.problems]
@@ -206,9 +210,8 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
 
 def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
     """Return all types with those of one more file, the names of its own, and what is wrong in it."""
-    types, path = with_entry(project, decl).types, project.base / decl.name
-    file = apart(declared_by(str(path), decl.content), path, [*project.udt_files, path])
-    own = {each.name.casefold() for each in file.types}
+    types = with_entry(project, decl).types
+    own = types.senders.keys() - project.types.senders.keys()
     names = [name for key, (name, _) in types.types.items() if key in own]
     return types, names, [problem for problem in types.problems if problem not in project.types.problems]
 
@@ -376,7 +379,8 @@ def _changes(kind: str, words: Words) -> dict[str, Any]:
 def parse_remove(words: Words, project: Project) -> Remove:
     """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
     kind, name = _named(words, project)
-    words.next("the name of what is to be removed")
+    missing = "the name of what is to be removed"
+    name = unquoted(words.rest_text(missing)) if kind == UDT else words.next(missing)
     decl = entry(kind, name, project) if kind else None
     if decl is None:
         names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
@@ -467,7 +471,7 @@ def _told(edit: Edit) -> str:
     what = f"{words_of(edit.kind)} {edit.name}"
     if edit.before is None or edit.after is None:
         keys = " ".join(_pair(key, value) for key, value in keys_of(edit.after)) if edit.after else ""
-        return f"{what} is added: {keys}" if edit.after else f"{what} is removed"
+        return f"{what} is added: {keys}".removesuffix(": ") if edit.after else f"{what} is removed"
     before, now = (dict(forms_of(decl)[-2:][0]) for decl in (edit.before, edit.after))
     changes = [
         f"{key} {_shown(before.get(key))} before, {_shown(now.get(key))} now"
@@ -513,8 +517,6 @@ def add_line(command: Add | AddData) -> str:
             return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
         case SequenceDecl():
             return " ".join([start, *decl.steps])
-        case UdtFile():
-            return f"add {UDT} {quoted(decl.name) if ' ' in decl.name else decl.name}"
         case _:
             return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
 

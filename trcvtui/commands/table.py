@@ -486,12 +486,9 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
     try:
         command = COMMANDS[verb].read(tokens, project)
     except UserError as refused:
-        if project.udts or text.split(None, 2)[:2] == ["add", "udt"]:
-            raise
+        hint = "" if project.udts or text.split(None, 2)[:2] == ["add", "udt"] else f"; {NO_UDT_FILE}"
         raise UserError(
-            structs.replace(each, expected=f"{KNOWN_TYPE}; {NO_UDT_FILE}")
-            if each.expected == KNOWN_TYPE
-            else each
+            structs.replace(each, expected=each.expected + hint * (each.expected == KNOWN_TYPE))
             for each in refused.problems
         ) from None
     tokens.finish()

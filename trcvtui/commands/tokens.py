@@ -32,6 +32,7 @@ from trcvtui.udt.sources import parse_type
 _STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
 _PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
 _STRUCT: Final = re.compile(r"(.*?\bEND_STRUCT)\s*;?\s*(\{.*)", re.IGNORECASE | re.DOTALL)
+INLINE: Final = "STRUCT a : INT; END_STRUCT {a=1}"
 _EMPTY: Final = re.compile(r"\{\s*\}")
 _PLAIN: Final = re.compile(r"[^,{}'\"]*")
 _END: Final = re.compile(r"\s*([,}])")
@@ -390,25 +391,21 @@ def _text(words: Words, project: Project) -> bytes:
 
 def _udt(words: Words, project: Project) -> bytes:
     if words.peek().upper() == "STRUCT":
-        return _struct(words, project)
-    name = words.next("the name of a UDT")
-    if name.casefold() not in project.types.types:
-        raise words.unknown(name, project.types.names(), "UDT")
-    braces = words.rest_text("members in braces such as {speed=1.5}")
-    layout = lay_out(project.types.named(name), project.rules_of(name), name)
-    content = struct_bytes(layout, braces, words.where)
+        text = words.rest_text(INLINE)
+        if (found := _STRUCT.fullmatch(text)) is None:
+            raise words.wrong(shown(text), INLINE)
+        name, rules, braces = "STRUCT", project.layout, found[2]
+        type_ = parse_type(found[1], project.types, words.where)
+    else:
+        name = words.next("the name of a UDT")
+        if name.casefold() not in project.types.types:
+            raise words.unknown(name, project.types.names(), "UDT")
+        type_, rules = project.types.named(name), project.rules_of(name)
+        braces = words.rest_text("members in braces such as {speed=1.5}")
+    content = struct_bytes(lay_out(type_, rules, name), braces, words.where)
     if not content:
         raise words.wrong(f"{name}, which has no bytes", "a UDT with members")
     return content
-
-
-def _struct(words: Words, project: Project) -> bytes:
-    expected = "STRUCT a : INT; END_STRUCT {a=1}"
-    found = _STRUCT.fullmatch(text := words.rest_text(expected))
-    if found is None:
-        raise words.wrong(shown(text), expected)
-    layout = lay_out(parse_type(found[1], project.types, words.where), project.layout, "STRUCT")
-    return struct_bytes(layout, found[2], words.where)
 
 
 def _file(words: Words, project: Project) -> bytes:

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
 
-RELOAD, CONSTANT = "reload", "constant"
+RELOAD, CONSTANT, IN_USE = "reload", "constant", "this type, which DATA has"
 LINES: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
 
 
@@ -75,10 +75,11 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     if not fresh.udts:
         return fresh, given, "the project names no UDT files"
     types = types_now(fresh)
-    used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
+    names = project.types.types
+    used = {decl.type_name.casefold() for decl in project.data} & names.keys()
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:
-        raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
+        raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {names[bad[0]][0]}", IN_USE).problems)
     read = types.types.keys() & types.senders.keys()
     told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
     return replace(fresh, types=types), given, told

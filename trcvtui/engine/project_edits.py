@@ -299,19 +299,16 @@ def moved(project: Project, path: Path) -> Project:
     """Return the project as it stands in another file; the names of its UDT files begin in that folder."""
     new = path.parent
     old = project.base if project.base.is_dir() else new  # what is gone has come along
-    udts, undoable = _moved(project.udts, old, new), _moved(project.undoable, old, new)
-    return replace(project, path=path, base=new, udts=udts, undoable=undoable)
+    parts = {key: _moved(getattr(project, key), old, new) for key in ("udts", "undoable")}
+    return replace(project, path=path, base=new, **parts)
 
 
 def _moved(part: Any, old: Path, new: Path) -> Any:
-    match part:
-        case tuple():
-            return tuple([_moved(each, old, new) for each in part])
-        case Edit():
-            return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
-        case UdtFile():
-            return replace(part, name=way_to(part.name, old, new))
-    return part
+    if isinstance(part, UdtFile):
+        return replace(part, name=way_to(part.name, old, new))
+    if isinstance(part, Edit):
+        return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
+    return tuple([_moved(each, old, new) for each in part]) if isinstance(part, tuple) else part
 
 
 def _content(path: FileName) -> bytes:

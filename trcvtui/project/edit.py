@@ -126,7 +126,7 @@ def read_entry(
     problems: list[Problem] = []
     table = Table(content, where, problems)
     for other in sharing(kind) if kind != CERTIFICATE else ():
-        known = [Table({"name": name}, "", problems) for name in names_of(other, project)]
+        known = [Table({TABLES[other].called: name}, "", problems) for name in names_of(other, project)]
         reserved = WORDS if "data" in sharing(kind) else ()
         find_duplicates([(other, known), (kind, [table])], reserved=reserved)
         if problems:

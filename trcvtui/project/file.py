@@ -35,7 +35,7 @@ from trcvtui.project.tables import (
 )
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import content_of, read_files
-from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
+from trcvtui.udt.type_set import NO_TYPES, TypeSet
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 WORDS: Final = ("peer",)
@@ -54,11 +54,12 @@ def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iter
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
         for table in tables:
-            name = table.peek("name")
+            called = TABLES[kind].called
+            name = table.peek(called)
             if not isinstance(name, str):
                 continue
             if name in seen:
-                table.wrong("name", f"{shown(name)}, {seen[name]}", "a name of its own", "taken")
+                table.wrong(called, f"{shown(name)}, {seen[name]}", "a name of its own", "taken")
             seen.setdefault(name, f"the name of another {kind}")
 
 
@@ -340,7 +341,7 @@ class DocumentReader:
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
-        udts = self.udts(around, tables.pop("udt"))
+        udts = [UDT.read(table, around) for table in tables.pop("udt")]
         types = self.types(udts, constants, around)
         around = replace(around, types=types)
         certificates = {}
@@ -380,15 +381,6 @@ class DocumentReader:
             for table in of_kind:
                 check_names(kind, table, known, around)
         find_shared_ends(tables["combuffer"])
-
-    def udts(self, around: Context, tables: list[Table]) -> list[UdtFile | None]:
-        """Return the files of UDTs, None for one that cannot be read."""
-        found: list[UdtFile | None] = [UDT.read(table, around) for table in tables]
-        names = [each.name if each is not None else "" for each in found]
-        for place, table in enumerate(tables):
-            if names[place] and names[place] in names[:place]:
-                table.wrong("file", f"{shown(names[place])} for the second time", "each file once")
-        return found
 
     def types(
         self, udts: list[UdtFile | None], constants: Mapping[str, int], around: Context
@@ -436,14 +428,12 @@ def types_of(
     udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
     """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
-    if not udts:
-        return join([], NO_TYPES.where, dict(constants), has_system_types)
     contents = {base / each.name: each.content for each in udts}
     return read_files(contents, dict(constants), has_system_types, contents)
 
 
 def udts_now(project: Project) -> tuple[UdtFile, ...]:
-    """Return the UDT files as they stand now, also those whose rows were written into the file by hand."""
+    """Return the UDT files as they stand now, those too whose rows were written into the file by hand."""
     document: Mapping[str, Any] = {}
     try:
         document = read_toml(project.path)
@@ -451,11 +441,14 @@ def udts_now(project: Project) -> tuple[UdtFile, ...]:
         if refused.problems[0].kind != "file":  # else there is none
             raise
     with all_problems() as problems:
-        reader = DocumentReader(dict(document), str(project.path), project.base, problems)
-        rows = reader.udts(context_of(project), reader.entries("udt"))
-    found = {each.name: each for each in rows if each is not None}
-    others = [each.name for each in project.udts if each.name not in found]
-    return (*found.values(), *(UdtFile(name, content_of(project.base / name)) for name in others))
+        tables = DocumentReader(dict(document), str(project.path), project.base, problems).entries("udt")
+        find_duplicates([("udt", tables)])
+        rows = [UDT.read(table, context_of(project)) for table in tables]
+    own = [each.name for each in project.udts]
+    removed = {edit.name for step in project.undoable for edit in step if edit.after is None} - {*own}
+    found = {each.name: each for each in rows if each is not None and each.name not in removed}
+    others = [UdtFile(name, content_of(project.base / name)) for name in own if name not in found]
+    return (*found.values(), *others)
 
 
 def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:

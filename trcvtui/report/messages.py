@@ -195,11 +195,15 @@ class _BenchMessages:
         self._project = rows.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
 
-    def take(self) -> None:
-        if self._bench.project is not self._project:
+    def take(self, is_last: bool = False) -> None:
+        new = [*self._messages.take()]
+        if self._rows.table is None and (new or is_last):  # columns are of the types that the first row has
+            self._project = self._bench.project
+            self._rows.begin(self._project, self._rows.begun_ns)
+        if self._bench.project is not self._project and self._rows.table is not None:
             self._project = self._bench.project
             self._changed = self._rows.change(self._project)
-        for name, row in self._messages.take():
+        for name, row in new:
             row = row._replace(t_ns=row.t_ns + self._add_ns)
             self._rows.take(name, (name,), row, name not in self._changed)
         for stream in self._streams.streams.values():
@@ -232,8 +236,7 @@ def _run_again(rows: _Rows, path: str) -> None:
     keyframes = Keyframes(recording, path)
     run = keyframes.begin()
     begun_ns = run.begins.wall_ns
-    if rows.table is None:
-        rows.begin(run.bench.project, begun_ns)
+    rows.begun_ns = rows.begun_ns or begun_ns
     found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
@@ -246,6 +249,7 @@ def _run_again(rows: _Rows, path: str) -> None:
     except UserError as stopped:
         found.take()
         _say(recording.stopped or stopped)
+    found.take(is_last=True)
 
 
 # -- captures ------------------------------------------------------------------------------------------------

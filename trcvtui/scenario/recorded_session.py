@@ -27,7 +27,6 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.patterns import ANY, Atom, Scan
 from trcvtui.commands.table import to_line
-from trcvtui.commands.tokens import unquoted
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
@@ -38,7 +37,6 @@ from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.project.text import way_to, with_files_from
-from trcvtui.udt.literals import quoted
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -448,11 +446,8 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
 
 def _from_here(line: str, old: Path, new: Path) -> str:
     """Return a step as it stands in another folder: a file that it adds is named from there on."""
-    start = "add udt "
-    if not line.startswith(start):
-        return line
-    name = way_to(unquoted(line.removeprefix(start)), old, new)
-    return start + (quoted(name) if " " in name else name)
+    start, name = "add udt ", line.removeprefix("add udt ")
+    return start + way_to(name, old, new) if line.startswith(start) else line
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:

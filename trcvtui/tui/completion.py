@@ -20,7 +20,8 @@ def complete(line: str, project: Project) -> str | None:
     *words, last = line.split(" ")
     if not words and not last:
         return None
-    is_path = words in (["add", "udt"], ["udt", "open"])
+    is_path = words[:2] in (["add", "udt"], ["udt", "open"])
+    last = line.split(" ", 2)[2] if is_path else last
     for candidate in type_paths(last, project.base) if is_path else _next(words, project):
         if candidate.startswith(last) and candidate != last:
             return line[: len(line) - len(last)] + candidate

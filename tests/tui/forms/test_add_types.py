@@ -136,8 +136,8 @@ async def test_beside_the_demo_nothing_is_written(path: Path) -> None:
     before = sorted(demo_path().parent.iterdir())
     async with form_of_types(demo_path()) as stage:
         await paste(stage, ORDER)
-        await stage.press("enter")
         assert "which came with trcvtui" in said(stage)
+        await stage.press("enter")
         assert isinstance(stage.app.screen, AddScreen)
     assert sorted(demo_path().parent.iterdir()) == before
 
@@ -162,8 +162,9 @@ async def test_a_struct_goes_into_the_payload_of_a_peer_whole(path: Path) -> Non
 
 
 def test_paths_and_types_are_completed(path: Path) -> None:
-    (path.parent / "types").mkdir()
-    (path.parent / "types" / "order.st").write_text(ORDER, encoding="utf-8")
+    for folder in ("types", "my types"):
+        (path.parent / folder).mkdir()
+        (path.parent / folder / "order.st").write_text(ORDER, encoding="utf-8")
     (path.parent / "notes.md").write_text("", encoding="utf-8")
     path.write_text(PROJECT + '[[udt]]\nfile = "types/order.st"\n', encoding="utf-8")
     known = load_project(path)
@@ -171,6 +172,8 @@ def test_paths_and_types_are_completed(path: Path) -> None:
         ("add udt t", "add udt types/"),
         ("add udt types/o", "add udt types/order.st"),
         ("udt open types/", "udt open types/order.st"),
+        ("add udt my t", "add udt my types/"),
+        ("add udt my types/", "add udt my types/order.st"),
         ("add udt n", None),
         ("set data rx1 type=O", "set data rx1 type=Order"),
         ("set rx1 O", "set rx1 Order"),

@@ -393,9 +393,12 @@ async def test_a_type_of_another_file_is_used_for_data_and_its_file_is_added_onc
     (tmp_path / "other").mkdir()
     save(tmp_path / "other" / "o.st", "TYPE Order : STRUCT id : DINT; END_STRUCT END_TYPE", 1)
     async with lab(path) as stage:
+        assert "use for" not in stage.text
         await stage.say("udt open other/o.st")
+        assert "u use for rx" in stage.text
         await stage.press("u")
         await stage.scan(2)
+        assert "use for" not in stage.text
         known = stage.app.view_model.project
         assert [each.name for each in known.udts] == ["types.st", "other/o.st"]
         assert (known.data[0].type_name, known.data[0].size) == ("Order", 4)
@@ -410,6 +413,15 @@ async def test_a_type_of_another_file_is_used_for_data_and_its_file_is_added_onc
         known = stage.app.view_model.project
         assert [each.name for each in known.udts] == ["types.st", "other/o.st"]
         assert known.data[0].type_name == "Order"
+
+
+async def test_without_data_the_lab_says_why_no_type_is_used(tmp_path: Path) -> None:
+    path = project(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").partition("[[connect]]")[0], encoding="utf-8")
+    async with lab(path) as stage:
+        await stage.press("u")
+        assert "needs an instance with DATA" in stage.words
+        assert stage.app.view_model.project.udts[0].name == "types.st"
 
 
 async def test_a_file_that_has_a_type_of_the_project_is_not_used(tmp_path: Path) -> None:

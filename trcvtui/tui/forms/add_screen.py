@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import ClassVar, cast
 
@@ -14,7 +14,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
-from trcvtui.files import FilesRead, reading_only
+from trcvtui.files import FilesRead, reading_only, write_file
 from trcvtui.project.edit import AddField, fields_of, first_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
@@ -29,7 +29,7 @@ from trcvtui.tui.forms.fields import (
     text_of,
     values_of,
 )
-from trcvtui.tui.forms.pasted_type import pasted_type, write_type
+from trcvtui.tui.forms.pasted_type import pasted_type
 from trcvtui.tui.view_model.validity import fault_of, said_before
 from trcvtui.tui.widgets.dialogs import FormDialog, FormField
 from trcvtui.udt.sources import type_files_in
@@ -53,7 +53,7 @@ class ChoiceField(FormField):
     def pasted(self, text: str) -> str:
         """Let the form keep a STRUCT for a file: the name of that stands here then."""
         is_type = self.key == FILE and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
-        return cast("AddScreen", self.screen).paste(self, text) if is_type else super().pasted(text)
+        return cast("AddScreen", self.screen).paste(text) if is_type else super().pasted(text)
 
     async def follow(self) -> None:
         """Let the form have the fields that this one asks for."""
@@ -65,8 +65,10 @@ class ChoiceField(FormField):
             return
         known = self.value in self._choices
         at = (self._choices.index(self.value) + step) % len(self._choices) if known else 0
-        self.value = self._choices[at]
-        self.cursor_position = len(self.value)
+        self.choose(self._choices[at])
+
+    def choose(self, value: str) -> None:
+        self.value, self.cursor_position = value, len(value)
 
 
 class AddScreen(FormDialog[str]):
@@ -92,7 +94,7 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
-        self._paste = Path(), ""  # the file that a paste becomes, and what it holds
+        self._paste, self._is_pasted = (Path(), ""), False  # the file that a paste becomes, and what it holds
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
@@ -122,7 +124,9 @@ class AddScreen(FormDialog[str]):
 
     def _specs(self, project: Project) -> list[AddField]:
         if self.kind == "udt":
-            return [AddField(FILE, "of a folder beside it", tuple(type_files_in(project.base)))]
+            known = [each.name for each in project.udts]
+            files = tuple([name for name in type_files_in(project.base) if name not in known])
+            return [AddField(FILE, "none is new beside the project", files)]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -140,55 +144,39 @@ class AddScreen(FormDialog[str]):
 
     def action_complete(self) -> None:
         """Complete the path of a file of types; leave any other field."""
-        field = self._fields[0]
-        is_file = self.focused is field and field.key == FILE
-        found = complete(ADD_FILE + field.value, self._project()) if is_file else None
-        if found:
-            field.value = found.removeprefix(ADD_FILE)
-            field.cursor_position = len(field.value)
-        else:
+        field, found = self._fields[0], None
+        if self.focused is field and field.key == FILE:
+            found = complete(ADD_FILE + field.value, self._project())
+        if found is None:
             self.focus_next()
+        else:
+            field.choose(found.removeprefix(ADD_FILE))
 
-    def paste(self, field: ChoiceField, text: str) -> str:
+    def paste(self, text: str) -> str:
         """Keep a pasted type; return the name of the file that enter writes, "" for what cannot be one."""
         try:
             self._paste = pasted_type(text, self._project().base)
         except UserError as refused:
-            self._complain(refused.lines()[0])
+            self._judge(refused.lines()[0])
             return ""
-        field.clear()
+        self._fields[0].clear()
         return self._paste[0].name
 
-    def _is_pasted(self) -> bool:
-        return self.line == f"{ADD_FILE}{self._paste[0].name}"
-
-    def _reading(self) -> AbstractContextManager[None]:
-        """Let a pasted file be read as if it stood there."""
-        file, text = self._paste
-        read = FilesRead(contents=[(os.fspath(file), text.encode())])
-        return reading_only(read) if self._is_pasted() else nullcontext()
-
-    def _judge(self) -> bool:
+    def _judge(self, fault: str = "") -> bool:
         """Say what the line does, or what is wrong with it; return whether it would be taken."""
-        if self.line.strip() == ADD_FILE.strip():
-            self._line.update(ASK_FILE)
-            return False
-        with self._reading():
-            fault = fault_of(self.line, self._project()) if self.line else ""
-            said = self._said()
+        line, (file, text) = self.line, self._paste
+        is_asked = line == ADD_FILE and not fault
+        self._is_pasted = line == f"{ADD_FILE}{file.name}"
+        as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])
+        with reading_only(as_if_there) if self._is_pasted else nullcontext():
+            fault = fault or (fault_of(line, self._project()) if line and not is_asked else "")
+            said = ASK_FILE if is_asked else "\n".join(map(plain, self._said()))
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        if fault:
-            self._complain(fault)
-        else:
-            self._line.update("\n".join(map(plain, said)))
-            self._line.remove_class("-bad")
-        return not fault
-
-    def _complain(self, fault: str) -> None:
-        self._line.update(f"✗ {plain(fault)}")
-        self._line.add_class("-bad")
+        self._line.update(f"✗ {plain(fault)}" if fault else said)
+        self._line.set_class(bool(fault), "-bad")
+        return not fault and not is_asked
 
     def _said(self) -> list[str]:
         made, *more = said_before(self.line, self._project()).split("\n")
@@ -218,13 +206,12 @@ class AddScreen(FormDialog[str]):
 
     def take(self) -> None:
         try:
-            if not self._judge():
-                return
-            if self._is_pasted():
-                write_type(*self._paste)
-            self.dismiss(self.line)
+            if self._judge():
+                if self._is_pasted:
+                    write_file(*self._paste, "paste", is_new=True)
+                self.dismiss(self.line)
         except UserError as refused:
-            self._complain(refused.lines()[0])
+            self._judge(refused.lines()[0])
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import write_file
 from trcvtui.project.tables import hidden_in
 from trcvtui.udt.sources import read_text
 
@@ -21,6 +20,8 @@ UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
 
 def pasted_type(text: str, base: Path) -> tuple[Path, str]:
     """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
+    from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
+
     lines = text[: MOST + 1].expandtabs(4).splitlines()
     hidden = hidden_in("".join(lines))
     if hidden or len(text) > MOST:
@@ -31,12 +32,6 @@ def pasted_type(text: str, base: Path) -> tuple[Path, str]:
         name = next((each.name for each in read_text(source, UNNAMED, ".st").types), name)
     stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
     files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))
-    return next(file for file in files if not os.path.lexists(file)), source
-
-
-def write_type(file: Path, text: str) -> None:
-    """Write a new file; raise UserError where that cannot be."""
-    from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
-
+    file = next(file for file in files if not os.path.lexists(file))
     refuse_what_came_along(file, "paste")
-    write_file(file, text, "paste", is_new=True)
+    return file, source

@@ -34,7 +34,6 @@ from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
-from trcvtui.udt.literals import quoted
 from trcvtui.udt.sources import formats_text
 
 KEYS: Final = (
@@ -43,7 +42,7 @@ KEYS: Final = (
 )  # fmt: skip
 ACTIONS: Final = {
     "e": "order('theirs')", "f": "fit", "c": "cure", "o p": "profile('theirs')", "s": "text('theirs')",
-    "x": "exchange", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
+    "x": "exchange", "u": "use", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
     "?": "help", "esc": "leave",
 }  # fmt: skip
 OPEN: Final = "ask('udt open ')"
@@ -197,7 +196,9 @@ class LabScreen(SideScreen[None]):
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
-        self.show_keys()
+        declared, name = self._view_model.declaration, self.lab.type_name
+        is_other = declared is not None and name.casefold() not in ("", declared.type_name.casefold())
+        self.show_keys((("u", f"use for {declared.name}"),) if declared is not None and is_other else ())
 
     def look(self) -> None:
         if self.lab.look():
@@ -384,13 +385,14 @@ class LabScreen(SideScreen[None]):
 
     def action_use(self) -> None:
         """Let DATA of the selected instance have the type that is looked at; its file comes first."""
-        declared, project = self._view_model.declaration, self._view_model.project
-        file = self.lab.opened.paths[0].resolve() if self.lab.opened is not None else None
-        is_new = file is not None and not any(is_same_file(file, each) for each in project.udt_files)
-        first = f"add udt {quoted(str(file))}" if is_new else f"{UDT} {RELOAD}"
-        self._trouble = fault_of(first, project) if is_new else ""
+        declared, project, opened = self._view_model.declaration, self._view_model.project, self.lab.opened
+        first, self._trouble = f"{UDT} {RELOAD}", ""
+        if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
+            first = f"add udt {opened.paths[0].resolve()}"
+            self._trouble = fault_of(first, project)
         if declared is None or not self.lab.type_name:
-            self._trouble = "u is for a type, and an instance that has DATA"
+            what = "a type (t, O)" if declared is not None else "an instance with DATA to be selected"
+            self._trouble = f"u takes the type for DATA, and needs {what}"
         elif not self._trouble:
             self.send(first)
             self.send(f"set data {declared.name} type={self.lab.type_name}")

@@ -158,7 +158,7 @@ LAB: Final = (
     ("y", "yank what the pane shows: clipboard, and always a file"),
     ("O X", "open a type file; hex to look at (typed or pasted)"),
     ("C w", "constants that no file declares; problems in the type files"),
-    ("R", "take a changed type into DATA: udt reload, then resize"),
+    ("R u", "DATA: take its changed type (udt reload, then resize); use the type looked at for it"),
     (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
     ("esc or q", "back to the bench; files that change are read again while the lab is open"),
 )

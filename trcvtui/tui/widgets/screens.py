@@ -88,9 +88,9 @@ class SideScreen(FullScreen[Result], Generic[Result]):
                 self._asked.discard(number)
                 yield answer
 
-    def show_keys(self) -> None:
-        focused = self.focused
-        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+    def show_keys(self, more: Keys = ()) -> None:
+        own = self.focused.keys() if isinstance(self.focused, LineView) else ()
+        self.key_line.show_keys((*more, *own), holding=False)
 
     def palette_rows(self) -> Iterator[Command]:
         raise NotImplementedError

@@ -168,7 +168,7 @@ def read_files(
             with noting(problems):
                 read = declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
                 files.append(apart(read, path, paths))
-    return join(files, ", ".join(map(str, paths)), constants, has_system_types)
+    return join(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
 
 
 def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations:

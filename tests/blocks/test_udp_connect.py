@@ -95,6 +95,16 @@ def test_a_port_without_a_socket_for_broadcasts_receives_and_says_so_and_a_reset
     desk.close()
 
 
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_datagram_to_its_own_port_comes_back_as_it_is_no_broadcast(tmp_path: Path, kernel: str) -> None:
+    own = '[[addr]]\nname = "OWN"\nRemoteAddress = "127.0.0.1"\nRemotePort = "@C1"\n'
+    desk = Desk(BENCH.replace('addr = "TARGET"', 'addr = "OWN"') + own, tmp_path, kernel)
+    tcon(desk)
+    desk.say("set TURCV_1 EN_R=1", "run 2", "write tx hex 0A 0B 0C 0D", "pulse TUSEND_1 REQ", "run 2")
+    assert desk.bench.runtime.data("rx")[:4] == b"\x0a\x0b\x0c\x0d"
+    desk.close()
+
+
 def test_t_diag_tells_type_19_and_an_endpoint_that_stands(tmp_path: Path) -> None:
     text = BENCH + '[[data]]\nname = "result"\ntype = "ARRAY[0..15] OF BYTE"\n'
     text += '[[instance]]\nname = "D"\nblock = "T_DIAG"\nconnect = "C1"\ndata = "result"\n'

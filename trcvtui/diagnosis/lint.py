@@ -276,7 +276,7 @@ def _of_opener(project: Project, config: ConnectConfig, wrong: tuple[SetUpStage,
         if decl.connect == config.name and (row.builds or row.runs_as is Condition.ESTABLISHING):
             status = _status(project, decl.block, project.rules.course.of_set_up(*wrong))
             return said._replace(instance=decl.name, status=status)
-    return said
+    return said._replace(confidence=0.5)  # no block builds it
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.net.kernel import Handle, Kernel
-from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
 
 MOST_OWN: Final = 256  # datagrams of our own that one call passes over
 
@@ -19,8 +19,8 @@ def begin_broadcasts(
 ) -> tuple[Handle | None, str]:
     """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
     refused, here = kernel.set_broadcast(handle), local.address
-    if refused is not None:
-        return None, str(refused)
+    if refused is not None or here == ANY_ADDRESS:  # bound to all, it hears them itself
+        return None, str(refused or "")
     own = kernel.local_addresses()  # 127.0.0.0/8 is one network
     near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
     everybody = next((each.broadcast for each in near), "")

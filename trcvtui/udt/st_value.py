@@ -48,10 +48,9 @@ def _repeated(values: list[str]) -> list[str]:
 def _literal(type_: LeafType, size: int, value: Value, is_scl: bool) -> str:
     kind = type_.kind if isinstance(type_, Elementary) else None
     if isinstance(type_, StringType) or kind is ValueKind.CHARACTER:
-        is_text = isinstance(type_, StringType)
         if not (type_.wide if isinstance(type_, StringType) else size > 1):
             return quoted(str(value))
-        name = "WSTRING#" if is_text else "WCHAR#"
+        name = "WSTRING#" if kind is None else "WCHAR#"
         return name + quoted(str(value), "'", 4) if is_scl else quoted(str(value), '"', 4)
     if isinstance(value, bool):
         return str(value).upper()

@@ -207,7 +207,9 @@ def test_scl_has_its_own_texts_and_dates(tmp_path: Path) -> None:
     (tmp_path / "m.st").write_text(
         "TYPE M : STRUCT w : WSTRING[4]; c : WCHAR; s : STRING[4]; d : DT; l : DTL; END_STRUCT END_TYPE"
     )
-    head = SIEMENS.replace('"ARRAY[0..7]  OF BYTE"', '"M"').replace("\n[[data]]", '[[udt]]\nfile = "m.st"\n[[data]]')
+    head = SIEMENS.replace('"ARRAY[0..7]  OF BYTE"', '"M"').replace(
+        "\n[[data]]", '[[udt]]\nfile = "m.st"\n[[data]]'
+    )
     bench = project(tmp_path, instance("R", "TRCV_C"), head=head)
     steps = parse_script("write tx.w 'a\"ä'\nwrite tx.s 'a'", bench, "start")
     text = st_variables(bench, ["R"], CallForm(written=written_data(steps, bench)))

@@ -40,9 +40,10 @@ def take_datagram(
 ) -> Datagram | WouldBlock | Fault:
     """Take the next datagram; of broadcasts the stack brings back our own, which a CPU does not hear."""
     got = kernel.recv_from(handle, into)
-    for _ in range(MOST_OWN if hearing is not None and got is WOULD_BLOCK else 0):
+    if hearing is None or got is not WOULD_BLOCK:
+        return got
+    for _ in range(MOST_OWN):
         got = kernel.recv_from(hearing, into)
         if not isinstance(got, Datagram) or got.source != own:
             return got
-        got = WOULD_BLOCK
-    return got
+    return WOULD_BLOCK

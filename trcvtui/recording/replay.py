@@ -115,7 +115,8 @@ class Replay:
         if entry.call == EXCEPTION != call:
             was = f"an internal error of {entry.owner}, which was recorded"
             raise RecordedException(self._wrong(_words(owner, call, args), was).problems)
-        if entry[:2] != (owner, call) or entry.args[:BY_SWITCHES.get(call)] != args[:BY_SWITCHES.get(call)]:
+        most = BY_SWITCHES.get(call)
+        if entry[:2] != (owner, call) or entry.args[:most] != args[:most]:
             self._differs(entry, _words(owner, call, args))
         return entry
 

@@ -384,7 +384,8 @@ def _short_len(project: Project) -> Iterator[Sign]:
             text = (
                 f"{name} takes {size} bytes of {data.type_name}, which has {data.size}: {left.names} is cut"
             )
-            mend = Remedy("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
+            whole = f"LEN={data.size if 0 in project.rules.area.adhoc_lens else 0}"
+            mend = Remedy(f"{whole}: all of DATA", f"set {name} {whole}", f"instance.{name}.{whole}")
             yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
 

@@ -9,7 +9,7 @@ from typing import Final
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Switch
 from trcvtui.project.key_rows import Key, TableRow
-from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP, UDT
+from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP
 from trcvtui.udt.literals import format_time
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
@@ -83,7 +83,6 @@ def _lines() -> Iterator[str]:
         yield from _table(f"`[[{kind}]]`", row)
         if kind in DESCRIBED:
             yield from _table(f"`[[{kind}]]` of a Siemens dialect", DESCRIBED[kind])
-    yield from _table("`[[udt]]`", UDT)
     yield from _table("`[sim]`", SIM)
 
 

@@ -127,6 +127,10 @@ ALLOWED = {
     "cli/udt.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
     "udt/command.py": {": a Siemens source, laid out as "},
     "udt/sources/__init__.py": {"Siemens Openness"},
+    "udt/other_files.py": {  # whose files are not read
+        "a Siemens SIMATIC SD text file (.s7res)",
+        "a Siemens TIA Portal project (.zap, .ap)",
+    },
     "udt/layout/rules.py": {"BAOSKY", "baosky", "baosky-slot4", "baosky-pack4", "BAOSKY_UNVERIFIED"},
 }
 

@@ -689,10 +689,10 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
 
 
 def _noted(edit: Edit) -> tuple[str, str]:
-    is_certificate = edit.kind == "certificate"
-    subject = f"certificate {edit.name}" if is_certificate else edit.name
+    is_file = edit.kind in ("certificate", "udt")
+    subject = f"{edit.kind} {edit.name}" if is_file else edit.name
     if edit.after is None:
         return subject, "removed"
     if edit.before is not None:
         return subject, "declared anew"
-    return subject, "added" if is_certificate else "in the library"
+    return subject, "added" if is_file else "in the library"

@@ -54,6 +54,8 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
     pins = [f"{pin}=" for pin in _inputs(name, project, bools_only=False)] if kind == "instance" else []
     declared = project.instance(name) if kind == "instance" else None
     keys = _keys_of(kind, words, project, declared.block if declared else "") if kind else ()
+    types = project.types.names() if kind == "data" else ()  # with `type=`, or alone
+    keys = (*(f"type={name}" for name in types), *types, *keys)
     return (*pins, *(key for key in keys if not key.endswith(f"={NEW}")))  # only `add` makes one
 
 

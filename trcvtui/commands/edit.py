@@ -7,8 +7,12 @@ Rule: a line is carried out whole, or nothing is changed; what is in use is not 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.commands.peer import (
@@ -22,7 +26,8 @@ from trcvtui.commands.peer import (
 )
 from trcvtui.commands.tokens import Words, unquoted
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake, one_line
+from trcvtui.files import is_disk_left_alone
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import (
@@ -49,10 +54,16 @@ from trcvtui.project.project import (
     PeerDecl,
     Project,
     SequenceDecl,
+    UdtFile,
 )
 from trcvtui.project.proposals import NEW
 from trcvtui.project.tables import Given, shown
+from trcvtui.project.text import way_to
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.literals import quoted
+from trcvtui.udt.sources import apart, declared_by
+from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
@@ -150,6 +161,8 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
+    if kind == UDT:
+        return Add(_udt_file(unquoted(name), project, words.where))
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
         called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
     else:
@@ -165,6 +178,55 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
         raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
     _check_talk(decl, with_entry(project, decl), where)
     return Add(decl)
+
+
+UDT: Final = "udt"
+MOST_TYPES: Final = 8  # that are told
+
+
+def _udt_file(name: str, project: Project, where: str) -> UdtFile:
+    """Return a file with types for the project; raise UserError where it has none, or hides one."""
+    path = os.path.expanduser(name)
+    is_here = not is_disk_left_alone() and os.path.exists(path) and not os.path.exists(project.base / path)
+    if os.path.isabs(path) or is_here:
+        path = way_to(os.path.relpath(path), Path(), project.base)
+    try:
+        decl = read_entry(UDT, {"file": path}, project, where)
+        assert isinstance(decl, UdtFile)
+        types, names, wrong = _types_of(decl, project)
+        of_types = {problem for bad in types.broken.values() for problem in bad}
+        if not names or project.types.types.keys() - types.types.keys() or not of_types.issuperset(wrong):
+            raise UserError(wrong) if wrong else mistake(path, "no type", "TYPE ... END_TYPE")
+    except UserError as refused:
+        raise UserError(
+            [replace(each, where=f"{where}: {each.where}") for each in refused.problems]
+        ) from None
+    return decl
+
+
+def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
+    """Return all types with those of one more file, the names of its own, and what is wrong in it."""
+    types, path = with_entry(project, decl).types, project.base / decl.name
+    file = apart(declared_by(str(path), decl.content), path, [*project.udt_files, path])
+    own = {each.name.casefold() for each in file.types}
+    names = [name for key, (name, _) in types.types.items() if key in own]
+    return types, names, [problem for problem in types.problems if problem not in project.types.problems]
+
+
+def _types_told(decl: UdtFile, project: Project) -> str:
+    types, names, wrong = _types_of(decl, project)
+    sender, here = types.sender(names[0]), project.layout
+    theirs = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
+    lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {theirs}"]
+    for name in names[:MOST_TYPES]:
+        every = (here, LAYOUTS[sender.layout]) if sender.layout else (here,)
+        try:
+            sizes = [count(lay_out(types.named(name), rules, name).size, "byte") for rules in every]
+            lines.append(one_line(f"{name} {', sender: '.join(sizes)}"))
+        except UserError as refused:
+            lines.append(one_line(f"{name}: {refused.problems[0].message}"))
+    lines += [f"and {len(names) - MOST_TYPES} more"] * (len(names) > MOST_TYPES)
+    return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
@@ -306,7 +368,7 @@ def _changes(kind: str, words: Words) -> dict[str, Any]:
     content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
     if not content:
         raise words.wrong("nothing more", PAIRS)
-    if "name" in content or "number" in content:
+    if "name" in content or TABLES[kind].called in content:
         raise words.wrong("another name", "keys of what it is; a name stays: remove and add")
     return {key: None if isinstance(each, Given) and not each.text else each for key, each in content.items()}
 
@@ -369,6 +431,8 @@ def edits_of(command: Remedy, project: Project) -> Edits:
 
 def told(command: Remedy, project: Project) -> str:
     """Return what a line has done to this project: what was before it, what is now, what begins anew."""
+    if isinstance(command, Add) and isinstance(command.decl, UdtFile):
+        return _types_told(command.decl, project)
     if isinstance(command, Add | AddData):
         return told_on_the_way(command)
     said = [_told(edit) for edit in edits_of(command, project)]
@@ -449,6 +513,8 @@ def add_line(command: Add | AddData) -> str:
             return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
         case SequenceDecl():
             return " ".join([start, *decl.steps])
+        case UdtFile():
+            return f"add {UDT} {quoted(decl.name) if ' ' in decl.name else decl.name}"
         case _:
             return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
 

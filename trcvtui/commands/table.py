@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Final, Protocol
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
@@ -28,6 +28,7 @@ from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.literals import format_time, quoted
+from trcvtui.udt.resolve import KNOWN_TYPE
 
 MILLISECOND: Final = 1_000_000
 _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
@@ -192,6 +193,7 @@ def value_text(value: Value) -> str:
 
 LONGEST_LINE: Final = 1_000_000
 LONGEST_SHOWN: Final = 60
+NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
 class ActsOnBench(Protocol):
@@ -481,7 +483,17 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
     verb = tokens.next("a command")
     if verb not in COMMANDS:
         raise tokens.unknown(verb, COMMANDS, "command")
-    command = COMMANDS[verb].read(tokens, project)
+    try:
+        command = COMMANDS[verb].read(tokens, project)
+    except UserError as refused:
+        if project.udts or text.split(None, 2)[:2] == ["add", "udt"]:
+            raise
+        raise UserError(
+            structs.replace(each, expected=f"{KNOWN_TYPE}; {NO_UDT_FILE}")
+            if each.expected == KNOWN_TYPE
+            else each
+            for each in refused.problems
+        ) from None
     tokens.finish()
     return command
 

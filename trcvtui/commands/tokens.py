@@ -26,10 +26,12 @@ from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
 from trcvtui.udt.layout.values import decode_leaf, encode, encode_leaf
 from trcvtui.udt.literals import NAME
+from trcvtui.udt.sources import parse_type
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` after it.
 _STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
 _PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
+_STRUCT: Final = re.compile(r"(.*?\bEND_STRUCT)\s*;?\s*(\{.*)", re.IGNORECASE | re.DOTALL)
 _EMPTY: Final = re.compile(r"\{\s*\}")
 _PLAIN: Final = re.compile(r"[^,{}'\"]*")
 _END: Final = re.compile(r"\s*([,}])")
@@ -387,6 +389,8 @@ def _text(words: Words, project: Project) -> bytes:
 
 
 def _udt(words: Words, project: Project) -> bytes:
+    if words.peek().upper() == "STRUCT":
+        return _struct(words, project)
     name = words.next("the name of a UDT")
     if name.casefold() not in project.types.types:
         raise words.unknown(name, project.types.names(), "UDT")
@@ -396,6 +400,15 @@ def _udt(words: Words, project: Project) -> bytes:
     if not content:
         raise words.wrong(f"{name}, which has no bytes", "a UDT with members")
     return content
+
+
+def _struct(words: Words, project: Project) -> bytes:
+    expected = "STRUCT a : INT; END_STRUCT {a=1}"
+    found = _STRUCT.fullmatch(text := words.rest_text(expected))
+    if found is None:
+        raise words.wrong(shown(text), expected)
+    layout = lay_out(parse_type(found[1], project.types, words.where), project.layout, "STRUCT")
+    return struct_bytes(layout, found[2], words.where)
 
 
 def _file(words: Words, project: Project) -> bytes:

@@ -26,6 +26,7 @@ from trcvtui.project.project import (
     PeerDecl,
     SequenceDecl,
     TapDecl,
+    UdtFile,
     WatchDecl,
 )
 from trcvtui.udt.layout.coding import Value
@@ -43,6 +44,7 @@ AddedDecl = (
     | CertificateDecl
     | WatchDecl
     | TapDecl
+    | UdtFile
 )
 
 

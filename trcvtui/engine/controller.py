@@ -25,7 +25,7 @@ from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
-from trcvtui.engine.project_edits import ProjectEdits
+from trcvtui.engine.project_edits import ProjectEdits, moved
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
@@ -39,6 +39,8 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.runtime import Runtime
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.edit import types_now
+from trcvtui.project.file import udts_now
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.scenario.player import Player, refuse_too_many_steps
@@ -47,7 +49,6 @@ from trcvtui.scenario.scenario import load_scenario, start_steps
 from trcvtui.snapshots.bench import Answer, EngineTiming
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.udt.command import constants_of
-from trcvtui.udt.sources import read_files
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
@@ -70,16 +71,17 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
         raise mistake(where, shown(f"udt {rest}".strip()), LINES)
     given = constants_of(pairs.split()) if word == CONSTANT else {}
     constants = {**project.constants, **given}
-    if not project.udt_files:
-        return replace(project, constants=constants), given, "the project names no UDT files"
-    types = read_files(project.udt_files, constants, has_system_types=project.dialect.describes_connects)
+    fresh = replace(project, udts=udts_now(project), constants=constants)
+    if not fresh.udts:
+        return fresh, given, "the project names no UDT files"
+    types = types_now(fresh)
     used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
     bad = [name for name in sorted(used) if name not in types.types]
     if bad:
         raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
     read = types.types.keys() & types.senders.keys()
     told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
-    return replace(project, types=types, constants=constants), given, told
+    return replace(fresh, types=types), given, told
 
 
 RESET: Final = "COM_RST"
@@ -372,9 +374,7 @@ class Controller:
             )
         if what == PROJECT:
             self._told = self._edits.save(name)
-            saved = self._edits.project
-            at = {"path": saved.path, "base": saved.base, "udt_files": saved.udt_files}
-            self.bench.project = replace(self.bench.project, **at)
+            self.bench.project = moved(self.bench.project, self._edits.project.path)
             return ""
         before = None
         if self._edits.saved != self._begun_with:

@@ -15,7 +15,7 @@ import os
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Any, Final, TextIO
 
 from msgspec.structs import replace
 
@@ -29,9 +29,9 @@ from trcvtui.paths import configs_path, demo_path
 from trcvtui.project.edit import difference, entry, same
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import EDITED, forms_of, names_of
-from trcvtui.project.project import Edit, Edits, Project
+from trcvtui.project.project import Edit, Edits, Project, UdtFile
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
-from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
+from trcvtui.project.text import way_to, with_change, with_constants, with_entries, with_files_from
 from trcvtui.scenario.recorded_session import SUFFIX, target
 from trcvtui.scenario.scenario import check_bench
 from trcvtui.wording import count
@@ -93,7 +93,7 @@ def target_of(words: str, own: Path, written: Collection[str], where: str) -> Pa
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
     if not name:
-        _refuse_what_came_along(own, where)
+        refuse_what_came_along(own, where)
         return own
     path = target(name, where)
     if not name.strip("\"'").endswith(SUFFIX):
@@ -101,14 +101,15 @@ def target_of(words: str, own: Path, written: Collection[str], where: str) -> Pa
     whole = os.path.realpath(path)
     is_ours = whole in written or whole == os.path.realpath(own)
     if is_ours:
-        _refuse_what_came_along(path, where)
+        refuse_what_came_along(path, where)
     elif not is_forced and os.path.lexists(path):
         expected = f"the name of a new file, or `save project {name} {FORCE}` to write over it"
         raise mistake(where, f"{path}, which is there already", expected)
     return path
 
 
-def _refuse_what_came_along(path: Path, where: str) -> None:
+def refuse_what_came_along(path: Path, where: str) -> None:
+    """Raise UserError where a file is, or would be, in a folder of trcvtui itself."""
     here = Path(os.path.realpath(path))
     if any(here.is_relative_to(os.path.realpath(folder)) for folder in (demo_path().parent, configs_path())):
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
@@ -217,7 +218,10 @@ class ProjectEdits:
         self.done += 1
 
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
-        self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
+        known = names_of("udt", self.project)
+        by_hand = [each for each in fresh.udts if each.name not in known]  # they stand in the file
+        self._in_file = replace(self._in_file, udts=(*self._in_file.udts, *by_hand))
+        self.project = replace(self.project, types=fresh.types, constants=fresh.constants, udts=fresh.udts)
         self._constants |= constants
         self._keep(self.text)
 
@@ -243,32 +247,32 @@ class ProjectEdits:
         old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
         self._restore_types(old)
         text = with_files_from(text, old, path.parent, str(own))
-        text, new = edited_text(text, own, path, self._edits, self._constants)
+        edits = _moved(self._edits, old, path.parent)
+        text, new = edited_text(text, own, path, edits, self._constants)
         bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
         write_file(path, bom + text.encode(), WHERE, is_own=True)
         self.before = before and with_files_from(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()
         self.saved = self.done
-        self.project = replace(self.project, path=new.path, base=new.base, udt_files=new.udt_files)
+        self.project = moved(self.project, new.path)
         self._in_file, self._edits = self.project, ()
         self._keep(text)
         return told
 
     def _keep(self, text: str) -> None:
-        """Keep what the file says, and the type files: each of them can be gone when it is needed."""
-        self.text, self._types = text, {file: _content(file) for file in self.project.udt_files}
+        """Keep what the file says: it can be gone when it is needed."""
+        self.text = text
         with suppress(OSError):
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
         """Write the type files that are gone, as they were; `folder` takes the place of the project's."""
-        for file, content in self._types.items():
-            base = self.project.base
-            place = folder / (file.relative_to(base) if file.is_relative_to(base) else file)
-            if content and not place.exists():
+        for each in self.project.udts:
+            place = folder / each.name
+            if each.content and not place.exists():
                 make_folder(place.parent, WHERE)
-                write_file(place, content, WHERE, is_new=True)
+                write_file(place, each.content, WHERE, is_new=True)
 
     def _lost(self) -> Problem | None:
         """Return why the file cannot take the edits any more, such as that it is gone."""
@@ -289,6 +293,25 @@ class ProjectEdits:
                 if each.inode() == self._inode and _text_of(each.path) == self.text:
                     return replace(first, found=f"{each.name}, its new name")
         return first
+
+
+def moved(project: Project, path: Path) -> Project:
+    """Return the project as it stands in another file; the names of its UDT files begin in that folder."""
+    new = path.parent
+    old = project.base if project.base.is_dir() else new  # what is gone has come along
+    udts, undoable = _moved(project.udts, old, new), _moved(project.undoable, old, new)
+    return replace(project, path=path, base=new, udts=udts, undoable=undoable)
+
+
+def _moved(part: Any, old: Path, new: Path) -> Any:
+    match part:
+        case tuple():
+            return tuple([_moved(each, old, new) for each in part])
+        case Edit():
+            return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
+        case UdtFile():
+            return replace(part, name=way_to(part.name, old, new))
+    return part
 
 
 def _content(path: FileName) -> bytes:

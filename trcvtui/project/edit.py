@@ -21,11 +21,13 @@ from trcvtui.project.file import (
     find_duplicates,
     find_shared_ends,
     joined_up,
+    types_of,
 )
 from trcvtui.project.key_rows import Hint, context_of
 from trcvtui.project.keys import (
     EDITED,
     TABLES,
+    UDT,
     entries_of,
     entry_of,
     forms_of,
@@ -45,8 +47,10 @@ from trcvtui.project.project import (
     Edit,
     Edits,
     Project,
+    UdtFile,
 )
 from trcvtui.project.tables import Table
+from trcvtui.udt.type_set import TypeSet
 
 
 class AddField(Struct, frozen=True):
@@ -190,7 +194,15 @@ def with_edits(project: Project, edits: Edits) -> Project:
             kept = {each.number: each for each in found if isinstance(each, CertificateDecl)}
         changed: dict[str, Any] = {TABLES[edit.kind].field: kept}
         project = replace(project, **changed)
+    if any(edit.kind == UDT.kind for edit in edits):
+        project = replace(project, types=types_now(project))
     return replace(project, combuffers=joined_up(project.combuffers, project.instances))
+
+
+def types_now(project: Project) -> TypeSet:
+    """Return the types of the project's UDT files; raise UserError where one cannot be taken."""
+    constants, has_system_types = tuple(project.constants.items()), project.dialect.describes_connects
+    return types_of(project.udts, project.base, constants, has_system_types)
 
 
 def edited(project: Project, edits: Edits) -> Project:
@@ -236,12 +248,12 @@ def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
     """Return the keys of a declaration in the first form that says the same, as `read_changed` takes it."""
     edit = changing(decl, None, project)
     own = next(_forms(decl, edit, with_edits(project, (edit,))), dict(keys_of(decl)))
-    return {key: value for key, value in own.items() if key not in ("name", "number")}
+    return {key: value for key, value in own.items() if key != TABLES[edit.kind].called}
 
 
 def _forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
     for form in forms_of(decl):
-        own = {"number" if edit.kind == CERTIFICATE else "name": _called(decl), **dict(form)}
+        own = {TABLES[edit.kind].called: _called(decl), **dict(form)}
         if _says(edit, own, others, decl):
             yield own
 
@@ -260,7 +272,7 @@ def _says(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declara
 def same(decl: Declaration, other: Declaration) -> bool:
     """Return whether two declarations say the same; a type is laid out anew with each reading."""
     # Who writes and feeds a ComBuffer, its neighbours tell.
-    if isinstance(decl, DataDecl | ComBufferDecl):
+    if isinstance(decl, DataDecl | ComBufferDecl | UdtFile):
         return decl.name == other.name and keys_of(decl) == keys_of(other)
     return decl == other
 
@@ -282,11 +294,12 @@ def difference(before: Project, after: Project) -> Edits:
 def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
     """Return the entries that could not stand any more after these edits, each with the reason."""
     after = with_edits(project, edits)
-    gone = {(edit.kind, edit.name) for edit in edits}
+    gone, kinds = {(edit.kind, edit.name) for edit in edits}, {edit.kind for edit in edits}
     found = _of_certificates(edits, after)
     for kind in EDITED:
         for place, each in enumerate(entries_of(kind, after), 1):
-            if (kind, each.name) in gone or not _mentions(each, [edit.name for edit in edits]):
+            uses_type = kind == "data" and UDT.kind in kinds
+            if (kind, each.name) in gone or not (uses_type or _mentions(each, [e.name for e in edits])):
                 continue
             wrong = _refused(each, kind, place, after)
             if wrong is not None and _refused(each, kind, place, project) is None:

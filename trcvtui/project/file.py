@@ -9,6 +9,7 @@ instance or DATA.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,9 +19,9 @@ from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
 from trcvtui.errors import Problem, UserError, all_problems, noting
-from trcvtui.project.key_rows import Context
+from trcvtui.project.key_rows import Context, context_of
 from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row
-from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task
+from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task, UdtFile
 from trcvtui.project.tables import (
     LINT,
     TEXT,
@@ -33,7 +34,7 @@ from trcvtui.project.tables import (
     shown,
 )
 from trcvtui.udt.layout.rules import rules_for
-from trcvtui.udt.sources import read_files
+from trcvtui.udt.sources import content_of, read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
@@ -197,8 +198,7 @@ def _put_entry(document: dict[str, Any], kind: str, name: str, key: str, value: 
 # -- a file ------------------------------------------------------------------------------------------------
 
 KEYS: Final = (
-    "dialect", "model", "options", "task", "udt", *[kind for kind in TABLES if kind != "task"], "start",
-    "program", "sim", "constants",
+    "dialect", "model", "options", *TABLES, "start", "program", "sim", "constants",
 )  # fmt: skip
 
 
@@ -340,9 +340,8 @@ class DocumentReader:
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
-        files = [UDT.read(table, around) for table in self.entries("udt")]
-        files = [self.base / file["file"] if file is not None else None for file in files]
-        types = self.types(files, constants, around)
+        udts = self.udts(around, tables.pop("udt"))
+        types = self.types(udts, constants, around)
         around = replace(around, types=types)
         certificates = {}
         for table in tables.pop("certificate"):
@@ -359,7 +358,7 @@ class DocumentReader:
             "types": types or NO_TYPES,
             "tasks": tasks,
             "constants": constants,
-            "udt_files": tuple([file for file in files if file is not None]),
+            "udts": tuple([each for each in udts if each is not None]),
             "certificates": certificates,
             **{TABLES[kind].field: entries for kind, entries in found.items()},
         }
@@ -382,23 +381,30 @@ class DocumentReader:
                 check_names(kind, table, known, around)
         find_shared_ends(tables["combuffer"])
 
+    def udts(self, around: Context, tables: list[Table]) -> list[UdtFile | None]:
+        """Return the files of UDTs, None for one that cannot be read."""
+        found: list[UdtFile | None] = [UDT.read(table, around) for table in tables]
+        names = [each.name if each is not None else "" for each in found]
+        for place, table in enumerate(tables):
+            if names[place] and names[place] in names[:place]:
+                table.wrong("file", f"{shown(names[place])} for the second time", "each file once")
+        return found
+
     def types(
-        self, files: list[Path | None], constants: Mapping[str, int], around: Context
+        self, udts: list[UdtFile | None], constants: Mapping[str, int], around: Context
     ) -> TypeSet | None:
         """Return the UDTs of all files, None where one cannot be read."""
+        read = tuple([each for each in udts if each is not None])
         has_system_types = around.dialect.describes_connects
-        if not files:
-            return join([], NO_TYPES.where, constants, has_system_types)
         try:
-            read = [file for file in files if file is not None]
-            types = read_files(read, constants, has_system_types)
+            types = types_of(read, self.base, tuple(constants.items()), has_system_types)
         except UserError as refused:
             self.problems += refused.problems
             return None
         # What is wrong in a type is told with the variable that has it: files hold types of no use here too.
         of_types = {problem for bad in types.broken.values() for problem in bad}
         self.problems += [problem for problem in types.problems if problem not in of_types]
-        return types if None not in files else None
+        return types if None not in udts else None
 
     def section(self, key: str) -> Mapping[str, Any]:
         content = self.document.get(key, {})
@@ -423,6 +429,33 @@ class DocumentReader:
 def _label(entry: Mapping[str, Any], number: int) -> str:
     name = entry.get("name")
     return name if isinstance(name, str) and is_identifier(name) else f"#{number}"
+
+
+@lru_cache(maxsize=4)  # an edit of the UDT files is looked at several times before it is one
+def types_of(
+    udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
+) -> TypeSet:
+    """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
+    if not udts:
+        return join([], NO_TYPES.where, dict(constants), has_system_types)
+    contents = {base / each.name: each.content for each in udts}
+    return read_files(contents, dict(constants), has_system_types, contents)
+
+
+def udts_now(project: Project) -> tuple[UdtFile, ...]:
+    """Return the UDT files as they stand now, also those whose rows were written into the file by hand."""
+    document: Mapping[str, Any] = {}
+    try:
+        document = read_toml(project.path)
+    except UserError as refused:
+        if refused.problems[0].kind != "file":  # else there is none
+            raise
+    with all_problems() as problems:
+        reader = DocumentReader(dict(document), str(project.path), project.base, problems)
+        rows = reader.udts(context_of(project), reader.entries("udt"))
+    found = {each.name: each for each in rows if each is not None}
+    others = [each.name for each in project.udts if each.name not in found]
+    return (*found.values(), *(UdtFile(name, content_of(project.base / name)) for name in others))
 
 
 def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, noting
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
@@ -64,6 +64,7 @@ from trcvtui.project.project import (
     SimDecl,
     TapDecl,
     Task,
+    UdtFile,
     WatchDecl,
 )
 from trcvtui.project.proposals import NEW, free
@@ -111,7 +112,7 @@ from trcvtui.project.tables import (
 )
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUTS, LayoutChoice, LayoutRules
-from trcvtui.udt.sources import parse_type
+from trcvtui.udt.sources import content_of, parse_type
 from trcvtui.udt.type_set import NO_TYPES
 from trcvtui.udt.types import ELEMENTARY, Type
 
@@ -467,8 +468,8 @@ _DATA: Final = TableRow(
     (
         _named("variable"),
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
-            ask=Hint("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
-            is_played=True),
+            ask=Hint("an IEC type or a UDT", lambda project, block: tuple(project.types.names()),
+                    "ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True, is_played=True),
         Key("optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
             False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
         *_CHOICE,
@@ -897,27 +898,39 @@ TOP: Final = TableRow(
         Key("program", TEXT, "What the PLC's program does by itself while scans pass.", "program", ""),
     ),
 )  # fmt: skip
+
+
+def _udt_content(values: Values) -> dict[str, Any] | None:
+    """Return the content of a UDT file, None where it cannot be read."""
+    found: dict[str, Any] | None = None
+    if values["file"] is not None:
+        with noting(values.table.problems):
+            found = {"content": content_of(values.around.base / values["file"])}
+    return found
+
+
 UDT: Final = TableRow(
-    "udt", "udt_files", dict, "A file of UDTs.",
-    (Key("file", FILE, "The file, beside the project.", "file", is_needed=True),),
+    "udt", "udts", UdtFile, "A file of UDTs.",
+    (Key("file", FILE, "The file, beside the project.", "name", is_needed=True),),
+    "UDT file", "a UDT file", called="file", also=_udt_content,
 )  # fmt: skip
 
 # In the order in which a file's kinds are listed in messages.
 TABLES: Final[dict[str, TableRow]] = {
     row.kind: row
     for row in (
-        _TASK, _DATA, _CONNECT, _UDP_CONFIG, _ADDR, _INSTANCE, _PEER, _MESSAGE, _SEQUENCE, _CERTIFICATE,
+        _TASK, UDT, _DATA, _CONNECT, _UDP_CONFIG, _ADDR, _INSTANCE, _PEER, _MESSAGE, _SEQUENCE, _CERTIFICATE,
         _COMBUFFER, _WATCH, _TAP,
     )
 }  # fmt: skip
 DESCRIBED: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
 # What can be added, as commands list it; and as a form offers it, what is added most often first.
 EDITED: Final = (
-    "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
+    "udt", "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
     "certificate", "watch", "tap",
 )  # fmt: skip
 OFFERED: Final = (
-    "instance", "connect", "data", "peer", "message", "sequence", "udp_config", "addr", "certificate",
+    "instance", "connect", "data", "udt", "peer", "message", "sequence", "udp_config", "addr", "certificate",
     "combuffer", "watch", "tap",
 )  # fmt: skip
 
@@ -941,7 +954,7 @@ def is_played(path: Sequence[str]) -> bool:
     """
     kind, key = path[0], path[-1]
     if kind not in TABLES:
-        return kind not in {SIM.kind, UDT.kind, *(row.name for row in TOP.keys)}
+        return kind not in {SIM.kind, *(row.name for row in TOP.keys)}
     rows = [row for row in TABLES[kind].keys if row.name == key]
     return rows[0].is_played if rows else kind == _INSTANCE.kind
 

@@ -193,6 +193,13 @@ class CertificateDecl(Struct, frozen=True):
 Certificates = Mapping[int, CertificateDecl]
 
 
+class UdtFile(Struct, frozen=True):
+    """One file of UDTs as it was read; `name` begins in the project's folder."""
+
+    name: str
+    content: bytes
+
+
 Declaration = (
     ConnectConfig
     | UdpConfig
@@ -206,6 +213,7 @@ Declaration = (
     | CertificateDecl
     | WatchDecl
     | TapDecl
+    | UdtFile
 )
 
 
@@ -255,13 +263,17 @@ class Project(Struct, frozen=True, eq=False):
     messages: tuple[MessageDecl, ...] = ()
     sequences: tuple[SequenceDecl, ...] = ()
     constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
-    udt_files: tuple[Path, ...] = ()
+    udts: tuple[UdtFile, ...] = ()
     certificates: Certificates = field(default_factory=dict)
     combuffers: tuple[ComBufferDecl, ...] = ()
     watches: tuple[WatchDecl, ...] = ()
     taps: tuple[TapDecl, ...] = ()
     black_box: bool = True  # whether a run on the screen keeps its newest for a recording
     undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
+
+    @property
+    def udt_files(self) -> tuple[Path, ...]:
+        return tuple([self.base / each.name for each in self.udts])
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""

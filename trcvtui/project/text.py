@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.key_rows import KeyValue
-from trcvtui.project.keys import entry_of, forms_of, kind_name
+from trcvtui.project.keys import TABLES, entry_of, forms_of, kind_name
 from trcvtui.project.project import Declaration, Edit
 from trcvtui.project.tables import parse_toml
 
@@ -55,7 +55,7 @@ def with_change(text: str, edit: Edit, form: int, where: str) -> str:
 
 
 def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
-    called = "number" if edit.kind == "certificate" else "name"
+    called = TABLES[edit.kind].called
     entries = document.get(edit.kind, [])
     place = next((n for n, each in enumerate(entries) if str(each.get(called)) == edit.name), None)
     if place is None:
@@ -80,7 +80,7 @@ def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
     """
     wanted = parse_toml(text, where)
     ways = [
-        (kind, number, key, _way(entry[key], old, new))
+        (kind, number, key, way_to(entry[key], old, new))
         for kind, keys in FILES.items()
         for number, entry in enumerate(wanted.get(kind, []))
         for key in keys
@@ -113,7 +113,8 @@ def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
     )
 
 
-def _way(file: str, old: Path, new: Path) -> str:
+def way_to(file: str, old: Path, new: Path) -> str:
+    """Return what a file that is named from the folder `old` on is called from `new` on."""
     if Path(file).is_absolute():
         return file
     try:

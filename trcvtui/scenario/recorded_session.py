@@ -27,6 +27,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.patterns import ANY, Atom, Scan
 from trcvtui.commands.table import to_line
+from trcvtui.commands.tokens import unquoted
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
@@ -36,7 +37,8 @@ from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
-from trcvtui.project.text import with_files_from
+from trcvtui.project.text import way_to, with_files_from
+from trcvtui.udt.literals import quoted
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -432,7 +434,9 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
     `before` is the project as the session began with it, where its file says something else by now. It comes
     into the scenario, and so does a project that came with the program: no file names the installation.
     """
-    steps = "\n".join(session.steps()).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+    old, new = bench.project.base, path.parent
+    lines = [_from_here(line, old, new) for line in session.steps()]
+    steps = "\n".join(lines).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
     about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
     about += session.outsiders().about
@@ -440,6 +444,15 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
     lines = [_project(bench.project.path, path.parent, before), "", "[scenario]"]
     lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
+
+
+def _from_here(line: str, old: Path, new: Path) -> str:
+    """Return a step as it stands in another folder: a file that it adds is named from there on."""
+    start = "add udt "
+    if not line.startswith(start):
+        return line
+    name = way_to(unquoted(line.removeprefix(start)), old, new)
+    return start + (quoted(name) if " " in name else name)
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:

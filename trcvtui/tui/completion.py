@@ -12,6 +12,7 @@ from textual.suggester import Suggester
 from trcvtui.commands.completion import NextWords, after_framing, after_trigger, nothing
 from trcvtui.commands.table import COMMANDS
 from trcvtui.project.project import Project
+from trcvtui.udt.sources import type_paths
 
 
 def complete(line: str, project: Project) -> str | None:
@@ -19,7 +20,8 @@ def complete(line: str, project: Project) -> str | None:
     *words, last = line.split(" ")
     if not words and not last:
         return None
-    for candidate in _next(words, project):
+    is_path = words in (["add", "udt"], ["udt", "open"])
+    for candidate in type_paths(last, project.base) if is_path else _next(words, project):
         if candidate.startswith(last) and candidate != last:
             return line[: len(line) - len(last)] + candidate
     return None
@@ -40,12 +42,9 @@ def _next(words: list[str], project: Project) -> Iterable[str]:
 def _after_udt(words: list[str], project: Project) -> Iterable[str]:
     from trcvtui.tui.lab.lab import PROFILE_WORDS, SOURCES  # read when first asked for
     from trcvtui.tui.lab.lab_lines import WORDS
-    from trcvtui.udt.sources import type_files_in
 
     if len(words) == 1:
         return WORDS
-    if words[1] == "open":
-        return type_files_in(project.base) if len(words) == 2 else ()
     known = {"type": project.types.names(), "bytes": SOURCES, "ours": PROFILE_WORDS, "theirs": PROFILE_WORDS}
     return known.get(words[1], ())
 

@@ -575,6 +575,7 @@ class MainScreen(FullScreen[None]):
             for some in parts
             for verb, action in (("Change", self.change_part), ("Remove", self.remove_part))
             for part in some
+            if part.kind != "udt" or verb == "Remove"
         }
         if not choices:
             self.prompt.complain("nothing is there to change: A adds")

@@ -386,3 +386,37 @@ async def test_messages_of_a_stranger_are_known_by_pauses_alone(
         await stage.do(line, scans=400)
         await stage.press("f")
         assert re.search(judged, stage.words), stage.text
+
+
+async def test_a_type_of_another_file_is_used_for_data_and_its_file_is_added_once(tmp_path: Path) -> None:
+    path = project(tmp_path)
+    (tmp_path / "other").mkdir()
+    save(tmp_path / "other" / "o.st", "TYPE Order : STRUCT id : DINT; END_STRUCT END_TYPE", 1)
+    async with lab(path) as stage:
+        await stage.say("udt open other/o.st")
+        await stage.press("u")
+        await stage.scan(2)
+        known = stage.app.view_model.project
+        assert [each.name for each in known.udts] == ["types.st", "other/o.st"]
+        assert (known.data[0].type_name, known.data[0].size) == ("Order", 4)
+        await stage.say("udt project")
+        await stage.say("udt type Telegram")
+        await stage.press("u")
+        await stage.scan(2)
+        assert stage.app.view_model.project.data[0].type_name == "Telegram"
+        await stage.say("udt open other/o.st")
+        await stage.press("u")
+        await stage.scan(2)
+        known = stage.app.view_model.project
+        assert [each.name for each in known.udts] == ["types.st", "other/o.st"]
+        assert known.data[0].type_name == "Order"
+
+
+async def test_a_file_that_has_a_type_of_the_project_is_not_used(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        save(tmp_path / "o.st", TELEGRAM.replace("LREAL", "REAL"), 1)
+        await stage.say("udt open o.st")
+        await stage.press("u")
+        await stage.scan(2)
+        assert "'Telegram' a second time" in stage.words
+        assert len(stage.app.view_model.project.udts) == 1

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import ClassVar, cast
 
+from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.errors import UserError
+from trcvtui.files import FilesRead, reading_only
 from trcvtui.project.edit import AddField, fields_of, first_name
 from trcvtui.project.project import Project
+from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.forms.fields import (
     TITLES,
@@ -22,10 +29,14 @@ from trcvtui.tui.forms.fields import (
     text_of,
     values_of,
 )
+from trcvtui.tui.forms.pasted_type import pasted_type, write_type
 from trcvtui.tui.view_model.validity import fault_of, said_before
 from trcvtui.tui.widgets.dialogs import FormDialog, FormField
+from trcvtui.udt.sources import type_files_in
 
 HINT, HINT_ROWS = 27, 2  # columns, lines
+FILE, ADD_FILE = "type file", "add udt "  # the key of its field, and its line
+ASK_FILE = "a file of types: tab completes its path, ↑↓ choose one beside the project; or paste a STRUCT"
 
 
 class ChoiceField(FormField):
@@ -38,6 +49,11 @@ class ChoiceField(FormField):
 
     async def action_submit(self) -> None:
         cast("AddScreen", self.screen).take()
+
+    def pasted(self, text: str) -> str:
+        """Let the form keep a STRUCT for a file: the name of that stands here then."""
+        is_type = self.key == FILE and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
+        return cast("AddScreen", self.screen).paste(self, text) if is_type else super().pasted(text)
 
     async def follow(self) -> None:
         """Let the form have the fields that this one asks for."""
@@ -57,6 +73,7 @@ class AddScreen(FormDialog[str]):
     """Ends with the command, "" when it is left."""
 
     TAKES: ClassVar = "add"
+    BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
     DEFAULT_CSS = """
     AddScreen #form { width: 76; max-height: 100%; }
     AddScreen VerticalScroll { max-height: 70vh; }
@@ -75,6 +92,7 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
+        self._paste = Path(), ""  # the file that a paste becomes, and what it holds
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
@@ -103,6 +121,8 @@ class AddScreen(FormDialog[str]):
         self._judge()
 
     def _specs(self, project: Project) -> list[AddField]:
+        if self.kind == "udt":
+            return [AddField(FILE, "of a folder beside it", tuple(type_files_in(project.base)))]
         name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -118,17 +138,61 @@ class AddScreen(FormDialog[str]):
         name, *others = self._fields
         return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
-    def _judge(self) -> None:
-        fault = fault_of(self.line, self._project()) if self.line else ""
+    def action_complete(self) -> None:
+        """Complete the path of a file of types; leave any other field."""
+        field = self._fields[0]
+        is_file = self.focused is field and field.key == FILE
+        found = complete(ADD_FILE + field.value, self._project()) if is_file else None
+        if found:
+            field.value = found.removeprefix(ADD_FILE)
+            field.cursor_position = len(field.value)
+        else:
+            self.focus_next()
+
+    def paste(self, field: ChoiceField, text: str) -> str:
+        """Keep a pasted type; return the name of the file that enter writes, "" for what cannot be one."""
+        try:
+            self._paste = pasted_type(text, self._project().base)
+        except UserError as refused:
+            self._complain(refused.lines()[0])
+            return ""
+        field.clear()
+        return self._paste[0].name
+
+    def _is_pasted(self) -> bool:
+        return self.line == f"{ADD_FILE}{self._paste[0].name}"
+
+    def _reading(self) -> AbstractContextManager[None]:
+        """Let a pasted file be read as if it stood there."""
+        file, text = self._paste
+        read = FilesRead(contents=[(os.fspath(file), text.encode())])
+        return reading_only(read) if self._is_pasted() else nullcontext()
+
+    def _judge(self) -> bool:
+        """Say what the line does, or what is wrong with it; return whether it would be taken."""
+        if self.line.strip() == ADD_FILE.strip():
+            self._line.update(ASK_FILE)
+            return False
+        with self._reading():
+            fault = fault_of(self.line, self._project()) if self.line else ""
+            said = self._said()
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        self._line.update(f"✗ {plain(fault)}" if fault else "\n".join(map(plain, self._said())))
-        self._line.set_class(bool(fault), "-bad")
+        if fault:
+            self._complain(fault)
+        else:
+            self._line.update("\n".join(map(plain, said)))
+            self._line.remove_class("-bad")
+        return not fault
+
+    def _complain(self, fault: str) -> None:
+        self._line.update(f"✗ {plain(fault)}")
+        self._line.add_class("-bad")
 
     def _said(self) -> list[str]:
-        made = said_before(self.line, self._project())
-        return [f"▸ {self.line}{made and f' · {made}'}"]
+        made, *more = said_before(self.line, self._project()).split("\n")
+        return [f"▸ {self.line}{made and f' · {made}'}", *more]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -153,8 +217,14 @@ class AddScreen(FormDialog[str]):
             self.set_focus(block)
 
     def take(self) -> None:
-        if not self.line or not fault_of(self.line, self._project()):
+        try:
+            if not self._judge():
+                return
+            if self._is_pasted():
+                write_type(*self._paste)
             self.dismiss(self.line)
+        except UserError as refused:
+            self._complain(refused.lines()[0])
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:

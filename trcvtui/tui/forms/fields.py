@@ -30,7 +30,7 @@ def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) ->
     from trcvtui.udt.literals import quoted  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(kind, project)
-    words = ["add", kind, name.strip()]
+    words = ["add", kind, quoted(name.strip()) if kind == "udt" and " " in name.strip() else name.strip()]
     for key, text in texts.items():
         value = text.strip()
         if value:

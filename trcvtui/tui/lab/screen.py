@@ -15,6 +15,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
+from trcvtui.files import is_same_file
 from trcvtui.tui import messages
 from trcvtui.tui.copy_formats import Format, Subject
 from trcvtui.tui.formatting import plain
@@ -23,6 +24,7 @@ from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
 from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
 from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, ProblemsScreen
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
+from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, pane_title
 from trcvtui.tui.widgets.lines import TabLine
@@ -32,6 +34,7 @@ from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
+from trcvtui.udt.literals import quoted
 from trcvtui.udt.sources import formats_text
 
 KEYS: Final = (
@@ -66,6 +69,7 @@ COMMANDS: Final = (
     ("Problems in the type files", "w", "problems"),
     ("Take a changed type into DATA", "R", "into_data"),
     ("Let DATA lie as theirs", "V", "data_as_theirs"),
+    ("Use this type for DATA", "u", "use"),
     ("Yank", "y", "yank"),
     ("Command line", ":", "ask('udt ')"),
     ("Help", "?", "help"),
@@ -376,6 +380,20 @@ class LabScreen(SideScreen[None]):
         else:
             self.send(f"{UDT} {RELOAD}")
             self.send(f"resize {declared.name} {declared.type_name}")
+        self.show()
+
+    def action_use(self) -> None:
+        """Let DATA of the selected instance have the type that is looked at; its file comes first."""
+        declared, project = self._view_model.declaration, self._view_model.project
+        file = self.lab.opened.paths[0].resolve() if self.lab.opened is not None else None
+        is_new = file is not None and not any(is_same_file(file, each) for each in project.udt_files)
+        first = f"add udt {quoted(str(file))}" if is_new else f"{UDT} {RELOAD}"
+        self._trouble = fault_of(first, project) if is_new else ""
+        if declared is None or not self.lab.type_name:
+            self._trouble = "u is for a type, and an instance that has DATA"
+        elif not self._trouble:
+            self.send(first)
+            self.send(f"set data {declared.name} type={self.lab.type_name}")
         self.show()
 
     def action_data_as_theirs(self) -> None:

@@ -201,6 +201,13 @@ class PayloadField(TypedField):
     async def action_submit(self) -> None:
         self._send()
 
+    def pasted(self, text: str) -> str:
+        """Return the first line; a STRUCT takes the place of all, without its comments."""
+        if not text.lstrip().upper().startswith("STRUCT"):
+            return super().pasted(text)
+        self.clear()
+        return " ".join(line.partition("//")[0].strip() for line in text.strip().splitlines())
+
     def action_leave(self) -> None:
         self.screen.set_focus(self.screen.query_one("#peers"))
 

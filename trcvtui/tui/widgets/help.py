@@ -34,7 +34,10 @@ EVERYWHERE: Final = (
     ("ctrl+p", "command palette: everything by name, or by words such as copy, graph, recent projects"),
     ("y", "yank what the pane shows: hex, 16#.., members, history; y y takes the first"),
     ("K", "mark: what a saved session will expect begins here"),
-    ("A", "add an instance (with CONNECT and DATA of its own), connection, DATA, peer; it is selected"),
+    (
+        "A",
+        "add an instance (with CONNECT, DATA of its own), connection, DATA, UDT file, peer; it is selected",
+    ),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
     ("ctrl+z", "undo: takes the newest add, change or remove back"),
     ("ctrl+s", "`save project`: what was added, changed and removed, into its file"),

@@ -37,6 +37,10 @@ class TypedField(Input):
         """Take what stands there now: a key typed after enter is not part of it."""
         raise NotImplementedError
 
+    def pasted(self, text: str) -> str:
+        """Return what a pasted text puts into the field."""
+        return text.splitlines()[0]
+
     async def follow(self) -> None:
         """Do what must be done about a change before the next key, such as laying out other fields."""
 
@@ -67,8 +71,8 @@ async def obey(app: App[None], event: events.Key | events.Paste) -> bool:
 async def _act(app: App[None], event: events.Key | events.Paste) -> bool:
     field, screen = app.focused, app.screen
     if isinstance(event, events.Paste):
-        if isinstance(field, Input) and event.text:
-            field.replace(event.text.splitlines()[0], *field.selection)
+        if isinstance(field, TypedField) and event.text:
+            field.replace(field.pasted(event.text), *field.selection)
         return isinstance(field, Input)
     if event.is_printable and event.character:
         if isinstance(field, Input):

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from importlib import import_module
 from typing import Any, Final, NamedTuple
 
@@ -121,6 +121,18 @@ def type_files_in(folder: Path) -> list[str]:
         return []
 
 
+def type_paths(typed: str, base: Path) -> list[str]:
+    """Return the type files, and folders with a / at the end, that a path that is typed may go on to."""
+    head = typed[: typed.rfind("/") + 1]
+    folder = os.path.join(base, os.path.expanduser(head))
+    names = type_files_in(folder)
+    with suppress(OSError):
+        names += sorted(
+            f"{each.name}/" for each in os.scandir(folder) if each.is_dir() and each.name[0] != "."
+        )
+    return [head + name for name in names]
+
+
 def read_text(text: str, name: str, extension: str = "") -> Declarations:
     """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
@@ -146,6 +158,7 @@ def read_files(
     paths: Iterable[Path],
     constants: Mapping[str, int] | None = None,
     has_system_types: bool = False,
+    contents: Mapping[Any, bytes] = {},  # of those that were read before
 ) -> TypeSet:
     """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
     files: list[Declarations] = []
@@ -153,7 +166,8 @@ def read_files(
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(apart(declarations_in(path), path, paths))
+                read = declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
+                files.append(apart(read, path, paths))
     return join(files, ", ".join(map(str, paths)), constants, has_system_types)
 
 
@@ -203,12 +217,23 @@ def decode_text(data: bytes) -> str:
 
 def declarations_in(path: Path) -> Declarations:
     """Return what a file declares; raise UserError when it cannot be read at all."""
+    extension = _extension(str(path))
+    return declarations_of(content_of(path), str(path), extension)
+
+
+@lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
+def declared_by(path: str, content: bytes) -> Declarations:
+    """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
+    return declarations_of(content, path, _extension(path))
+
+
+def _extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
         with suppress(OSError, ValueError):  # then the suffix is what is wrong
-            refuse_other_file(str(path), read_bytes(path, HEAD))
-        raise mistake(str(path), f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
-    return declarations_of(content_of(path), str(path), extension)
+            refuse_other_file(path, read_bytes(path, HEAD))
+        raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
+    return extension
 
 
 def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations:

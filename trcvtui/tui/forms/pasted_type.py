@@ -1,0 +1,42 @@
+"""A STRUCT that is pasted into the form, and the file beside the project that it becomes."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import write_file
+from trcvtui.project.tables import hidden_in
+from trcvtui.udt.sources import read_text
+
+MOST: Final = 64 * 1024  # characters
+LONGEST_NAME: Final = 60
+UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
+
+
+def pasted_type(text: str, base: Path) -> tuple[Path, str]:
+    """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
+    lines = text[: MOST + 1].expandtabs(4).splitlines()
+    hidden = hidden_in("".join(lines))
+    if hidden or len(text) > MOST:
+        found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
+        raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, none of them for control")
+    source, name = "\n".join([*lines, ""]), UNNAMED
+    with suppress(UserError):  # the form says what is wrong in it
+        name = next((each.name for each in read_text(source, UNNAMED, ".st").types), name)
+    stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
+    files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))
+    return next(file for file in files if not os.path.lexists(file)), source
+
+
+def write_type(file: Path, text: str) -> None:
+    """Write a new file; raise UserError where that cannot be."""
+    from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
+
+    refuse_what_came_along(file, "paste")
+    write_file(file, text, "paste", is_new=True)

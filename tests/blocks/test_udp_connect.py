@@ -12,7 +12,7 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError
 from trcvtui.net.events import ConnectionChanged
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.st_call import st_call
 
@@ -24,6 +24,7 @@ name = "C1"
 bytes = "00 40 00 09 13 00 00 00 00 00 00 00 07 d9"
 ListenPort = 0
 """
+EVERYBODY = 'RemoteAddress = "127.255.255.255"\nRemotePort = "@P1"'
 
 
 def tcon(desk: Desk) -> None:
@@ -92,6 +93,29 @@ def test_a_port_without_a_socket_for_broadcasts_receives_and_says_so_and_a_reset
     assert desk.bench.runtime.data("rx")[:2] == b"\1\2"
     desk.say("pulse T_RESET_1 REQ", "run 5", "pulse TSEND_C_1 REQ", "run 3")
     assert desk.bench.runtime.data("rx")[:4] == b"\x0a\x0b\x0c\x0d"
+    desk.close()
+
+
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_datagram_to_its_own_port_comes_back_as_it_is_no_broadcast(tmp_path: Path, kernel: str) -> None:
+    own = '[[addr]]\nname = "OWN"\nRemoteAddress = "127.0.0.1"\nRemotePort = "@C1"\n'
+    desk = Desk(BENCH.replace('addr = "TARGET"', 'addr = "OWN"') + own, tmp_path, kernel)
+    tcon(desk)
+    desk.say("set TURCV_1 EN_R=1", "run 2", "write tx hex 0A 0B 0C 0D", "pulse TUSEND_1 REQ", "run 2")
+    assert desk.bench.runtime.data("rx")[:4] == b"\x0a\x0b\x0c\x0d"
+    desk.close()
+
+
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_peer_on_all_addresses_hears_broadcasts_and_lacks_nothing(tmp_path: Path, kernel: str) -> None:
+    text = BENCH.replace('RemoteAddress = "127.0.0.1"\nRemotePort = "@P1"', EVERYBODY)
+    text = text.replace('name = "P1"\nudp = true', 'name = "P1"\nudp = true\nlocal = "0.0.0.0:0"')
+    desk = Desk(text, tmp_path, kernel)
+    tcon(desk)
+    desk.say("write tx hex 0A 0B 0C 0D", "pulse TUSEND_1 REQ", "run 3")
+    assert desk.bench.peers["P1"].snapshot().last_received == b"\x0a\x0b\x0c\x0d"
+    notes = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, BenchNote)]
+    assert [note.what for note in notes if note.subject == "P1"] == ["listening", "heard"]
     desk.close()
 
 

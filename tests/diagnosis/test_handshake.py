@@ -24,9 +24,15 @@ from tests.bench.test_tls_blocks import (
 )
 from tests.certificates import NEEDS_OPENSSL
 from tests.diagnosis.truth.live_plc import LivePlc
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.diagnosis.handshake import why_it_failed
+from trcvtui.diagnosis.job import Sentence
 from trcvtui.diagnosis.symptoms import Symptom
+from trcvtui.history.records import ScanStamp
+from trcvtui.net.layer import TlsError
 
 pytestmark = NEEDS_OPENSSL
 OLD = "-tls1_1 -cipher ALL:@SECLEVEL=0"
@@ -75,6 +81,24 @@ def test_each_handshake_has_its_own_cause_and_remedy(secure_bench: Path) -> None
         texts = [f"- {text}" for text in found.card] + [f"> {mend.text}" for mend in found.mend]
         said.append((case, [re.sub(r"127\.0\.0\.1:\d+", "PARTNER", text) for text in texts]))
     golden.agree("doctor", "handshakes", said)
+
+
+@pytest.mark.parametrize(
+    ("cause", "card", "mend"),
+    [
+        ((TlsError.REFUSED, "access_denied"), "refuses the handshake: access denied", "its log"),
+        ((TlsError.SILENT, ""), "speaks no TLS on this port, or hangs", "correct the port"),
+    ],
+)
+def test_what_has_no_row_of_its_own_is_told_in_the_words_of_the_partner(
+    secure_bench: Path, cause: tuple[str, str], card: str, mend: str
+) -> None:
+    with desk_of(secure_bench, CLIENT.format(port=9)) as desk:
+        (config,) = desk.bench.project.connects
+    failed = Cause(Why.KERNEL, "", call="session", error=cause[0], words=cause[1])
+    said = why_it_failed(Evidence("X", "TRCV_C", "", failed, ScanStamp(0, 0), 0, config=config))
+    assert isinstance(said, Sentence) and card in said.cause
+    assert [mend in line.text for line in said.do] == [True]
 
 
 def test_the_doctor_of_a_run_names_what_the_block_knows_before_the_alert(

@@ -221,6 +221,18 @@ def test_one_id_or_one_local_port_of_two_connects_is_found(
     assert [(one["cause"], one["confidence"], one["status"]) for one in judged["findings"]] == found
 
 
+def test_a_local_port_of_two_explains_no_other_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, anywhere = tmp_path / "p.toml", 'LocalAddress = "0.0.0.0"'
+    text = HEAD + LISTENER + RECEIVER + OTHER.format(LISTENER)
+    path.write_text(text.replace('LocalAddress = "127.0.0.1"', anywhere))
+    assert main(["doctor", str(path), "--for", "T#1s", "--kernel", "sim", "--format", "json"]) == 1
+    found = [row for one in json.loads(capsys.readouterr().out) for row in one["findings"]]
+    said = {(row["cause"], *row["status"], bool(row["explains"])) for row in found}
+    assert said == {("address", "8083", False), ("block-error", "8081", True)}
+
+
 def test_one_id_is_found_where_no_block_uses_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = HEAD.replace("baosky", "s7-1500") + LISTENER + "ID = 7\n" + RECEIVER
     unused = OTHER.partition("[[instance]]")[0].format("LocalPort = 2001\nID = 7\n")

@@ -91,6 +91,14 @@ def test_who_receives_ad_hoc_does_so_in_a_dialect_that_has_no_adhoc_pin(dialects
     assert dict(made.inputs) == adhoc[dialects[1]]
 
 
+def test_len_0_that_a_switch_makes_ad_hoc_is_ad_hoc_in_the_other_dialect() -> None:
+    receiver = {"name": "R1", "block": "TRCV_C", "connect": "C1"}
+    for value, expected in (("adhoc", {"ADHOC": True}), ("data", {})):
+        given = project("s7-1200-legacy", C1, instance=[receiver], options={"legacy_len0": value})
+        (made,) = over(given, "s7-1500").project.instances
+        assert dict(made.inputs) == expected
+
+
 def test_a_record_has_fields_that_a_description_lacks_and_the_other_way_round() -> None:
     record = {"ActiveEstablished": True, "RemoteAddress": "10.0.0.7", "RemotePort": 2000}
     other, notes = over(project("baosky", record | {"SendDelayOpt": True}), "s7-1500")

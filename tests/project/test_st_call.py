@@ -203,6 +203,20 @@ def test_several_parts_that_start_writes_make_one_value(tmp_path: Path) -> None:
     assert "tx : ARRAY[0..7] OF BYTE := [16#0E, 16#0A, 5(16#00), 16#FF];" in st_variables(bench, ["R"], form)
 
 
+def test_scl_has_its_own_texts_and_dates(tmp_path: Path) -> None:
+    (tmp_path / "m.st").write_text(
+        "TYPE M : STRUCT w : WSTRING[4]; c : WCHAR; s : STRING[4]; d : DT; l : DTL; END_STRUCT END_TYPE"
+    )
+    head = SIEMENS.replace('"ARRAY[0..7]  OF BYTE"', '"M"').replace(
+        "\n[[data]]", '[[udt]]\nfile = "m.st"\n[[data]]'
+    )
+    bench = project(tmp_path, instance("R", "TRCV_C"), head=head)
+    steps = parse_script("write tx.w 'a\"ä'\nwrite tx.s 'a'", bench, "start")
+    text = st_variables(bench, ["R"], CallForm(written=written_data(steps, bench)))
+    assert """(w := WSTRING#'a"$00E4', c := WCHAR#'$0000', s := 'a', """ in text
+    assert "d := DT#1990-01-01-00:00:00, l := DTL#1970-01-01-00:00:00);" in text
+
+
 def test_an_unknown_instance_is_answered_with_the_names_that_exist(tmp_path: Path) -> None:
     with pytest.raises(UserError) as raised:
         st_text(project(tmp_path, instance("S", "TSEND_C")), ["T"])

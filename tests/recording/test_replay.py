@@ -17,7 +17,8 @@ from tests.net.sim.net_sim import SimNetwork
 from tests.scenario.scenarios import CONFIGS, PatientPace
 from trcvtui.bench.bench import Bench
 from trcvtui.errors import UserError
-from trcvtui.net.kernel import Kernel
+from trcvtui.net.kernel import Handle, Kernel
+from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.recording.journal import DO, SKIP, Answered, Entry, Note, blocks, entries_of
@@ -109,6 +110,20 @@ def test_a_recording_kernel_and_one_that_answers_keep_the_contract(fact: Fact) -
     replay = Replay(entries_of(blocks(entries), "R"), "R")
     fact(Workbench(Timeless(seam_kernel(replay, "X", SimKernel))))
     replay.end()
+
+
+def test_a_journal_from_before_broadcasts_and_of_another_keep_alive_answers_what_it_has() -> None:
+    older = [
+        Answered("C1", "bind", (1, Endpoint("127.0.0.1", 2000)), None),
+        Answered("C2", "set_options", (2, False, 10, 0, False, False), ()),
+    ]
+    kernel = seam_kernel(Replay(iter(older), "R"), "C1", SimKernel)
+    assert kernel.set_broadcast(Handle(1)) == Fault("set_broadcast", "ENOSYS")
+    assert kernel.bind(Handle(1), Endpoint("127.0.0.1", 2000)) is None
+    for owner, handle in (("C1", 2), ("C2", 3)):
+        with pytest.raises(UserError, match="which was recorded"):
+            Replay(iter(older[1:]), "R").ask(owner, "set_options", (handle, False, 30), tuple)
+    assert Replay(iter(older[1:]), "R").ask("C2", "set_options", (2, False, 30), tuple) == ()
 
 
 # -- what differs -----------------------------------------------------------------------------------------

@@ -197,8 +197,7 @@ class Bench:
 
     def _new_peer(self, decl: PeerDecl) -> Peer:
         policy, journal = self.project.rules.policy, self.runtime.ledger.write
-        also = policy.small_buffers, policy.broadcasts
-        return Peer(decl, self._peer_kernel(decl), self._listening_end, journal, *also)
+        return Peer(decl, self._peer_kernel(decl), self._listening_end, journal, policy)
 
     def _new_work(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:

@@ -231,7 +231,9 @@ def _judge_symptoms(
             found = [
                 row
                 for each, row in lint
-                if each.cause in causes and each.said.instance in (None, one.instance)
+                if each.cause in causes
+                and each.said.instance in (None, one.instance)
+                and (not (one.status and each.said.status) or int(one.status, 16) in each.said.status)
             ]
             alone += [row for row in found if row not in alone]
         for row in found:

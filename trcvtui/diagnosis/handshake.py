@@ -35,6 +35,8 @@ _OTHERS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library 
     TlsError.NO_CERTIFICATE: ("{peer} showed no certificate, and is asked for one",
         "set its own certificate there"),
     TlsError.PLAIN: ("{peer} speaks no TLS on this port", "let it speak TLS there, or correct the port"),
+    TlsError.SILENT: ("{peer} does not go on with the handshake: it speaks no TLS on this port, or hangs",
+        "correct the port, or look into its log"),
     "protocol_version": _VERSION, "unsupported_protocol": _VERSION,
     "no_shared_cipher": ("{peer} has no cipher that this end takes", "let it take those of TLS 1.2 or 1.3"),
     "certificate_required": ("{peer} asks for a certificate, and this end shows none",
@@ -50,6 +52,7 @@ _OTHERS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library 
     "unsupported_certificate": _NOT_OURS, "certificate_revoked": _NOT_OURS,
 }
 # fmt: on
+_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log, which may tell why"
 
 
 def why_it_failed(e: Evidence) -> Answer:
@@ -58,13 +61,15 @@ def why_it_failed(e: Evidence) -> Answer:
     if e.config is None or session is None or e.cause.call != "session":
         return ""
     error, is_active, name = e.cause.error, e.config.active, session.server_name.rstrip(".")
-    told = _THEIRS.get(error) or _OTHERS.get(error) or _OTHERS.get(e.cause.words) or ("", "")
+    told = _THEIRS.get(error) or _OTHERS.get(error) or _OTHERS.get(e.cause.words)
+    told = told or (_REFUSED if error == TlsError.REFUSED and e.cause.words else ("", ""))
+    words = e.cause.words.replace("_", " ")
     references = ["TLSClientCertRef", "TLSServerCertRef"]
     shows, trusts = references if is_active else reversed(references)
     peer, name = e.cause.peer or "the partner", f"{'DNS' if octets(name) is None else 'IP'}:{name}"
     is_open = error in _THEIRS or (error == TlsError.HANDSHAKE and not told[0])
     cause, *texts = (
-        each.format(peer=peer, name=name, shows=shows, trusts=trusts)
+        each.format(peer=peer, name=name, shows=shows, trusts=trusts, words=words)
         for each in (*told, _LOOK if is_active and is_open else "")
     )
     return Sentence(cause, tuple([DoLine(text) for text in texts if text]))

@@ -276,7 +276,7 @@ def _of_opener(project: Project, config: ConnectConfig, wrong: tuple[SetUpStage,
         if decl.connect == config.name and (row.builds or row.runs_as is Condition.ESTABLISHING):
             status = _status(project, decl.block, project.rules.course.of_set_up(*wrong))
             return said._replace(instance=decl.name, status=status)
-    return said
+    return said._replace(confidence=0.5)  # no block builds it
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
@@ -384,7 +384,8 @@ def _short_len(project: Project) -> Iterator[Sign]:
             text = (
                 f"{name} takes {size} bytes of {data.type_name}, which has {data.size}: {left.names} is cut"
             )
-            mend = Remedy("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
+            whole = f"LEN={data.size if 0 in project.rules.area.adhoc_lens else 0}"
+            mend = Remedy(f"{whole}: all of DATA", f"set {name} {whole}", f"instance.{name}.{whole}")
             yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
 

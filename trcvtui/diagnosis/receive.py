@@ -40,7 +40,7 @@ def is_stuck(e: Evidence) -> bool:
 
 def how_it_stands(e: Evidence) -> str:
     """Return what a job that receives has, wants, and since when nothing came."""
-    wanted = f"up to {count(e.need, 'byte')} ({_pin(e)})" if e.adhoc else count(e.need, "byte")
+    wanted = f"up to {count(e.need, 'byte')} ({_name(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} were here"
     if not e.have:
@@ -60,10 +60,6 @@ def _before(e: Evidence, thing: str) -> str:
     return f". The last {thing} ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, {ago}"
 
 
-def _pin(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "this LEN is ad hoc"
-
-
 def _switch(e: Evidence) -> str:
     if e.pin("ADHOC"):
         return "ADHOC, which is 1 for the next job,"
@@ -71,7 +67,7 @@ def _switch(e: Evidence) -> str:
 
 
 def _name(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "this LEN"
+    return "ADHOC" if e.has_adhoc else "this ad-hoc LEN"
 
 
 def _since_up(e: Evidence) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.net.kernel import Handle, Kernel
-from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
 
 MOST_OWN: Final = 256  # datagrams of our own that one call passes over
 
@@ -18,15 +18,16 @@ def begin_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
     """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
-    refused = kernel.set_broadcast(handle)
-    here, own = local.address, kernel.local_addresses()  # 127.0.0.0/8 is one network
+    refused, here = kernel.set_broadcast(handle), local.address
+    if refused is not None or here == ANY_ADDRESS:  # bound to all, it hears them itself
+        return None, str(refused or "")
+    own = kernel.local_addresses()  # 127.0.0.0/8 is one network
     near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
     everybody = next((each.broadcast for each in near), "")
-    if refused is not None or not everybody:
-        return None, str(refused or f"this system tells no broadcast address of {local.address}")
-    made, end = kernel.datagram_socket(owner), Endpoint(everybody, local.port)
-    if isinstance(made, Fault):
+    made = kernel.datagram_socket(owner) if everybody else f"this system tells no broadcast address of {here}"
+    if isinstance(made, Fault | str):
         return None, str(made)
+    end = Endpoint(everybody, local.port)
     refused = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
     if refused is None:
         return made, ""
@@ -37,14 +38,12 @@ def begin_broadcasts(
 def take_datagram(
     kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next datagram; with broadcasts the stack brings back our own, which a CPU does not hear."""
-    if hearing is None:
-        return kernel.recv_from(handle, into)
-    for each in (handle, hearing):
-        for _ in range(MOST_OWN):
-            got = kernel.recv_from(each, into)
-            if got is WOULD_BLOCK:
-                break
-            if not isinstance(got, Datagram) or got.source != own:
-                return got
+    """Take the next datagram; of broadcasts the stack brings back our own, which a CPU does not hear."""
+    got = kernel.recv_from(handle, into)
+    if hearing is None or got is not WOULD_BLOCK:
+        return got
+    for _ in range(MOST_OWN):
+        got = kernel.recv_from(hearing, into)
+        if not isinstance(got, Datagram) or got.source != own:
+            return got
     return WOULD_BLOCK

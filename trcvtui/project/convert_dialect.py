@@ -112,7 +112,8 @@ def _instances(project: Project, other: Project, notes: list[str]) -> tuple[Inst
 def _with_own_pins(decl: InstanceDecl, project: Project, other: Project, notes: list[str]) -> InstanceDecl:
     pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
     was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
-    if was != now and was and now and was.items() <= inputs.items():  # ad hoc by ADHOC, or by its LEN
+    is_adhoc = inputs.get("ADHOC") or inputs.get("LEN", 0) in project.rules.area.adhoc_lens
+    if was != now and was and now and is_adhoc:
         inputs = {name: value for name, value in inputs.items() if name not in was} | now
     for name in inputs:
         if name not in pins:

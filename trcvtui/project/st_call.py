@@ -197,8 +197,8 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
         if data is not None:
-            content = form.written.get(data.name, b"")
-            value = f" := {initial_value(data.layout, content)}" if any(content) else ""
+            content, is_scl = form.written.get(data.name, b""), project.dialect.describes_connects
+            value = f" := {initial_value(data.layout, content, is_scl)}" if any(content) else ""
             yield f"{data.name} : {' '.join(data.type_name.split())}{value};"
     if _has_en(project, decl):
         yield f"{decl.name}_EN : BOOL;"

@@ -48,9 +48,8 @@ _DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME|DATE_AND_LTIME|DTL)
 _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
-def quoted(text: str, wide: bool = False) -> str:
+def quoted(text: str, mark: str = "'", digits: int = 2) -> str:
     """Return a text in IEC quotes, codes 0 to 255 outside ASCII as $hh; it begins and ends no comment."""
-    mark, digits = ('"', 4) if wide else ("'", 2)
     coded = []
     for one in text:
         is_code = ord(one) < 0x20 or 0x7F <= ord(one) <= 0xFF or 0xD800 <= ord(one) <= 0xDFFF

@@ -16,11 +16,18 @@ from trcvtui.udt.types import Elementary, LeafType, StringType, ValueKind
 FEWEST_REPEATED: Final = 4  # `4(16#00)`, and fewer one by one
 
 
-def initial_value(layout: Layout, content: bytes) -> str:
+# What a date of Siemens is where nothing was written: eight or twelve bytes 0 are none.
+NO_DATES: Final = {"16#" + "00" * 8: "DT#1990-01-01-00:00:00", "16#" + "00" * 12: "DTL#1970-01-01-00:00:00"}
+
+
+def initial_value(layout: Layout, content: bytes, is_scl: bool = False) -> str:
+    """Return it in ST, or in SCL, where double quotes are for names."""
+
     def of(node: Node, at: int, bit: int | None = None) -> str:
         if isinstance(node, PlacedLeaf):
             leaf = Leaf("", node.type, at, node.size, node.coding, (bit or 0) if node.is_bit else None)
-            return _literal(node.type, node.size, decode_leaf(layout, leaf, content[at : at + node.size]))
+            value = decode_leaf(layout, leaf, content[at : at + node.size])
+            return _literal(node.type, node.size, value, is_scl)
         if isinstance(node, PlacedArray):
             places = map(node.place, range(node.count))
             return f"[{', '.join(_repeated([of(node.element, at + place, bit) for place, bit in places]))}]"
@@ -38,13 +45,18 @@ def _repeated(values: list[str]) -> list[str]:
     return [value for some in each for value in some]
 
 
-def _literal(type_: LeafType, size: int, value: Value) -> str:
+def _literal(type_: LeafType, size: int, value: Value, is_scl: bool) -> str:
     kind = type_.kind if isinstance(type_, Elementary) else None
     if isinstance(type_, StringType) or kind is ValueKind.CHARACTER:
-        return quoted(str(value), type_.wide if isinstance(type_, StringType) else size > 1)
+        if not (type_.wide if isinstance(type_, StringType) else size > 1):
+            return quoted(str(value))
+        name = "WSTRING#" if kind is None else "WCHAR#"
+        return name + quoted(str(value), "'", 4) if is_scl else quoted(str(value), '"', 4)
     if isinstance(value, bool):
         return str(value).upper()
     if isinstance(value, float):
         text = real_text(value, size)
         return text if "." in text else text.replace("e", ".0e")
+    if kind is ValueKind.DATE_AND_TIME:
+        return NO_DATES.get(str(value), str(value))
     return f"16#{value:0{2 * size}X}" if kind is ValueKind.BITS else str(value)

@@ -11,6 +11,7 @@ from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
 from trcvtui.commands.words import PeerPlay, PeerSend
+from trcvtui.net.connection.config import Policy
 from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
@@ -18,13 +19,14 @@ from trcvtui.project.project import PeerDecl
 from trcvtui.snapshots.bench import PeerSnapshot
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
+NO_POLICY: Final = Policy()
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot
 
 
 class Peer:
     """One peer: its queues and its transport. Commands answer "" or what is wrong.
 
-    `small_buffers`: as small as those of the PLC's CONNECTs; `broadcasts`: sent and heard.
+    `policy`: of the PLC's CONNECTs, for the size of buffers and for broadcasts.
     """
 
     def __init__(
@@ -33,18 +35,17 @@ class Peer:
         kernel: Kernel,
         resolve: Callable[[str], Endpoint | None],
         journal: Callable[[Event], None],
-        small_buffers: bool = False,
-        broadcasts: bool = False,
+        policy: Policy = NO_POLICY,
     ) -> None:
         self.decl = decl
         self.stalled = False
         self.queues = PeerQueues(decl.name, journal)
-        options = replace(PEER_OPTIONS, small_buffers=small_buffers, session=decl.session)
+        options = replace(PEER_OPTIONS, small_buffers=policy.small_buffers, session=decl.session)
         transport = DatagramTransport if decl.udp else StreamTransport
         self.transport: DatagramTransport | StreamTransport = transport(
             decl, kernel, resolve, self.queues, options
         )
-        self.transport.broadcasts = broadcasts
+        self.transport.broadcasts = policy.broadcasts
         self.due = self.queues.outbox.next_due
         # What the transport does alone.
         self.listen = self.transport.listen

@@ -14,7 +14,7 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.states import ALL, BOTH_C
-from trcvtui.dialects.siemens.status import OLD_AD_HOC, STATUS
+from trcvtui.dialects.siemens.status import STATUS
 from trcvtui.net.connection.config import Policy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.description_check import Flaw
@@ -402,7 +402,7 @@ _NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
 def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
     for theirs, ours in _REWORDED.items():
         lines = tuple(line.replace(theirs, ours) for line in lines)
-    return tuple(line for line in lines if "T_DIAG" not in line and line != OLD_AD_HOC)
+    return tuple(line for line in lines if "T_DIAG" not in line and "instructions before 3.0" not in line)
 
 
 def _listed(row: StatusRow) -> StatusRow:

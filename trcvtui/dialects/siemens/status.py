@@ -46,8 +46,6 @@ def _never(
     ]
 
 
-OLD_AD_HOC: Final = "TRCV_C, TRCV: LEN is 65535, ad hoc in the instructions before 3.0; now ADHOC = 1 is"
-
 PARAMETER_ERRORS: Final = (
     StatusRow(
         0x8081,
@@ -98,7 +96,7 @@ PARAMETER_ERRORS: Final = (
             "LEN or DATA was changed after the job had begun (BUSY = 1)",
             "LEN is above the limit of the CPU: 8192 on an S7-1200, 65536 on an S7-1500; UDP 1472, 2048",
             "LEN is 0 and DATA has no byte",
-            OLD_AD_HOC,
+            "TRCV_C, TRCV: LEN is 65535, ad hoc in the instructions before 3.0; now ADHOC = 1 is",
         ),
         (
             "what writes LEN: let it change only while EN_R is 0 and BUSY is 0",

@@ -75,31 +75,21 @@ class DatagramWire:
             if self.wire.is_up(owner, target.owner):
                 target.arrive(source, data)
 
-    def _sockets_at(self, end: Endpoint) -> list[SimDatagrams]:
-        """Return who gets a datagram: of a broadcast each socket that is bound to it or to any address."""
-        if not self.wire.is_broadcast(end.address):
-            target = self._socket_at(end)
-            return [] if target is None else [target]
-        heard = (end.address, ANY_ADDRESS)
-        return [each for each in self._bound.get(end.port, []) if each.claim.address in heard]
-
     def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
         """Hand over a datagram from elsewhere; return whether a socket there had room for it."""
-        target = self._socket_at(remote)
-        return target is not None and target.arrive(source, data)
+        return True in [target.arrive(source, data) for target in self._sockets_at(remote)]
 
     def take_back(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
         """Let what is unread at an end never have come, and return it."""
-        target = self._socket_at(end)
-        return target.take_back() if target is not None else []
+        return [each for target in self._sockets_at(end) for each in target.take_back()]
 
-    def _socket_at(self, end: Endpoint) -> SimDatagrams | None:
-        holders = self._bound.get(end.port, []) if self.wire.owns(end.address) else []
-        for address in (end.address, ANY_ADDRESS):
-            for socket in reversed(holders):
-                if socket.claim.address == address:
-                    return socket
-        return None
+    def _sockets_at(self, end: Endpoint) -> list[SimDatagrams]:
+        """Return who gets a datagram: of a broadcast all that are bound to it or to any address, else one."""
+        is_broadcast = self.wire.is_broadcast(end.address)
+        holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns(end.address) else []
+        heard = (end.address, ANY_ADDRESS)
+        found = [each for address in heard for each in reversed(holders) if each.claim.address == address]
+        return found if is_broadcast else found[:1]
 
 
 class SimDatagrams(SimSocket):

@@ -19,7 +19,7 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedStruct,
     PlacedUnion,
 )
-from trcvtui.udt.layout.rules import LayoutRules
+from trcvtui.udt.layout.rules import LayoutRules, rules_for
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -205,6 +205,16 @@ class Placing:
         if isinstance(type_, Array):
             return self.rules.array_floor
         return 2 if isinstance(type_, StringType) and self.rules.string_even else 1
+
+
+def has_padded_end(type_: Struct | Union) -> bool:
+    """Return whether a class of C++ does not end with a member, where one that EXTENDS it may begin."""
+    placing = Placing(rules_for("c"))
+    try:
+        _, end, align = placing.spots(type_, placing.parts(type_, ""))
+    except UserError:
+        return True
+    return not end or end % align > 0 or any(one.element or not one.is_named for one in type_.bit_fields)
 
 
 def up(offset: int, align: int) -> int:

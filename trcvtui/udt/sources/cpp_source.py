@@ -13,7 +13,13 @@ DEEPEST: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
 _QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
 _STD: Final = re.compile(r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)")
-_CLASS: Final = re.compile(r"\b(?:struct|union)\b([^;{}()=<>,]*)\{")
+_CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{")
+_BASE: Final = re.compile(rf"struct\s+{_NAME}\s*(:\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)\{{")
+# `std::array<T, N> name[M]` and `using Name = std::array<T, N>`; T may be one, too.
+_ARRAY: Final = re.compile(
+    rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),([^<>,;{{}}\n]{{1,80}})>"
+    rf"[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"
+)
 _ENUM: Final = re.compile(rf"\benum\b(\s+struct\b)?(?:\s+{_NAME})?\s*(:[\w\s]+)?\{{")
 _ALIAS: Final = re.compile(rf"\busing\s+({_NAME})\s*=([\w\s*]+);")
 _CONSTANT: Final = re.compile(r"\bconstexpr\b(?=[\w\s]*=(?:[\w\s+\-*/()|&'\0]|<<|>>)*;)")
@@ -59,11 +65,16 @@ class CppSource:
     """A header of which the C parser can read the `text`; whether it `is_cpp`, and `has_classes` of C++.
 
     `bases` are the types of enumerations by the place of their brace, and whether these are scoped;
+    `parents` the base classes by that of a class, `arrays` the places of names whose length is not 0.
     `has_types`: a member that is `_Atomic` is a type.
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
-        self.text = _STD.sub(blank, text)
+        self.parents: dict[int, str] = {}
+        self.arrays: set[int] = set()
+        self.text, count = _STD.sub(blank, text), 1
+        while count:  # those in others are the next
+            self.text, count = _ARRAY.subn(self._array, self.text)
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
         self.has_types = "_Atomic" not in text
@@ -72,8 +83,11 @@ class CppSource:
         for found in _CLASS.finditer(bare):
             end = pairs.get(found.end() - 1, 0)
             ends = [one for one in ends if one > end]
-            if end and len(ends) < DEEPEST:
+            if end and len(ends) < DEEPEST and not found[0].startswith("enum"):
                 ends.append(end)
+                if base := _BASE.fullmatch(found[0]):
+                    self.parents[found.end() - 1] = base[2]
+                    self._blank(found.start() + base.start(1), found.start() + base.end(1))
                 names = re.findall(_NAME, found[1].split(":")[0])
                 self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
@@ -93,6 +107,13 @@ class CppSource:
             parts += [self.text[at:begin], new]
             at = begin + len(new)
         self.text = "".join([*parts, self.text[at:]])
+
+    def _array(self, found: re.Match[str]) -> str:
+        """Return an array of C of the same length."""
+        alias, element, length, name, more = found.groups(default="")
+        declared = f"{alias or name}{more}[{length.strip()}]"
+        self.arrays.add(found.end() - len(declared))
+        return f"{'typedef ' * bool(alias)}{element.strip()} {declared}".rjust(len(found[0]))
 
     def _blank(self, begin: int, end: int) -> None:
         if begin >= 0:

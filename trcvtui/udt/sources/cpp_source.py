@@ -17,8 +17,8 @@ _CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{
 _BASE: Final = re.compile(rf"struct\s+{_NAME}\s*(:\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)\{{")
 # `std::array<T, N> name[M]` and `using Name = std::array<T, N>`; T may be one, too.
 _ARRAY: Final = re.compile(
-    rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),([^<>,;{{}}\n]{{1,80}})>"
-    rf"[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"
+    rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),"
+    rf"([^<>,;{{}}\n]{{1,80}})>[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"
 )
 _ENUM: Final = re.compile(rf"\benum\b(\s+struct\b)?(?:\s+{_NAME})?\s*(:[\w\s]+)?\{{")
 _ALIAS: Final = re.compile(rf"\busing\s+({_NAME})\s*=([\w\s*]+);")

@@ -307,9 +307,9 @@ def classes(count: int, seed: int) -> Classes:
         for n in places:
             kind = random.choice((*PLAIN_CPP, *[*members][-50::11]))
             lines.append(random.choice(MEMBERS).format(t=kind, n=n, bits=random.randint(1, 31)))
-        for n, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
+        for place, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
             at = random.randint(0, len(lines))
-            lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(n + 10))))
+            lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(place + 10))))
         is_packed, base = random.random() < 0.1, random.choice([*members][-50::7] or [""])
         word = "struct __attribute__((packed))" if is_packed else random.choice(("struct", "class"))
         head = f"{word} {name}"

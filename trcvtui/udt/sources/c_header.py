@@ -119,7 +119,7 @@ class _Reader:
         where = self.where(node)
         if spec and self.is_loose(spec):
             self.loose.add(name)
-        if spec is None or isinstance(spec, ast.StructSpec):
+        if not spec or isinstance(spec, ast.StructSpec):
             self.classes[name] = self.inside
         self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec

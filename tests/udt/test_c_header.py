@@ -168,7 +168,7 @@ def test_what_would_move_a_member_is_refused_by_name() -> None:
 def test_a_base_class_and_a_std_array_lie_as_in_cpp() -> None:
     text = (
         "#pragma pack(push, 1)\nstruct Base { enum { N = 3 }; const uint32_t result; };\n"
-        "struct D : public Base { D() : Base() {} uint8_t a[N]; };\n"
+        "struct D final : public Base { [[nodiscard]] D() : Base() {} uint8_t a[N]; };\n"
         "using Mac = std::array<std::uint8_t, 6>;\n#pragma pack(pop)\nenum { N = 9 };\n"
         "struct A { const std::array<uint8_t, 16> a; std::array<std::array<Mac, 2>, 3> b{}; };\n"
     )

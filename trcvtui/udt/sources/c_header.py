@@ -479,7 +479,10 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
     known = f"typedef int {', '.join(types)};" if types else ""
     try:
         tree = CParser().parse(f'{known}\n#line {line} "h"\n{" " * (column - 1)}{text}', "h")
-        return list(tree.ext)[len(types) :]
+        nodes = list(tree.ext)[len(types) :]
+        if not any(type(node).__name__ == "FuncDef" for node in nodes):
+            return nodes
+        where, what = source.where(begin), "a word before the brace"
     except ParseError as failed:
         found = _FAILED.fullmatch(str(failed))
         where = f"{source.name}:{found[1]}:{found[2]}" if found else source.where(begin)

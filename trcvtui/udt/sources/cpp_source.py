@@ -12,9 +12,15 @@ from typing import Final
 DEEPEST: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
 _QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
-_STD: Final = re.compile(r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)")
+# Words that change no size.
+_PLAIN: Final = re.compile(
+    r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)"
+    r'|\[\[\s*(?:nodiscard|maybe_unused|noreturn|deprecated)\s*(?:\("[^"\n]*"\)\s*)?\]\]'
+)
 _CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{")
-_BASE: Final = re.compile(rf"struct\s+{_NAME}\s*(:\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)\{{")
+_HEAD: Final = re.compile(
+    rf"struct\s+{_NAME}\s*((?:\bfinal\b\s*)?(?::\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)?)\{{"
+)
 # `std::array<T, N> name[M]` and `using Name = std::array<T, N>`; T may be one, too.
 _ARRAY: Final = re.compile(
     rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),"
@@ -70,9 +76,9 @@ class CppSource:
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
-        self.parents: dict[int, str] = {}
+        self.parents: dict[int, str | None] = {}
         self.arrays: set[int] = set()
-        self.text, count = _STD.sub(blank, text), 1
+        self.text, count = _PLAIN.sub(blank, text), 1
         while count:  # those in others are the next
             self.text, count = _ARRAY.subn(self._array, self.text)
         self.bases: dict[int, tuple[str, bool]] = {}
@@ -85,10 +91,10 @@ class CppSource:
             ends = [one for one in ends if one > end]
             if end and len(ends) < DEEPEST and not found[0].startswith("enum"):
                 ends.append(end)
-                if base := _BASE.fullmatch(found[0]):
-                    self.parents[found.end() - 1] = base[2]
-                    self._blank(found.start() + base.start(1), found.start() + base.end(1))
-                names = re.findall(_NAME, found[1].split(":")[0])
+                if head := _HEAD.fullmatch(found[0]):
+                    self.parents[found.end() - 1] = head[2]
+                    self._blank(found.start() + head.start(1), found.start() + head.end(1))
+                names = re.findall(rf"(?!final\b)\b{_NAME}", found[1].split(":")[0])
                 self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
@@ -116,7 +122,7 @@ class CppSource:
         return f"{'typedef ' * bool(alias)}{element.strip()} {declared}".rjust(len(found[0]))
 
     def _blank(self, begin: int, end: int) -> None:
-        if begin >= 0:
+        if 0 <= begin < end:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
     def _put(self, begin: int, end: int, new: str) -> None:

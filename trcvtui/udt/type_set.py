@@ -171,10 +171,8 @@ def _places(type_: Type) -> list[object]:
         layout = lay_out(type_, S7)
     except UserError:
         return []
-    return [
-        layout.size,
-        *((each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()),
-    ]
+    rows = [(each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()]
+    return [layout.size, *rows]
 
 
 def _reading_order(problem: Problem) -> list[str | int]:

@@ -191,21 +191,18 @@ class _Reader:
         pack, by_pragma = self.source.pack(brace), self.source.by_pragma(brace)
         tails = [one for one in members if one.width == ast.NO_LENGTH]
         has_bits = any(one.width is not None for one in members)
-        wrong = ""
-        if count < len(self.problems):
-            pass  # what is wrong is told
-        elif (tails or cpp.is_cpp) and not base and not any(one.name and one not in tails for one in members):
-            wrong = "without members" + f": {CPP}" * cpp.is_cpp
-        elif has_bits and pack == 1 != (by_pragma or 1):
-            wrong = "of bit-fields that an attribute and a #pragma pack in two ways"
-        elif (
-            brace in self.source.braces
-            and cpp.has_classes
-            and any(self.is_loose(one) for one in (*(each.spec for each in members), base) if one)
-        ):
-            wrong = f"packed by an attribute around one that is not: {CPP}"
-        if wrong:
-            raise mistake(self.where(node), f"a class {wrong}", "plain members, packed by one #pragma pack")
+        has_members = base or any(one.name and one not in tails for one in members)
+        is_packed = cpp.has_classes and brace in self.source.braces
+        parts = [each.spec for each in members] + [base] * bool(base)
+        wrong = {
+            "without members" + f": {CPP}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
+            "of bit-fields that an attribute and a #pragma pack in two ways": has_bits
+            and pack == 1 != (by_pragma or 1),
+            f"packed by an attribute around one that is not: {CPP}": is_packed
+            and any(map(self.is_loose, parts)),
+        }
+        for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
+            raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
         for one in tails:
             self.notes[f"{one.name}[] is no member: what it holds comes after the bytes of the type"] = None
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]

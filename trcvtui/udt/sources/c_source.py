@@ -45,9 +45,8 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
-_NAME_HEAD = re.compile(
-    r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{"
-)  # before `struct` gcc leaves an attribute out
+# Before `struct` gcc leaves an attribute out.
+_NAME_HEAD = re.compile(r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{")
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 

@@ -112,9 +112,8 @@ def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
     for folder, around in pairwise(folders):
         if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
             return
-        package = TypeFolder(
-            os.path.relpath(around), f"in {os.path.relpath(around)}", without, is_whole=False
-        )
+        near = os.path.relpath(around)
+        package = TypeFolder(near, f"in {near}", without, is_whole=False)
         package.extensions = PACKAGE_FILES
         yield package
 

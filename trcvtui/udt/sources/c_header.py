@@ -193,7 +193,7 @@ class _Reader:
         has_bits = any(one.width is not None for one in members)
         has_members = base or any(one.name and one not in tails for one in members)
         is_packed = cpp.has_classes and brace in self.source.braces
-        parts = [each.spec for each in members] + [base] * bool(base)
+        parts = [*(each.spec for each in members), *([base] if base else ())]
         wrong = {
             "without members" + f": {CPP}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
             "of bit-fields that an attribute and a #pragma pack in two ways": has_bits

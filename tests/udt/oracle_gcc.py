@@ -303,14 +303,14 @@ def classes(count: int, seed: int) -> Classes:
     text, members, refused, unsure = CPP_HEAD, dict[str, list[str]](), dict[str, str](), set[str]()
     for number in range(count):
         name, places = f"C{number}", [f"{number}_{place}" for place in range(random.randint(1, 6))]
-        lines = []
+        lines, known = [], [*members][-(number % 30) or len(members) :]  # no deeper than these
         for n in places:
-            kind = random.choice((*PLAIN_CPP, *[*members][-50::11]))
+            kind = random.choice((*PLAIN_CPP, *known[-6:]))
             lines.append(random.choice(MEMBERS).format(t=kind, n=n, bits=random.randint(1, 31)))
         for place, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
             at = random.randint(0, len(lines))
             lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(place + 10))))
-        is_packed, base = random.random() < 0.1, random.choice([*members][-50::7] or [""])
+        is_packed, base = random.random() < 0.1, random.choice(known or [""])
         word = "struct __attribute__((packed))" if is_packed else random.choice(("struct", "class"))
         head = f"{word} {name}"
         if random.random() < 0.1:

@@ -75,6 +75,7 @@ class _Reader:
         kind = type(node).__name__
         if isinstance(node, ast.Declaration):
             self.types.append(node)
+            self.classes[node.name] = {}, {}
         elif kind == "Typedef":
             self.typedef(node)
         elif kind == "Decl":

@@ -34,7 +34,9 @@ _LANGUAGE: Final = re.compile(
 )
 # In a class, of which the brackets and texts hold NULs alone.
 _LABEL: Final = re.compile(r"(?:public|private|protected)\s*:(?!:)")
-_NOTHING: Final = re.compile(rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;")
+_NOTHING: Final = re.compile(
+    rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;|using\s+[\w:]+::\w+\s*;"
+)
 _STATIC: Final = re.compile(
     rf"(?:(?:inline|const|constexpr)\s+)*static\b(?:[\w\s*&]|::|<[^;{{}}()=]*>)*?\b({_NAME})\s*"
     r"(?:\[\0*\]\s*)*(=[^;{},]*|=?\s*\{\0*\}\s*)?;"

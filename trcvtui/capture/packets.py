@@ -230,31 +230,14 @@ def _in_version_4(data: bytes, at: int, length: int) -> _Carried:
     # A total of 0: the sender's network card had yet to cut it into packets.
     end = at + total if total else length
     if fragment & 0x3FFF:
+        if end > len(data):
+            return SkippedPacket.CUT
         of = source, target, number.to_bytes(2, "big"), bytes((protocol,))
         head = data[: at + 6] + b"\0\0" + data[at + 8 : start]
-        return _piece(of, (fragment & 0x1FFF) * 8, not fragment & 0x2000, head, at + 2, start - at, data, end)
+        place, is_last = (fragment & 0x1FFF) * 8, not fragment & 0x2000
+        return Fragment(of, place, is_last, head, at + 2, start - at, data[start:end])
     _PORTS(data, start)
     return IpPayload(protocol, source, target, data[start : start + 4], start, end)
-
-
-def _piece(
-    of: tuple[bytes, ...],
-    at: int,
-    is_last: bool,
-    head: bytes,
-    length_at: int,
-    counted: int,
-    data: bytes,
-    end: int,
-    more: int = 0,
-) -> Fragment | SkippedPacket:
-    """Return a piece of a packet that begins `more` bytes after its head in `data`."""
-    content = data[len(head) + more : end]
-    return (
-        Fragment(of, at, is_last, head, length_at, counted, content)
-        if end <= len(data)
-        else SkippedPacket.CUT
-    )
 
 
 def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
@@ -266,10 +249,13 @@ def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
         if protocol == _FRAGMENT:
             fragment = struct.unpack_from(">H", data, start + 2)[0]
             if fragment & 0xFFF9:
+                if end > len(data):
+                    return SkippedPacket.CUT
                 of = source, target, data[start + 4 : start + 8]
                 head = data[:said_at] + data[start : start + 1] + data[said_at + 1 : start]
-                return _piece(
-                    of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, data, end, more=8
+                content = data[start + 8 : end]
+                return Fragment(
+                    of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, content
                 )
             protocol, said_at, start = data[start], start, start + 8
         elif protocol in _MOVED_BY_8:

@@ -21,7 +21,7 @@ _CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{
 _HEAD: Final = re.compile(
     rf"struct\s+{_NAME}\s*((?:\bfinal\b\s*)?(?::\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)?)\{{"
 )
-# `std::array<T, N> name[M]` and `using Name = std::array<T, N>`; T may be one, too.
+# `std::array<int, 3> name[2]` and `using Name = std::array<int, 3>`; the type in it may be one, too.
 _ARRAY: Final = re.compile(
     rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),"
     rf"([^<>,;{{}}\n]{{1,80}})>[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"

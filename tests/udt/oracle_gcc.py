@@ -235,9 +235,10 @@ def _field(random: Random, name: str, known: list[str]) -> str:
     return f"{base} {name}{size};"
 
 
-CPP_HEAD = """#include <cstdint>
+CPP_HEAD = """#include <array>
+#include <cstdint>
 enum E8 : uint8_t { E8_A, E8_B = 200 };
-enum class E16 : std::uint16_t { A, TWO };
+enum class E16 : std::uint16_t { A, TWO = 7 };
 constexpr int TWO = 2;
 using U32 = uint32_t;
 class Other;
@@ -276,6 +277,10 @@ MEMBERS = (
     "using T{n} = uint16_t;\n  T{n} m{n};",
     "typedef uint8_t T{n}[3];\n  T{n} m{n};",
     "struct {{ uint8_t a; {t} b; }} m{n};",
+    "U32 b{n} : {bits};",
+    *["std::array<{t}, 3> m{n};", "std::array<{t}, 1 + TWO> m{n}[2];"],
+    "std::array<std::array<U32, 2>, TWO> m{n} = {{}};",
+    "using A{n} = std::array<{t}, 2>;\n  A{n} m{n};",
 )
 # What changes it, or may.
 SIZED = (
@@ -285,35 +290,42 @@ SIZED = (
 
 
 class Classes(NamedTuple):
-    """A header of C++, of each of its types the members; and those that are to be refused."""
+    """A header of C++, of each of its types the members; those that are to be refused, and that may be."""
 
     header: Header
     refused: dict[str, str]
+    unsure: set[str]
 
 
 def classes(count: int, seed: int) -> Classes:
     """Return random classes with what adds nothing to their size, and some with what does."""
     random = Random(seed)
-    text, members, refused = CPP_HEAD, dict[str, list[str]](), dict[str, str]()
+    text, members, refused, unsure = CPP_HEAD, dict[str, list[str]](), dict[str, str](), set[str]()
     for number in range(count):
-        name, places = f"C{number}", range(random.randint(1, 6))
-        lines = []
+        name, places = f"C{number}", [f"{number}_{place}" for place in range(random.randint(1, 6))]
+        lines, known = [], [*members][-(number % 30) or len(members) :]  # no deeper than these
         for n in places:
-            kind = random.choice((*PLAIN_CPP, *[*members][-5:]))
-            lines.append(random.choice(MEMBERS).format(t=kind, n=n))
-        for n, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
+            kind = random.choice((*PLAIN_CPP, *known[-6:]))
+            lines.append(random.choice(MEMBERS).format(t=kind, n=n, bits=random.randint(1, 31)))
+        for place, line in enumerate(random.sample(NOTHING, random.randint(0, 5))):
             at = random.randint(0, len(lines))
-            lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(n + 10))))
-        head = random.choice(("struct", "struct", "class")) + f" {name}"
+            lines.insert(at, re.sub(r"\bC\b", name, line.replace("{n}", str(place + 10))))
+        is_packed, base = random.random() < 0.1, random.choice(known or [""])
+        word = "struct __attribute__((packed))" if is_packed else random.choice(("struct", "class"))
+        head = f"{word} {name}"
         if random.random() < 0.1:
             bad = re.sub(r"\bC\b", name, random.choice((*SIZED, "", "")))
             refused[name] = f"{head}{' : Base' * (not bad)} {{\n  " + "\n  ".join([*lines, bad]) + "\n};\n"
             continue
-        members[name] = [f"m{n}" for n in places]
+        own = [f"m{n}" for n in places if re.search(rf"\bm{n}\b", " ".join(lines))]
+        base = base if not own or (random.random() < 0.4 and not is_packed) else ""
+        members[name] = [*members.get(base, ()), *own]
+        unsure |= {name} if base or is_packed or unsure & set(re.findall(r"C\d+", " ".join(lines))) else set()
+        head += f" : {random.choice(('', 'public ', 'private '))}{base}" * bool(base)
         body = f"{head} {{\n  " + "\n  ".join(lines) + "\n};"
         pack = random.choice((0, 0, 1, 2, 4))
         text += f"#pragma pack(push, {pack})\n{body}\n#pragma pack(pop)\n" if pack else f"{body}\n"
-    return Classes(Header(text, members), refused)
+    return Classes(Header(text, members), refused, unsure)
 
 
 def measured_header(given: Header, folder: Path, compiler: str = "gcc") -> list[Measured]:

@@ -84,6 +84,7 @@ OTHERS = {
     "a.zip": "PK\3\4\0",
     "a.TcPOU": '<TcPlcObject Version="1.1">\n  <POU Name="P">',
     "pou.TcDUT": '<TcPlcObject Version="1.1">\n  <POU Name="P">',
+    "empty.L5X": "",
     "snoop.txt": "snoop\0\0\0\0\0\0\2",
 }
 
@@ -105,7 +106,7 @@ def test_files_of_others_are_named_as_types_and_as_captures_and_are_not_read(
 
 
 def test_several_files_are_read_as_one_set(tmp_path: Path) -> None:
-    (tmp_path / "a.st").write_text("TYPE A : STRUCT b : B; END_STRUCT END_TYPE")
+    (tmp_path / "a.st").write_text("TYPE A : STRUCT b : B; END_STRUCT END_TYPE (* as <RSLogix5000Content> *)")
     (tmp_path / "b.st").write_text("TYPE B : INT; END_TYPE")
     assert read_files([tmp_path / "a.st", tmp_path / "b.st"]).names() == ["A", "B"]
     with pytest.raises(UserError) as refused:

@@ -61,13 +61,18 @@ def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_p
 def test_classes_of_cpp_lie_where_gpp_puts_them_or_are_refused(tmp_path: Path) -> None:
     given = classes(COUNT, SEED)
     types = join([read_c_header(given.header.text, "H.hpp")], "H.hpp")
-    assert [str(problem) for problem in types.problems] == []
+    assert getattr(types.named("E16"), "values", ()) == (("A", 0), ("TWO", 7))
     theirs = measured_header(given.header, tmp_path, "g++")
+    refused = given.header.members.keys() - set(types.names())
+    assert refused <= given.unsure and len(refused) < len(given.unsure) * 0.7, len(given.unsure)
     for (name, members), found in zip(given.header.members.items(), theirs, strict=True):
+        if name in refused:
+            continue
         root = lay_out(types.named(name), rules_for("c"), name).root
         assert isinstance(root, PlacedStruct)
-        assert list(root.names) == members
-        assert Measured(root.size, root.align, list(root.offsets)) == found, name
+        parts = [*root.flat(0)]
+        assert [part.name for part in parts] == members
+        assert Measured(root.size, root.align, [part.offset for part in parts]) == found, name
     bad = join([read_c_header(given.header.text + "".join(given.refused.values()), "H.hpp")], "H.hpp")
     assert not given.refused.keys() & set(bad.names()), given.refused
     assert given.refused.keys() <= {name.upper() for name in bad.broken}

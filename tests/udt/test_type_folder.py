@@ -165,3 +165,11 @@ def test_a_folder_that_is_too_large_is_one_line(monkeypatch: pytest.MonkeyPatch)
     put(report_st=REPORT, **{f"unit{n}_st": UNIT for n in range(4)})
     monkeypatch.setattr(type_folder, "MOST", 3)
     assert refusal("report.st", ".").startswith(".: found a folder of more than 3 type files or 64 MiB")
+
+
+def test_a_folder_without_a_type_says_why_its_files_are_not_read(capsys: pytest.CaptureFixture[str]) -> None:
+    put(all__l5x_xml="<RSLogix5000Content>")
+    assert main(["udt", "types", "all"]) == 2
+    assert "all/l5x.xml: found a Rockwell Studio 5000 export" in capsys.readouterr().err
+    put(all__unit_st=UNIT)
+    assert main(["udt", "types", "all"]) == 0

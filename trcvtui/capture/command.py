@@ -113,10 +113,10 @@ def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: boo
         yield f"no conversation in {found.packets} packets"
     if found.others:
         shown = found.others.most_common(SHOWN_KINDS)
-        told = [count(number, one) + rest for (one, rest), number in shown]
+        kinds = [count(number, kind.name) + kind.number for kind, number in shown]
         if more := found.others.total() - sum(number for _, number in shown):
-            told.append(f"{count(more, 'packet')} of {count(len(found.others) - len(shown), 'other kind')}")
-        yield f"not read: {', '.join(told)}: no TCP or UDP"
+            kinds.append(f"{count(more, 'packet')} of {count(len(found.others) - len(shown), 'other kind')}")
+        yield f"not read: {', '.join(kinds)}: no TCP or UDP"
     for why, number in found.not_read.items():
         yield f"not read: {number} {why.value}"
     if found.unlisted:

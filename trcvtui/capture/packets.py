@@ -15,6 +15,8 @@ UDP: Final = 17
 _IP_TYPES: Final = (b"\x08\x00", b"\x86\xdd")
 _VLAN_TYPES: Final = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _IP_ALONE: Final = (pcap.RAW_IP, pcap.IPV4, pcap.IPV6, 12, 14)  # 12, 14: raw IP as the BSDs number it
+# Where the EtherType stands, and what follows it.
+_KIND_AT: Final = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
 _MOVED_BY_8: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
 _FRAGMENT: Final = 44
 MOST_FRAGMENTED: Final = 64  # packets that wait for fragments
@@ -30,12 +32,18 @@ SACK: Final = 5
 
 
 class SkippedPacket(Enum):
-    """Why a packet is none of TCP and UDP."""
+    """Why a packet is not read."""
 
-    OTHER = "others"
     JOURNAL = "packets of USER0: in a recording of trcvtui its journal"
     FRAGMENT = "IP fragments without the rest of their packets"
     CUT = "packets cut off before their ports"
+
+
+class OtherPacket(NamedTuple):
+    """A packet without TCP and UDP, such as `EtherCAT frame` and ` (16#88A4)`."""
+
+    name: str
+    number: str = ""
 
 
 class IpPayload(NamedTuple):
@@ -148,54 +156,49 @@ def _count(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
 
 def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
     """Return where the IP header begins, or what else has one of these types; -1 for a packet without one."""
-    if link_type == pcap.ETHERNET:
-        kind_at = 12
-    elif link_type == pcap.LINUX_SLL:
-        kind_at = 14
-    elif link_type == pcap.LINUX_SLL2:
-        return _past_vlans(data, 20, types) if data[:2] in _VLAN_TYPES else 20 if data[:2] in types else -1
-    elif link_type in _IP_ALONE:
-        return 0
-    else:
-        return 4 if link_type in (pcap.NULL, pcap.LOOP) else -1
+    if link_type in _KIND_AT:
+        kind, at = _kind(link_type, data)
+        return at if kind in types else -1
+    return 0 if link_type in _IP_ALONE else 4 if link_type in (pcap.NULL, pcap.LOOP) else -1
+
+
+def _kind(link_type: int, data: bytes) -> tuple[bytes, int]:
+    """Return the EtherType past all VLANs, and where its content begins."""
+    kind_at, at = _KIND_AT[link_type]
     kind = data[kind_at : kind_at + 2]
-    if kind in types:
-        return kind_at + 2
-    return _past_vlans(data, kind_at + 2, types) if kind in _VLAN_TYPES else -1
+    while kind in _VLAN_TYPES:
+        kind, at = data[at + 2 : at + 4], at + 4
+    return kind, at
 
 
 # Names of EtherTypes, IP protocols and link types.
 _FRAMES: Final = {
+    0x0004: "802.2 LLC", 0x000C: "CAN", 0x000D: "CAN FD",  # as Linux numbers them
     0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS", 0x8863: "PPPoE",
     0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
     0x88B8: "GOOSE", 0x88BA: "Sampled Values", 0x88CC: "LLDP", 0x88CD: "SERCOS III", 0x88E1: "HomePlug",
     0x88E3: "MRP", 0x88F7: "PTP", 0x88FB: "PRP", 0x890F: "CC-Link IE", 0x892F: "HSR", 0x9000: "loopback",
 }  # fmt: skip
 _PROTOCOLS: Final = {1: "ICMP", 2: "IGMP", 47: "GRE", 50: "ESP", 58: "ICMPv6", 89: "OSPF", 112: "VRRP"}
-_LINKS: Final = {9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN"}
+_LINKS: Final = {
+    9: "PPP", 105: "802.11", 127: "802.11", 189: "USB", 195: "802.15.4", 220: "USB", 227: "CAN", 249: "USB",
+}  # fmt: skip
 
 
-def kind_of(link_type: int, data: bytes) -> tuple[str, str]:
-    """Return what a packet without TCP and UDP is, such as `EtherCAT frame` and ` (16#88A4)`."""
-    at = ip_start(link_type, data)
-    version = data[at] >> 4 if 0 <= at < len(data) else 0
-    if version in (4, 6) and len(data) > at + (9 if version == 4 else 40):
-        protocol = data[at + 9] if version == 4 else data[at + 6]
-        if version == 6 and protocol in _MOVED_BY_8:
-            protocol = data[at + 40]
-        if protocol not in (TCP, UDP):
-            return f"{_PROTOCOLS.get(protocol, 'IP')} packet", f" (IP protocol {protocol})"
-    places = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
-    if link_type not in places:
-        return f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})"
-    kind_at, at = places[link_type]
-    kind = data[kind_at : kind_at + 2]
-    while kind in _VLAN_TYPES:
-        kind, at = data[at + 2 : at + 4], at + 4
+def other_frame(link_type: int, data: bytes) -> OtherPacket:
+    if link_type not in _KIND_AT:
+        return OtherPacket(f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})")
+    kind, _ = _kind(link_type, data)
+    if len(kind) < 2:
+        return OtherPacket("packet", " cut off before its EtherType")
     number = int.from_bytes(kind, "big")
-    if number < 0x600:  # a length
-        return "802.3 LLC frame", ""
-    return f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})"
+    if number < 0x600 and link_type == pcap.ETHERNET:  # a length
+        return OtherPacket("802.3 LLC frame")
+    return OtherPacket(f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})")
+
+
+def _other_ip(protocol: int) -> OtherPacket:
+    return OtherPacket(f"{_PROTOCOLS.get(protocol, 'IP')} packet", f" (IP protocol {protocol})")
 
 
 def ip_number(link_type: int, data: bytes) -> int:
@@ -204,65 +207,40 @@ def ip_number(link_type: int, data: bytes) -> int:
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
 
-def _past_vlans(data: bytes, at: int, types: tuple[bytes, ...]) -> int:
-    while True:
-        kind = data[at + 2 : at + 4]
-        at += 4
-        if kind not in _VLAN_TYPES:
-            return at if kind in types else -1
+_Carried = IpPayload | Fragment | SkippedPacket | OtherPacket
 
 
-def carried_by(link_type: int, data: bytes, length: int) -> IpPayload | Fragment | SkippedPacket:
+def carried_by(link_type: int, data: bytes, length: int) -> _Carried:
     """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
     at = ip_start(link_type, data)
-    if at < 0:
-        return SkippedPacket.OTHER
     try:
-        if data[at] >> 4 == 4:
-            return _in_version_4(data, at, length)
-        return _in_version_6(data, at, length) if data[at] >> 4 == 6 else SkippedPacket.OTHER
+        read = None if at < 0 else _VERSIONS.get(data[at] >> 4)
+        return read(data, at, length) if read else other_frame(link_type, data)
     except (IndexError, struct.error):
         return SkippedPacket.CUT
 
 
-def _in_version_4(data: bytes, at: int, length: int) -> IpPayload | Fragment | SkippedPacket:
+def _in_version_4(data: bytes, at: int, length: int) -> _Carried:
     first, _, total, number, fragment, _, protocol, _, source, target = _IP_V4(data, at)
     if protocol not in (TCP, UDP):
-        return SkippedPacket.OTHER
+        return _other_ip(protocol)
     start = at + (first & 15) * 4
     if first & 15 < 5:
-        return SkippedPacket.OTHER
+        return OtherPacket("packet", " with a wrong IP header")
     # A total of 0: the sender's network card had yet to cut it into packets.
     end = at + total if total else length
     if fragment & 0x3FFF:
+        if end > len(data):
+            return SkippedPacket.CUT
         of = source, target, number.to_bytes(2, "big"), bytes((protocol,))
         head = data[: at + 6] + b"\0\0" + data[at + 8 : start]
-        return _piece(of, (fragment & 0x1FFF) * 8, not fragment & 0x2000, head, at + 2, start - at, data, end)
+        place, is_last = (fragment & 0x1FFF) * 8, not fragment & 0x2000
+        return Fragment(of, place, is_last, head, at + 2, start - at, data[start:end])
     _PORTS(data, start)
     return IpPayload(protocol, source, target, data[start : start + 4], start, end)
 
 
-def _piece(
-    of: tuple[bytes, ...],
-    at: int,
-    is_last: bool,
-    head: bytes,
-    length_at: int,
-    counted: int,
-    data: bytes,
-    end: int,
-    more: int = 0,
-) -> Fragment | SkippedPacket:
-    """Return a piece of a packet that begins `more` bytes after its head in `data`."""
-    content = data[len(head) + more : end]
-    return (
-        Fragment(of, at, is_last, head, length_at, counted, content)
-        if end <= len(data)
-        else SkippedPacket.CUT
-    )
-
-
-def _in_version_6(data: bytes, at: int, length: int) -> IpPayload | Fragment | SkippedPacket:
+def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
@@ -271,10 +249,13 @@ def _in_version_6(data: bytes, at: int, length: int) -> IpPayload | Fragment | S
         if protocol == _FRAGMENT:
             fragment = struct.unpack_from(">H", data, start + 2)[0]
             if fragment & 0xFFF9:
+                if end > len(data):
+                    return SkippedPacket.CUT
                 of = source, target, data[start + 4 : start + 8]
                 head = data[:said_at] + data[start : start + 1] + data[said_at + 1 : start]
-                return _piece(
-                    of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, data, end, more=8
+                content = data[start + 8 : end]
+                return Fragment(
+                    of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, content
                 )
             protocol, said_at, start = data[start], start, start + 8
         elif protocol in _MOVED_BY_8:
@@ -282,9 +263,12 @@ def _in_version_6(data: bytes, at: int, length: int) -> IpPayload | Fragment | S
         elif protocol == _AUTHENTICATION:
             protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
-            return SkippedPacket.OTHER
+            return _other_ip(protocol)
     _PORTS(data, start)
     return IpPayload(protocol, source, target, data[start : start + 4], start, end)
+
+
+_VERSIONS: Final = {4: _in_version_4, 6: _in_version_6}
 
 
 def macs_of(link_type: int, data: bytes) -> tuple[bytes, bytes]:

@@ -23,12 +23,13 @@ from trcvtui.capture.packets import (
     Fragment,
     Fragments,
     IpPayload,
+    OtherPacket,
     SkippedPacket,
     carried_by,
     ip_number,
     ip_start,
-    kind_of,
     macs_of,
+    other_frame,
     sack_blocks,
     scale_of,
 )  # fmt: skip
@@ -225,7 +226,7 @@ class Conversations:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
-        self.others: Counter[tuple[str, str]] = Counter()  # packets without TCP and UDP, by their kind
+        self.others: Counter[OtherPacket] = Counter()
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.hosts = HostNotes()
@@ -361,22 +362,20 @@ class Conversations:
             self._take_fragment(packet, link_type, found)
             return
         if isinstance(found, SkippedPacket):
-            if found is not SkippedPacket.OTHER:
-                self.not_read[found] += 1
-            elif not self._hear(packet, link_type):
-                self._skip(link_type, data)
-            return
-        if found.protocol == UDP:
+            self.not_read[found] += 1
+        elif isinstance(found, OtherPacket):
+            if not self._hear(packet, link_type):
+                self._skip(found)
+        elif found.protocol == UDP:
             self._take_datagram(packet, link_type, found)
         elif len(data) >= found.at + 16:
             self._take_segment(packet, link_type, found)
         else:
             self.not_read[SkippedPacket.CUT] += 1
 
-    def _skip(self, link_type: int, data: bytes) -> None:
-        kind = kind_of(link_type, data)
+    def _skip(self, kind: OtherPacket) -> None:
         is_known = kind in self.others or len(self.others) < MOST_KINDS
-        self.others[kind if is_known else ("packet", " of more kinds")] += 1
+        self.others[kind if is_known else OtherPacket("packet", " of more kinds")] += 1
 
     def _hear(self, packet: Packet, link_type: int) -> bool:
         """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
@@ -418,7 +417,7 @@ class Conversations:
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
             if len(data) >= _SERIAL_HEAD:
-                self._skip(RTAC_SERIAL, data)
+                self._skip(other_frame(RTAC_SERIAL, data))
             else:
                 self.not_read[SkippedPacket.CUT] += 1
             return

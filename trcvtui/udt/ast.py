@@ -14,6 +14,7 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
 NO_LENGTH = -1  # in place of a width: an ARRAY OF `spec` without a length at the end, which is no member
+CPP = "this is C++"
 PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
@@ -67,12 +68,16 @@ class MemberSpec(NamedTuple):
 
 
 class StructSpec(NamedTuple):
-    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes."""
+    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes.
+
+    A class of C++ `is_class`: it may lie in the padding at the end of its base.
+    """
 
     members: tuple[MemberSpec, ...]
     base: Reference | None = None
     pack: int | None = None
     is_union: bool = False
+    is_class: bool = False
 
 
 class EnumSpec(NamedTuple):

@@ -51,8 +51,11 @@ _ROWS: Final = (
 def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
     """Raise UserError for a file that has a row and begins so; `expected` in place of what is no capture."""
     text, suffix = head[:HEAD].replace(b"\0", b""), name.rpartition(".")[2]  # of UTF-16, too
-    found = [row for row in _ROWS if re.search(row.content, text)]
+    is_xml = re.match(rb"[\xef\xbb\xbf\xfe\xff\s]*<", text)  # a comment may name what is in such a file
+    rows = [row for row in _ROWS if is_xml or row.content[:1] not in b"</"]
+    found = [row for row in rows if re.search(row.content, text)]
     named = [row for row in _ROWS if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
     for row in named + found if text.startswith(b"PK") else found + named:
         wanted = row.expected if not expected or row.expected is _CAPTURE else expected
-        raise mistake(name, f"{row.what}, which is not read", wanted.format(shlex.quote(name)))
+        what = f"{row.what}, which is not read" if head else "an empty file"
+        raise mistake(name, what, wanted.format(shlex.quote(name)))

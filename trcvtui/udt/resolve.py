@@ -10,7 +10,9 @@ from collections.abc import Iterator, Mapping
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
 from trcvtui.system_types import UNSURE_HANDLES
 from trcvtui.udt import ast
+from trcvtui.udt.ast import CPP
 from trcvtui.udt.constants import Constants
+from trcvtui.udt.layout.placing import has_padded_end
 from trcvtui.udt.system_types import system_types
 from trcvtui.udt.types import (
     BUILTIN_TYPES,
@@ -188,7 +190,7 @@ class Resolver:
         bits: list[BitField] = []
         for member in spec.members:
             if member.width is not None:
-                bits += self.build_bits(member, member.width, len(members), user)
+                bits += self.build_bits(member, member.width, len(members) + bool(base), user)
                 continue
             first = firsts.setdefault(member.name.casefold(), member.where)
             if first is not member.where:
@@ -223,6 +225,10 @@ class Resolver:
         base, depth = self.look_up(spec.base, user)
         word = "UNION" if spec.is_union else "STRUCT"
         if isinstance(base, Union if spec.is_union else Struct):
+            if spec.is_class and has_padded_end(base):
+                found = f"base class '{spec.base.name}' that does not end with a member: {CPP}"
+                self.refuse(user, Problem(spec.base.where, found, "a base without padding at its end"))
+                return None, depth
             return base, depth
         if base is not None:
             self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))

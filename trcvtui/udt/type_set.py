@@ -105,13 +105,14 @@ def join(
     for file in files:
         for declaration in file.types:
             resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
-    copies = {bare((one.name, one.spec)): one for file in files for one in file.copies}.values()
-    known_twice = resolver.declared.keys() & {one.name.casefold() for one in copies}
-    for copy in copies:
-        if copy.name.casefold() not in known_twice:
-            resolver.declare(copy, uses_system=True)
+    copies: dict[object, Declaration] = {}  # each that says the same once
+    for copy in [copy for file in files for copy in file.copies]:
+        copies.setdefault(bare((copy.name, copy.spec)), copy)
+    again = {key: copy for key, copy in copies.items() if copy.name.casefold() in resolver.declared}
+    for key in [key for key in copies if key not in again]:
+        resolver.declare(copies[key], uses_system=True)
     resolver.build_all()
-    _note_differences(resolver, [one for one in copies if one.name.casefold() in known_twice])
+    _note_differences(resolver, again.values())
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
@@ -171,10 +172,8 @@ def _places(type_: Type) -> list[object]:
         layout = lay_out(type_, S7)
     except UserError:
         return []
-    return [
-        layout.size,
-        *((each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()),
-    ]
+    rows = [(each.path.casefold(), each.offset, each.bit, each.size) for each in layout.leaves()]
+    return [layout.size, *rows]
 
 
 def _reading_order(problem: Problem) -> list[str | int]:

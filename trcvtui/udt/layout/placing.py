@@ -19,10 +19,11 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedStruct,
     PlacedUnion,
 )
-from trcvtui.udt.layout.rules import LayoutRules
+from trcvtui.udt.layout.rules import LayoutRules, rules_for
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
+    BitField,
     LeafType,
     Member,
     StringType,
@@ -163,27 +164,24 @@ class Placing:
         for one in type_.bit_fields:
             if one.at != at:
                 continue
-            if one.element is not None:
-                step = self.tail_step(one.element, cap)
-                place, align = up(place, 8 * step), max(align, step)
-                continue
-            unit = 8 * one.size
+            step = self.bits_step(one, cap)
+            unit, align = 8 * (one.size or step), max(align, step)
             if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
                 place = up(place, unit)
             place += one.width
-            align = max(align, min(one.size, cap)) if one.is_named else align
         return up(place, 8) // 8, align
 
-    def tail_step(self, element: Type, cap: int) -> int:
-        """Return the alignment of an ARRAY without a length."""
-        return max(min(self.pitch(self.place(element, ""))[1], cap), self.rules.member_floor)
+    def bits_step(self, one: BitField, cap: int) -> int:
+        """Return the alignment of a bit-field, or of an ARRAY without a length."""
+        if one.element is None:
+            return min(one.size, cap) if one.is_named else 1
+        return max(min(self.pitch(self.place(one.element, ""))[1], cap), self.rules.member_floor)
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
         align = self.rules.struct_floor if parts or type_.bit_fields else 1
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
-        align = max([align, *(min(one.size, cap) for one in type_.bit_fields if one.is_named)])
-        align = max([align, *(self.tail_step(one.element, cap) for one in type_.bit_fields if one.element)])
+        align = max([align, *(self.bits_step(one, cap) for one in type_.bit_fields)])
         for _, inner, node in parts:
             align = max(align, self.step(node, cap))
             end = max(end, up(node.size, self.end_floor(inner)))
@@ -205,6 +203,16 @@ class Placing:
         if isinstance(type_, Array):
             return self.rules.array_floor
         return 2 if isinstance(type_, StringType) and self.rules.string_even else 1
+
+
+def has_padded_end(type_: Struct | Union) -> bool:
+    """Return whether a class of C++ does not end with a member, where one that EXTENDS it may begin."""
+    placing = Placing(rules_for("c"))
+    try:
+        _, end, align = placing.spots(type_, placing.parts(type_, ""))
+    except UserError:
+        return True
+    return not end or end % align > 0 or any(one.element or not one.is_named for one in type_.bit_fields)
 
 
 def up(offset: int, align: int) -> int:

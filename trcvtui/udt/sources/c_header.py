@@ -11,19 +11,19 @@ from __future__ import annotations
 
 import re
 from collections import ChainMap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from operator import add, and_, eq, ge, gt, inv, le, lt, mul, ne, neg, not_, or_, pos, sub, xor
 from types import SimpleNamespace
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake, need, noting
 from trcvtui.udt import ast
+from trcvtui.udt.ast import CPP
 from trcvtui.udt.constants import LARGEST, LONGEST, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
 from trcvtui.udt.sources.cpp_source import MARKS, without_texts
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
-CPP = "this is C++"
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
 
@@ -41,6 +41,9 @@ def read_c_header(text: str, name: str) -> ast.Declarations:
     )
 
 
+_Inside = tuple[Mapping[str, int | None], Mapping[str, ast.Spec]]  # constants and types that a class declares
+
+
 class _Reader:
     """The walk over the declarations of a header."""
 
@@ -56,6 +59,8 @@ class _Reader:
         self.constants = ChainMap(known)  # those of a class before; of None only the name is known
         self.scope: ChainMap[str, ast.Spec] = ChainMap()  # the types that are declared in a class
         self.loose: set[str] = set()  # classes that are not packed
+        self.classes: dict[str, _Inside] = {}
+        self.inside: _Inside = {}, {}  # of the class that was read last
         self.problems: list[Problem] = []
         self.notes: dict[str, None] = {}
 
@@ -70,6 +75,7 @@ class _Reader:
         kind = type(node).__name__
         if isinstance(node, ast.Declaration):
             self.types.append(node)
+            self.classes[node.name] = {}, {}
         elif kind == "Typedef":
             self.typedef(node)
         elif kind == "Decl":
@@ -114,6 +120,8 @@ class _Reader:
         where = self.where(node)
         if spec and self.is_loose(spec):
             self.loose.add(name)
+        if not spec or isinstance(spec, ast.StructSpec):
+            self.classes[name] = self.inside
         self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec
 
@@ -168,34 +176,34 @@ class _Reader:
     def struct(self, node: Any, depth: int) -> ast.StructSpec:
         members, count = list[ast.MemberSpec](), len(self.problems)
         is_union, cpp = type(node).__name__ == "Union", self.source.cpp
-        outer = self.constants, self.scope
-        if cpp.is_cpp:  # what a class declares is not known outside of it
-            self.constants, self.scope = self.constants.new_child(), self.scope.new_child()
+        outer, brace = (self.constants, self.scope), self.brace(node)
+        base = self.base(node, brace)
+        if cpp.is_cpp:  # what a class declares is known in it, and in those that extend it
+            constants, types = self.classes[base.name] if base else ({}, {})
+            self.constants = self.constants.new_child({**constants})
+            self.scope = self.scope.new_child({**types})
         for at, member in enumerate(node.decls or ()):
             if type(member).__name__ == "Decl":
                 is_last = is_union or member is node.decls[-1]
                 with noting(self.problems):
                     members += self.member(member, at, depth + 1, is_last)
+        self.inside = self.constants.maps[0], self.scope.maps[0]
         self.constants, self.scope = outer
-        brace = self.brace(node)
         pack, by_pragma = self.source.pack(brace), self.source.by_pragma(brace)
         tails = [one for one in members if one.width == ast.NO_LENGTH]
         has_bits = any(one.width is not None for one in members)
-        wrong = ""
-        if count < len(self.problems):
-            pass  # what is wrong is told
-        elif (tails or cpp.is_cpp) and not any(one.name and one not in tails for one in members):
-            wrong = "without members" + f": {CPP}" * cpp.is_cpp
-        elif has_bits and pack == 1 != (by_pragma or 1):
-            wrong = "of bit-fields that an attribute and a #pragma pack in two ways"
-        elif (
-            brace in self.source.braces
-            and cpp.has_classes
-            and any(self.is_loose(one.spec) for one in members)
-        ):
-            wrong = f"packed by an attribute around one that is not: {CPP}"
-        if wrong:
-            raise mistake(self.where(node), f"a class {wrong}", "plain members, packed by one #pragma pack")
+        has_members = base or any(one.name and one not in tails for one in members)
+        is_packed = cpp.has_classes and brace in self.source.braces
+        parts = [*(each.spec for each in members), *([base] if base else ())]
+        wrong = {
+            "without members" + f": {CPP}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
+            "of bit-fields that an attribute and a #pragma pack in two ways": has_bits
+            and pack == 1 != (by_pragma or 1),
+            f"packed by an attribute around one that is not: {CPP}": is_packed
+            and any(map(self.is_loose, parts)),
+        }
+        for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
+            raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
         for one in tails:
             self.notes[f"{one.name}[] is no member: what it holds comes after the bytes of the type"] = None
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]
@@ -203,11 +211,24 @@ class _Reader:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
             told = f"bit-fields are no members: {names}; their room is padding, as gcc has it on x86-64"
             self.notes[told] = None
-        return ast.StructSpec(tuple(members), pack=pack, is_union=is_union)
+        return ast.StructSpec(tuple(members), base, pack, is_union, base is not None)
+
+    def base(self, node: Any, brace: int) -> ast.Reference | None:
+        """Return the base class, one that this header has declared."""
+        parent = self.source.cpp.parents.get(brace)
+        if parent is None:
+            return None
+        name = self.tags.get(parent, parent)
+        if parent in self.scope or name not in self.classes:
+            raise mistake(self.where(node), f"base class '{parent}': {CPP}", "a class of this header")
+        return ast.Reference(name, self.where(node))
 
     def brace(self, node: Any) -> int:
         """Return the place of the brace that a definition opens."""
-        return self.source.text.find("{", self.source.offset(node.coord.line, node.coord.column or 1))
+        return self.source.text.find("{", self.place(node))
+
+    def place(self, node: Any) -> int:
+        return self.source.offset(node.coord.line, node.coord.column or 1)
 
     def is_loose(self, spec: ast.Spec) -> bool:
         """Return whether a type is a class that is not packed: g++ may not pack it in another one."""
@@ -239,7 +260,8 @@ class _Reader:
             return
         elif type(node.type).__name__ == "ArrayDecl":
             dim = node.type.dim
-            if dim is None or fold(dim, self.constants.get) == 0:
+            is_tail = dim is None or fold(dim, self.constants.get) == 0
+            if is_tail and self.place(node) not in self.source.cpp.arrays:
                 if not is_last:
                     raise mistake(where, f"{name}[] before other members", "a length, or it as the last one")
                 node, width = node.type, ast.NO_LENGTH
@@ -412,7 +434,7 @@ def _constant(text: str) -> int | None:
 
 # A name that no typedef of this file declares, where only a type can stand: it comes from an #include.
 _FOREIGN = re.compile(
-    r"(?:(?<=[;{}(,])|\A|\b(?:const|volatile|typedef|extern|static)\b)\s*([A-Za-z_]\w*)"
+    r"(?:(?<=[;{}(,])|\A|\b(?:const|volatile|typedef|extern|static|_Atomic)\b)\s*([A-Za-z_]\w*)"
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
 # What may declare a type or a constant; functions and variables are passed over.
@@ -455,7 +477,10 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
     known = f"typedef int {', '.join(types)};" if types else ""
     try:
         tree = CParser().parse(f'{known}\n#line {line} "h"\n{" " * (column - 1)}{text}', "h")
-        return list(tree.ext)[len(types) :]
+        nodes = list(tree.ext)[len(types) :]
+        if not any(type(node).__name__ == "FuncDef" for node in nodes):
+            return nodes
+        where, what = source.where(begin), "a word before the brace"
     except ParseError as failed:
         found = _FAILED.fullmatch(str(failed))
         where = f"{source.name}:{found[1]}:{found[2]}" if found else source.where(begin)

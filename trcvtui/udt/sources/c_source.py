@@ -30,6 +30,10 @@ KEYWORDS = frozenset(_WORDS.split())
 # Of all attributes only these change nothing in a layout and may be left out.
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 
+# Layouts of C are those of gcc on x86-64: without a byte order the bit-fields of Linux would be left out.
+_LITTLE = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
+_GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LITTLE, "1234")}
+
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
@@ -41,9 +45,8 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
-_NAME_HEAD = re.compile(
-    r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{"
-)  # before `struct` gcc leaves an attribute out
+# Before `struct` gcc leaves an attribute out.
+_NAME_HEAD = re.compile(r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{")
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
@@ -65,7 +68,7 @@ class CSource:
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
-        self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
+        self.numbers = dict(_GCC)
         is_cpp = name.lower().endswith(".hpp")
         self.numbers |= {"__cplusplus": "201703"} if is_cpp else {}
         self.words: dict[str, str] = {}
@@ -165,7 +168,8 @@ class CSource:
             if pragma:
                 self._direct("pragma", (pragma[1] or pragma[2]).strip(), first)
                 line = ""
-            line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
+            # What stands beside a declaration the parser would pass over.
+            line = re.sub(r"#(?=\s*pragma)", "@", line.replace("_Pragma", "_Pragma_beside_a_declaration"))
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
             bare = without_texts(line)

@@ -12,8 +12,20 @@ from typing import Final
 DEEPEST: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
 _QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
-_STD: Final = re.compile(r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)")
-_CLASS: Final = re.compile(r"\b(?:struct|union)\b([^;{}()=<>,]*)\{")
+# Words that change no size.
+_PLAIN: Final = re.compile(
+    r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)"
+    r'|\[\[\s*(?:nodiscard|maybe_unused|noreturn|deprecated)\s*(?:\("[^"\n]*"\)\s*)?\]\]'
+)
+_CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{")
+_HEAD: Final = re.compile(
+    rf"struct\s+{_NAME}\s*((?:\bfinal\b\s*)?(?::\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)?)\{{"
+)
+# `std::array<int, 3> name[2]` and `using Name = std::array<int, 3>`; the type in it may be one, too.
+_ARRAY: Final = re.compile(
+    rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),"
+    rf"([^<>,;{{}}\n]{{1,80}})>[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"
+)
 _ENUM: Final = re.compile(rf"\benum\b(\s+struct\b)?(?:\s+{_NAME})?\s*(:[\w\s]+)?\{{")
 _ALIAS: Final = re.compile(rf"\busing\s+({_NAME})\s*=([\w\s*]+);")
 _CONSTANT: Final = re.compile(r"\bconstexpr\b(?=[\w\s]*=(?:[\w\s+\-*/()|&'\0]|<<|>>)*;)")
@@ -22,7 +34,9 @@ _LANGUAGE: Final = re.compile(
 )
 # In a class, of which the brackets and texts hold NULs alone.
 _LABEL: Final = re.compile(r"(?:public|private|protected)\s*:(?!:)")
-_NOTHING: Final = re.compile(rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;")
+_NOTHING: Final = re.compile(
+    rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;|using\s+[\w:]+::\w+\s*;"
+)
 _STATIC: Final = re.compile(
     rf"(?:(?:inline|const|constexpr)\s+)*static\b(?:[\w\s*&]|::|<[^;{{}}()=]*>)*?\b({_NAME})\s*"
     r"(?:\[\0*\]\s*)*(=[^;{},]*|=?\s*\{\0*\}\s*)?;"
@@ -59,11 +73,16 @@ class CppSource:
     """A header of which the C parser can read the `text`; whether it `is_cpp`, and `has_classes` of C++.
 
     `bases` are the types of enumerations by the place of their brace, and whether these are scoped;
+    `parents` the base classes by that of a class, `arrays` the places of names whose length is not 0.
     `has_types`: a member that is `_Atomic` is a type.
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
-        self.text = _STD.sub(blank, text)
+        self.parents: dict[int, str | None] = {}
+        self.arrays: set[int] = set()
+        self.text, count = _PLAIN.sub(blank, text), 1
+        while count:  # those in others are the next
+            self.text, count = _ARRAY.subn(self._array, self.text)
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
         self.has_types = "_Atomic" not in text
@@ -72,9 +91,12 @@ class CppSource:
         for found in _CLASS.finditer(bare):
             end = pairs.get(found.end() - 1, 0)
             ends = [one for one in ends if one > end]
-            if end and len(ends) < DEEPEST:
+            if end and len(ends) < DEEPEST and not found[0].startswith("enum"):
                 ends.append(end)
-                names = re.findall(_NAME, found[1].split(":")[0])
+                if head := _HEAD.fullmatch(found[0]):
+                    self.parents[found.end() - 1] = head[2]
+                    self._blank(found.start() + head.start(1), found.start() + head.end(1))
+                names = re.findall(rf"(?!final\b)\b{_NAME}", found[1].split(":")[0])
                 self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
@@ -94,8 +116,15 @@ class CppSource:
             at = begin + len(new)
         self.text = "".join([*parts, self.text[at:]])
 
+    def _array(self, found: re.Match[str]) -> str:
+        """Return an array of C of the same length."""
+        alias, element, length, name, more = found.groups(default="")
+        declared = f"{alias or name}{more}[{length.strip()}]"
+        self.arrays.add(found.end() - len(declared))
+        return f"{'typedef ' * bool(alias)}{element.strip()} {declared}".rjust(len(found[0]))
+
     def _blank(self, begin: int, end: int) -> None:
-        if begin >= 0:
+        if 0 <= begin < end:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
     def _put(self, begin: int, end: int, new: str) -> None:

@@ -6,7 +6,6 @@ Start values and comments are left out. What stands in the `Sections` of a membe
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
@@ -21,8 +20,7 @@ NOT_STORED = ("Temp", "Constant", "Return")
 BY_POINTER = "an in-out parameter, of which an instance keeps a pointer"
 INSTANCE = "an FB instance as the file lists it: it may hide members, so the places after it are a guess"
 
-
-Copies = dict[Any, ast.Declaration]  # by what they declare
+Copies = list[ast.Declaration]
 
 
 def read_openness(root: Element) -> ast.Declarations:
@@ -33,12 +31,12 @@ def read_openness(root: Element) -> ast.Declarations:
         raise mistake(root.where, others or "no type", f"<{TYPE}> or <{DATA_BLOCK}>")
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
-    copies: Copies = {}
+    copies: Copies = []
     for struct in structs:
         with noting(problems):
             types.append(_declaration(struct, copies))
-    read = ast.Declarations(tuple(types), tuple(problems), sender=ast.SenderLayout(S7.name))
-    return read._replace(copies=tuple(copies.values()))
+    sender = ast.SenderLayout(S7.name)
+    return ast.Declarations(tuple(types), tuple(problems), sender=sender, copies=tuple(copies))
 
 
 def _declaration(element: Element, copies: Copies) -> ast.Declaration:
@@ -82,7 +80,7 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem], copie
 
 
 def _copy(name: str, own: Element, depth: int, copies: Copies) -> None:
-    """Keep the members of a type of this name, once."""
+    """Keep the members of a type of this name."""
     problems: list[Problem] = []
     members: list[ast.MemberSpec] = []
     kinds = set()
@@ -94,8 +92,8 @@ def _copy(name: str, own: Element, depth: int, copies: Copies) -> None:
     if members or problems:
         is_instance = name.casefold() in BUILTIN_TYPES or not kinds <= {"", "None"}
         notes = (INSTANCE,) if is_instance else ()
-        copy = ast.Declaration(name, ast.StructSpec(tuple(members)), own.where, tuple(problems), notes)
-        copies.setdefault(ast.bare((name, copy.spec)), copy)
+        spec = ast.StructSpec(tuple(members))
+        copies.append(ast.Declaration(name, spec, own.where, tuple(problems), notes))
 
 
 def _kept(member: ast.MemberSpec) -> ast.MemberSpec:

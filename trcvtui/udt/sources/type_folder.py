@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake, noting
 from trcvtui.udt.ast import Declaration, Declarations, bare
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
@@ -40,6 +40,7 @@ class TypeFolder:
         self.path, self.place, self.is_whole = path, place, is_whole
         self.without = {os.path.realpath(each) for each in without}
         self.read: dict[str, Declarations] = {}
+        self.problems: list[Problem] = []  # of files unread
 
     @cached_property
     def texts(self) -> dict[str, str]:
@@ -65,7 +66,7 @@ class TypeFolder:
         """Return what a file declares, of a generated header what no .typ does; nothing of one unread."""
         if file not in self.read:
             self.read[file] = Declarations(())
-            with suppress(UserError):
+            with noting(self.problems):
                 read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
                 if re.fullmatch(GENERATED, file):
                     types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
@@ -79,7 +80,10 @@ class TypeFolder:
         return {each.name.casefold() for declared in files for each in declared.types}
 
     def all(self) -> list[Declarations]:
-        return _once(map(self.declarations, self.texts))
+        found = _once(map(self.declarations, self.texts))
+        if self.problems and not any(each.types or each.problems for each in found):
+            raise UserError(self.problems[:MOST_TOLD])
+        return found
 
     def declaring(self, name: str, kind: str) -> dict[str, Declarations]:
         """Return the files that declare a name; the broken ones if all are."""
@@ -112,9 +116,8 @@ def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
     for folder, around in pairwise(folders):
         if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
             return
-        package = TypeFolder(
-            os.path.relpath(around), f"in {os.path.relpath(around)}", without, is_whole=False
-        )
+        near = os.path.relpath(around)
+        package = TypeFolder(near, f"in {near}", without, is_whole=False)
         package.extensions = PACKAGE_FILES
         yield package
 

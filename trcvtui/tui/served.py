@@ -26,7 +26,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import LAST_WORDS_S, EngineDriver
 from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
@@ -136,6 +136,7 @@ def revive(engine: EngineDriver) -> str:
         try:
             engine.project()
         except (UserError, EngineStopped) as wrong:
+            engine.wait(LAST_WORDS_S)  # for its end: the next tab tries again
             return f"{wrong}\n"
     return ""
 

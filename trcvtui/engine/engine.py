@@ -236,7 +236,7 @@ class Engine:
         watch.kept, screen.kept = None, watch.kept
         self._screens.hand_out(picture.answers)
         answers, screen.answers, screen.request = tuple(screen.answers), [], None
-        screen.pipe.begin(replace(picture, answers=answers, tabs=len(self._screens.all) - 1))
+        screen.pipe.begin(replace(picture, answers=answers))
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
     def _may_make(self, screen: AttachedScreen, until: int) -> bool:

@@ -271,7 +271,8 @@ class BenchApp(TerminalApp):
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        self.main.end(f"{why}; {'' if self.only_looks else 'R starts the engine anew, '}q quits")
+        anew = "" if self.only_looks else "R starts the engine anew, "
+        self.main.end(f"{why}; {'a new tab starts another, ' if self._engine.is_shared else anew}q quits")
         self._select_added()
         self._obey_again()
 

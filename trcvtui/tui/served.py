@@ -38,6 +38,7 @@ HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
+SHUT_S: Final = 0.5  # for pages to close; a tab ends with its engine
 MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
 OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
@@ -120,7 +121,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
             engine.project()
             command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
             answers = application(command, entrance, f"trcvtui {project.name}", about, begin)
-            web.run_app(answers, sock=door, print=None, shutdown_timeout=LAST_WORDS_S)
+            web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUT_S)
     except (EngineStopped, OSError) as failed:
         found = str(failed).splitlines()[-1]
         raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n` and TMPDIR") from None

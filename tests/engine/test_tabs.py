@@ -14,8 +14,8 @@ from msgspec.msgpack import encode
 
 from tests.local_driver import wait_for
 from tests.scenario.scenarios import CONFIGS
-from trcvtui.engine.driver import AttachedDriver, EngineDriver
-from trcvtui.engine.screens import MOST_MESSAGE
+from trcvtui.engine.driver import AttachedDriver, EngineDriver, ProcessDriver
+from trcvtui.engine.screens import MOST_ECHO, MOST_MESSAGE
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -44,7 +44,7 @@ def tabs_of(engine: EngineDriver, count: int) -> Iterator[list[AttachedDriver]]:
             tab.close()
 
 
-def answers(tab: AttachedDriver, most: int) -> list[Answer]:
+def answers(tab: ProcessDriver, most: int) -> list[Answer]:
     """Return the answers that come until there are `most`, and those in two more pictures."""
     got: list[Answer] = []
     later = 0
@@ -154,6 +154,12 @@ def test_a_tab_that_reads_nothing_stops_neither_the_bench_nor_the_others(engine:
         assert [answer.error for answer in answers(other, 1)] == [""]
         scan = wait_for(other, lambda picture: True).snapshot.scan
         wait_for(other, lambda picture: picture.snapshot.scan > scan + 5)
+
+
+def test_a_line_that_is_too_long_for_a_tab_is_refused_to_the_first_screen(engine: EngineDriver) -> None:
+    engine.submit("x" * (MOST_MESSAGE + 1))
+    [answer] = answers(engine, 1)
+    assert str(MOST_MESSAGE + 1) in answer.error and len(answer.line) == MOST_ECHO
 
 
 def test_one_tab_too_many_is_turned_away(engine: EngineDriver) -> None:

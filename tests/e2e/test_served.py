@@ -386,7 +386,7 @@ async def test_an_engine_that_ended_is_started_anew_by_a_new_tab_and_ends_with_a
             async with tab() as first:
                 await first.until(SCAN.pattern)
                 os.kill(child_of(process.pid, b"spawn_main"), signal.SIGKILL)
-                await first.until("a new tab starts another")
+                await first.until("ENGINE ENDED")
             project.write_text("broken")
             with pytest.raises(WSServerHandshakeError) as refused:
                 async with tab():

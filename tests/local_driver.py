@@ -31,6 +31,8 @@ def wait_for(driver: ProcessDriver, seen: Callable[[BenchUpdate], bool]) -> Benc
 class LocalDriver:
     """A driver whose bench is in this process; `scan` lets scans pass, `do` some after each line."""
 
+    is_shared = False
+
     def __init__(self, bench: Bench, pause: int = 0) -> None:
         self.console = Controller(bench)
         self._pause = pause

@@ -354,11 +354,25 @@ def children_of(pid: int) -> list[int]:
     return [*map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())]
 
 
-def engine_of(pid: int) -> int:
-    def words(child: int) -> bytes:
-        return Path(f"/proc/{child}/cmdline").read_bytes()
+def child_of(pid: int, word: bytes) -> int:
+    return next(child for child in children_of(pid) if word in Path(f"/proc/{child}/cmdline").read_bytes())
 
-    return next(child for child in children_of(pid) if b"spawn_main" in words(child))
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+async def test_a_page_ends_with_its_process_and_serve_does_not_wait_for_one_that_stands_still(
+    tmp_path: Path,
+) -> None:
+    with serving(tmp_path) as (printed, process):
+        async with browser(printed) as tab:
+            async with tab() as page:
+                await page.until(SCAN.pattern)
+                os.kill(child_of(process.pid, b"--attach"), signal.SIGKILL)
+                await page.end()
+            async with tab() as page:
+                await page.until(SCAN.pattern)
+                stopped = child_of(process.pid, b"--attach")
+                os.kill(stopped, signal.SIGSTOP)
+    os.kill(stopped, signal.SIGCONT)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
@@ -371,7 +385,7 @@ async def test_an_engine_that_ended_is_started_anew_by_a_new_tab_and_ends_with_a
         async with browser(printed) as tab:
             async with tab() as first:
                 await first.until(SCAN.pattern)
-                os.kill(engine_of(process.pid), signal.SIGKILL)
+                os.kill(child_of(process.pid, b"spawn_main"), signal.SIGKILL)
                 await first.until("ENGINE ENDED")
             project.write_text("broken")
             with pytest.raises(WSServerHandshakeError) as refused:

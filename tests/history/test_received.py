@@ -47,9 +47,10 @@ def frames(told: Generator, count: int) -> bytes:
     return sent
 
 
-def sought(reader: StreamReader, seek: Seek) -> tuple[int | None, int]:
+def sought(reader: StreamReader, seek: Seek, beside: Seek | None = None) -> tuple[int | None, int]:
     """Return where something was found, and how many pictures that took."""
     for pictures in range(1, 1000):
+        reader.window(HistoryRequest("C1", seek=beside))  # of another screen
         answer = reader.window(HistoryRequest("C1", seek=seek)).sought
         assert answer is not None
         if answer.share >= 1:
@@ -114,7 +115,7 @@ def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest
     told, reader = talking()
     sent = frames(told, 40)
     pattern = sent[500:506]  # over the border of two jobs
-    assert sought(reader, Seek(1, 0, True, (pattern, b"\0" * 40))) == (500, 15)
+    assert sought(reader, Seek(1, 0, True, (pattern, b"\0" * 40)), Seek(0, 0, True, (b"-",))) == (500, 15)
     assert sought(reader, Seek(2, 501, True, (pattern,)))[0] is None
     assert sought(reader, Seek(3, 960, False, (pattern,)))[0] == 500
     assert sought(reader, Seek(4, 500, False, (pattern,)))[0] is None

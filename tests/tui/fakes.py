@@ -230,6 +230,8 @@ def story() -> tuple[Line, ...]:
 
 
 class FakeDriver:
+    is_shared = False
+
     def __init__(self, *pictures: BenchUpdate) -> None:
         self.waiting = list(pictures)
         self.lines: list[str] = []

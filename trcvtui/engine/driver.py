@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from trcvtui.recording.files import RecordTo
 
 LAST_WORDS_S: Final = 2.0
+HELLO_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
     """What is shown, in a process of its own that runs `main`: start it before the screen library comes."""
 
     _record: RecordTo | None = None
+    is_shared = False
 
     def __init__(self, main: Callable[..., None], *asked: Any) -> None:
         self._main, self._asked = main, asked
@@ -196,6 +198,8 @@ class EngineDriver(ProcessDriver):
 class AttachedDriver(ProcessDriver):
     """The bench of `trcvtui serve` for one of its tabs: the engine is that of `serve`."""
 
+    is_shared = True
+
     def __init__(self, door: Path) -> None:
         self._door, self._number, self._parent = door, 0, os.getppid()
         self._start()
@@ -203,6 +207,8 @@ class AttachedDriver(ProcessDriver):
     def _start(self) -> None:
         try:
             self._listen(Client(str(self._door)))
+            if not self._channel.poll(HELLO_S):
+                raise TimeoutError
         except OSError:
             raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
 

@@ -189,13 +189,11 @@ class Engine:
             self._read_at = now
 
     def _take_messages(self) -> None:
-        for screen, message in self._screens.messages():
+        for screen, message in self._screens.messages(self._due - SPARE_NS):
             if isinstance(message, UpdateRequest):
                 screen.request, screen.asked_at = message, clock.now_ns()
             else:
                 self._take(*message)
-            if clock.now_ns() >= self._due - SPARE_NS:
-                return  # the rest has time until the next gap
 
     def _take(self, number: int, line: str) -> None:
         self._controller.take(number, line)
@@ -236,7 +234,7 @@ class Engine:
         watch.kept, screen.kept = None, watch.kept
         self._screens.hand_out(picture.answers)
         answers, screen.answers, screen.request = tuple(screen.answers), [], None
-        screen.pipe.begin(replace(picture, answers=answers, tabs=len(self._screens.all) - 1))
+        screen.pipe.begin(replace(picture, answers=answers))
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
     def _may_make(self, screen: AttachedScreen, until: int) -> bool:

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Final
 from msgspec import MsgspecError
 from msgspec.structs import replace
 
+from trcvtui import clock
 from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, unpacked
 from trcvtui.picture.protocol import MOST_TABS, REFUSED, may_say
-from trcvtui.picture.update_pipe import MessageReader, UpdatePipe
+from trcvtui.picture.update_pipe import MOST_PICTURE, MessageReader, UpdatePipe
 from trcvtui.snapshots.bench import Answer
 
 if TYPE_CHECKING:
@@ -27,8 +28,9 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
 
 MOST_MESSAGES: Final = 64  # that are taken at once
-MOST_MESSAGE: Final = 4 << 20  # bytes
+MOST_MESSAGE: Final = 4 << 20  # bytes, of a tab
 MOST_UNREAD: Final = 1024  # answers
+MOST_ECHO: Final = 1 << 18  # characters of the line in one
 FIRST_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
 
 
@@ -37,7 +39,10 @@ class AttachedScreen:
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number
-        self.pipe, self._reader = UpdatePipe(channel), MessageReader(channel, MOST_MESSAGE)
+        self.pipe, self._reader = (
+            UpdatePipe(channel),
+            MessageReader(channel, MOST_MESSAGE if number else MOST_PICTURE),
+        )
         self.request: UpdateRequest | None = None
         self.asked_at, self.make_ns = 0, FIRST_NS if number else 0  # what it took last to make a picture
         self.answers: list[Answer] = []  # that are in no picture yet
@@ -62,8 +67,8 @@ class AttachedScreens:
         self._read_only, self._door, self._came = read_only, door, 0
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
-    def messages(self) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield what has come; let tabs in and out; raise EOFError when the first one is gone."""
+    def messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
+        """Yield what has come until then; let tabs in and out; raise EOFError when the first one is gone."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))
@@ -78,6 +83,8 @@ class AttachedScreens:
                     self.hand_out([Answer(*message, REFUSED)])
                 else:
                     yield screen, message
+                if clock.now_ns() >= until:
+                    return  # the rest has time until the next gap
             if screen.is_gone and screen is self.first:
                 if self._door is not None:
                     self._door.close()  # `serve` may have been killed
@@ -92,4 +99,4 @@ class AttachedScreens:
             for screen in self.all:
                 if number == screen.number or not answer.number:
                     screen.answers[:-MOST_UNREAD] = []
-                    screen.answers.append(replace(answer, number=own))
+                    screen.answers.append(replace(answer, number=own, line=answer.line[:MOST_ECHO]))

@@ -31,6 +31,7 @@ from trcvtui.net.received_ring import ReceivedRing
 from trcvtui.udt.byte_text import MOST_COUNTED, first_in, hit_of, last_in
 
 STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
+MOST_SEARCHES: Final = 8  # of several screens
 MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write
 Runs = list[tuple[int, bytes]]  # bytes and where they begin
 LOST: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
@@ -72,14 +73,13 @@ class _Source:
 
 
 class StreamReader:
-    """Answers requests. Of a search only the place is remembered up to which it has come."""
+    """Answers requests. Of the newest searches the place is remembered up to which each has come."""
 
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self.streams = ReceivedStreams(bench, reader)
         self._bench, self._catch_up = bench, reader.catch_up
-        self._seek: Seek | None = None
+        self._searches: dict[Seek, tuple[int, SeekResult | None]] = {}
         self._reached = 0
-        self._answer: SeekResult | None = None
 
     def window(self, request: HistoryRequest) -> HistoryWindow:
         """Return the window; one outside is moved to what is kept."""
@@ -147,19 +147,22 @@ class StreamReader:
     def _sought(self, of: _Source, seek: Seek | None) -> SeekResult | None:
         if seek is None:
             return None
-        if self._seek != seek:
-            self._seek, self._answer, self._reached = seek, None, seek.start
-            found = None
+        is_new, found = seek not in self._searches, None
+        self._reached, answer = self._searches.pop(seek, (seek.start, None))
+        if is_new:
             if seek.job is not None:
                 found = of.stream.job(*seek.job)
             elif not seek.patterns:
                 found = of.stream.done(seek.start, seek.is_forward, not seek.dropped)
             if not seek.patterns or seek.job is not None:
                 is_kept = found is not None and of.begin <= found <= of.end
-                self._answer = SeekResult(seek.number, found if is_kept else None)
-        if self._answer is None or self._answer.share < 1:
-            self._answer = self._search(of, seek)
-        return self._answer
+                answer = SeekResult(seek.number, found if is_kept else None)
+        if answer is None or answer.share < 1:
+            answer = self._search(of, seek)
+        self._searches[seek] = self._reached, answer
+        if len(self._searches) > MOST_SEARCHES:
+            del self._searches[next(iter(self._searches))]
+        return answer
 
     def _search(self, of: _Source, seek: Seek) -> SeekResult:
         """Search one stretch more; stretches overlap, so that nothing on their border is missed."""

@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # the screen's process starts the engine before it knows what
     from trcvtui.project.project import Project
 
 NOBODY_LOOKED = DoctorSnapshot()
+Few = Meta(max_length=64)  # a picture is made at once: what a screen asks for is bounded
 
 
 class UpdateRequest(Struct, frozen=True):
@@ -37,14 +38,14 @@ class UpdateRequest(Struct, frozen=True):
     """
 
     since_seq: int = 0
-    data: tuple[str, ...] = ()
-    partial_of: tuple[str, ...] = ()
-    most_lines: int = 2000
+    data: Annotated[tuple[str, ...], Few] = ()
+    partial_of: Annotated[tuple[str, ...], Few] = ()
+    most_lines: Annotated[int, Meta(le=20_000)] = 2000
     bench: int = 0
     project: int = 0
-    waves: tuple[tuple[str, int], ...] = ()
+    waves: Annotated[tuple[tuple[str, int], ...], Few] = ()
     history: HistoryRequest | None = None
-    recordings_of: tuple[str, ...] = ()  # ComBuffers
+    recordings_of: Annotated[tuple[str, ...], Few] = ()  # ComBuffers
     doctor: bool = False  # whether it shall look
     messages: tuple[str, int, int] | None = None  # rows of an instance, from a number on, up to a scan
 
@@ -101,7 +102,6 @@ class BenchUpdate(Struct, frozen=True):
     doctor: DoctorSnapshot = NOBODY_LOOKED
     messages: MessagesDelta | None = None
     begun_ns: int | None = None  # UTC of time 0, None: simulated time
-    tabs: int = 0  # of `serve` that share this bench; 0: it is the screen's own
 
 
 NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out

@@ -34,7 +34,9 @@ class EngineStopped(Exception):
 
 
 class Driver(Protocol):
-    """What a screen may do with a bench."""
+    """What a screen may do with a bench; `is_shared`: other tabs of `serve` have it, too."""
+
+    is_shared: bool
 
     def submit(self, line: str) -> int:
         """Send one bench command line; return the number under which its answer comes."""

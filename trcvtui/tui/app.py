@@ -271,7 +271,8 @@ class BenchApp(TerminalApp):
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        self.main.end(f"{why}; {'' if self.only_looks else 'R starts the engine anew, '}q quits")
+        anew = "" if self.only_looks else "R starts the engine anew, "
+        self.main.end(f"{why}; {'a new tab starts another, ' if self._engine.is_shared else anew}q quits")
         self._select_added()
         self._obey_again()
 
@@ -284,13 +285,12 @@ class BenchApp(TerminalApp):
             return
         picture = self.view_model.live
         is_recording = picture is not None and picture.is_recording
-        is_shared = picture is not None and picture.tabs > 0
         if not self.last_words:
             text = f"R once more {'ends the recording' if is_recording else 'records the run'}, for all tabs"
-            if not is_shared or self._is_meant("R", text):
+            if not self._engine.is_shared or self._is_meant("R", text):
                 self.submit("record stop" if is_recording else "record")
             return
-        if is_shared:
+        if self._engine.is_shared:
             self.exit()  # the page has a button that begins anew
             return
         self.last_words = ""
@@ -466,7 +466,7 @@ class BenchApp(TerminalApp):
         A tab of `serve` loses nothing.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
-        if unsaved and not self.last_words and not (picture and picture.tabs):
+        if unsaved and not self.last_words and not self._engine.is_shared:
             what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
             if not self._is_meant(unsaved, f"{what}: `save project` keeps them, q quits"):
                 return
@@ -523,8 +523,7 @@ class BenchApp(TerminalApp):
             "Record", "record the run, end that; start an ended engine anew · key R", self.action_restart
         )
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
-        picture = self.view_model.live
-        what = "close this tab" if picture is not None and picture.tabs else "end the bench"
+        what = "close this tab" if self._engine.is_shared else "end the bench"
         yield SystemCommand("Quit", f"{what} · key q", self.action_quit)
 
 

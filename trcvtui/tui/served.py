@@ -10,6 +10,7 @@ At most MOST_TABS run.
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import json
 import os
@@ -18,7 +19,6 @@ import secrets
 import shlex
 import socket
 import sys
-from asyncio import BoundedSemaphore
 from collections.abc import Callable
 from contextlib import closing, suppress
 from functools import partial
@@ -26,7 +26,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import LAST_WORDS_S, EngineDriver
 from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
@@ -38,6 +38,7 @@ HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
+SHUT_S: Final = 0.5  # for pages to close; a tab ends with its engine
 MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
 OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
@@ -119,11 +120,11 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
         with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
             engine.project()
             command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
-            title = f"trcvtui {project.name}"
-            web.run_app(application(command, entrance, title, about, begin), sock=door, print=None)
+            answers = application(command, entrance, f"trcvtui {project.name}", about, begin)
+            web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUT_S)
     except (EngineStopped, OSError) as failed:
         found = str(failed).splitlines()[-1]
-        raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n`") from None
+        raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n` and TMPDIR") from None
 
 
 def revive(engine: EngineDriver) -> str:
@@ -136,6 +137,7 @@ def revive(engine: EngineDriver) -> str:
         try:
             engine.project()
         except (UserError, EngineStopped) as wrong:
+            engine.wait(LAST_WORDS_S)  # for its end: the next tab tries again
             return f"{wrong}\n"
     return ""
 
@@ -152,6 +154,9 @@ async def application(
 
         async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
             """Hand on what the page sends; textual-serve ends with a traceback on what it does not."""
+            run, loop = app_service._task, asyncio.get_running_loop()
+            if run is not None:  # a page does not stand on when its process has ended
+                run.add_done_callback(lambda _: loop.create_task(websocket.close()))
             async for message in websocket:
                 match _said(message.data):
                     case ["stdin", str(typed)] if len(typed) <= MOST_TYPED:
@@ -177,7 +182,7 @@ async def application(
             sys.stdout.flush()
             sys.stderr.write(about)
 
-    screens = BoundedSemaphore(MOST_TABS)
+    screens = asyncio.BoundedSemaphore(MOST_TABS)
 
     @web.middleware
     async def _only_who_may(request, handler):  # type: ignore[no-untyped-def]

@@ -6,6 +6,7 @@ position counts the bytes of the CONNECT since the bench began, so it stays with
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Final, NamedTuple
 
@@ -219,7 +220,7 @@ class StreamView(ByteLines):
         self.marked: tuple[range, bytes] | None = None  # a message that others are compared with
         self._compared = range(0)  # the one that is
         self.seek: Seek | None = None
-        self._seeks = 0
+        self._seeks = os.getpid() << 32  # tabs of a bench share none
         self._asked = END, 0
 
     # -- what comes in ----------------------------------------------------------------------------------

@@ -9,14 +9,7 @@ from typing import Any, Final
 
 from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
-from trcvtui.capture.plc_end import (
-    NOTHING_KNOWN,
-    KnownEnds,
-    PlcEnd,
-    address_text,
-    guess_plc,
-    parse_plc,
-)
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, address_text, guess_plc, parse_plc
 from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError

@@ -40,8 +40,38 @@ def only(*choices: str) -> NextWords:
     return lambda words, project: choices
 
 
-def an_instance(words: list[str], project: Project) -> Iterable[str]:
-    return _instances(project) if len(words) == 1 else ()
+def _first(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
+    """Offer names of the project, after one of them `then`, and nothing further where that `is_last`."""
+
+    def offer(words: list[str], project: Project) -> Iterable[str]:
+        if len(words) == 1:
+            return names(project)
+        return then if len(words) == 2 or not is_last else ()
+
+    return offer
+
+
+def _instances(project: Project) -> Iterable[str]:
+    return (instance.name for instance in project.instances)
+
+
+def _with_marks(project: Project) -> Iterable[str]:
+    return (instance.name for instance in project.instances if block_row(instance.block).marks)
+
+
+an_instance: Final = _first(_instances)
+after_doctor: Final = _first(lambda project: (*_instances(project), *project.links()))
+after_link: Final = _first(lambda project: project.links(), "down", "up", is_last=False)
+after_write: Final = _first(lambda project: (data.name for data in project.data), "hex", is_last=False)
+after_expect: Final = _first(_instances, "STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=", is_last=False)
+after_mark: Final = _first(_with_marks, "hex", "text", "none")
+after_framing: Final = _first(
+    lambda project: (*_with_marks(project), *(buffer.name for buffer in project.combuffers)), "apply"
+)
+after_feed: Final = _first(
+    lambda project: (buffer.name for buffer in project.combuffers if may_be_fed(buffer)),
+    *("hex", "text", "random", "file", "break"),
+)
 
 
 def after_set(words: list[str], project: Project) -> Iterable[str]:
@@ -117,33 +147,6 @@ def after_fault(words: list[str], project: Project) -> Iterable[str]:
     return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
 
 
-def after_feed(words: list[str], project: Project) -> Iterable[str]:
-    if len(words) == 1:
-        return [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
-    return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
-
-
-def after_mark(words: list[str], project: Project) -> Iterable[str]:
-    if len(words) == 1:
-        return [instance.name for instance in project.instances if block_row(instance.block).marks]
-    return ("hex", "text", "none") if len(words) == 2 else ()
-
-
-def after_framing(words: list[str], project: Project) -> Iterable[str]:
-    if len(words) == 1:
-        readers = [i.name for i in project.instances if block_row(i.block).marks]
-        return (*readers, *(buffer.name for buffer in project.combuffers))
-    return ("apply",) if len(words) == 2 else ()
-
-
-def after_link(words: list[str], project: Project) -> Iterable[str]:
-    return project.links() if len(words) == 1 else ("down", "up")
-
-
-def after_doctor(words: list[str], project: Project) -> Iterable[str]:
-    return (*_instances(project), *project.links()) if len(words) == 1 else ()
-
-
 def after_tap(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return (tap.name for tap in project.taps)
@@ -152,14 +155,6 @@ def after_tap(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 3:
         return "hold", "go", "drop", "insert", "edit", "delay", "split", "rst", "fin"
     return ("hex", "conversation") if words[3] in ("insert", "edit") else ("conversation",)
-
-
-def after_write(words: list[str], project: Project) -> Iterable[str]:
-    return (data.name for data in project.data) if len(words) == 1 else ("hex",)
-
-
-def after_expect(words: list[str], project: Project) -> Iterable[str]:
-    return _instances(project) if len(words) == 1 else ("STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=")
 
 
 def after_trigger(words: list[str], project: Project) -> Iterable[str]:
@@ -218,10 +213,6 @@ def after_resize(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return (data.name for data in project.data)
     return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)
-
-
-def _instances(project: Project) -> Iterable[str]:
-    return (instance.name for instance in project.instances)
 
 
 def _inputs(instance: str, project: Project, bools_only: bool) -> Iterable[str]:

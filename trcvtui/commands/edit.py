@@ -123,19 +123,14 @@ def complete(
         parts.append(("data", "data", "rx" if receives else "tx", type_))
     for key, kind, start, given_keys in parts:
         name = free_name(kind, start, project)
-        decl = read_entry(kind, {"name": name, **_usual(kind, project), **given_keys}, project, where)
+        usual = {"LocalAddress": HOST, "LocalPort": free_port(project)} if kind in LISTEN else {}
+        decl = read_entry(kind, {"name": name, **usual, **given_keys}, project, where)
         project = with_entry(project, decl)
         made.append(decl)
         whole[key] = name
     if not whole.keys() & {"ADHOC", "LEN"}:
         whole |= project.adhoc_inputs(block)
     return whole, tuple(made)
-
-
-def _usual(kind: str, project: Project) -> dict[str, Any]:
-    if kind in LISTEN:
-        return {"LocalAddress": HOST, "LocalPort": free_port(project)}
-    return {}
 
 
 def _text(value: object) -> str:
@@ -253,8 +248,6 @@ def _check_talk(decl: Declaration, project: Project, where: str) -> None:
             check_sequence(decl, project, where)
         case PeerDecl():
             check_routine(decl, project, where)
-        case _:
-            pass
 
 
 def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
@@ -299,7 +292,7 @@ def _message(words: Words) -> dict[str, Any]:
 
 
 _CONTENT: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
-    "data": lambda words: _data(words),
+    "data": _data,
     "message": _message,
     "sequence": lambda words: {
         "steps": [words.next("the names of messages and pauses such as T#100ms"), *words.rest()]

@@ -30,6 +30,7 @@ from trcvtui.commands.tokens import (
     leaf_value,
     parse_payload,
     text_bytes,
+    text_in_quotes,
     value_of,
 )
 from trcvtui.commands.words import (
@@ -139,11 +140,7 @@ def _hex_with_holes(text: str, project: Project, words: Words) -> tuple[bytes, l
 
 
 def _text_with_holes(words: Words, project: Project) -> tuple[bytes, list[Fill]]:
-    written = words.next("")
-    words.finish()
-    if len(written) < 2 or written[0] != '"' or written[-1] != '"':
-        raise words.wrong(shown(written), 'a text in double quotes such as "abc"')
-    text, content, fills, at = written[1:-1], bytearray(), list[Fill](), 0
+    text, content, fills, at = text_in_quotes(words), bytearray(), list[Fill](), 0
     for hole in _HOLE.finditer(text):
         name, _, width = hole[1].partition(":")
         if name != NUMBER:

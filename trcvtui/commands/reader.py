@@ -30,7 +30,6 @@ from trcvtui.commands.words import (
     Create,
     Delete,
     Doctor,
-    Download,
     FaultClear,
     FaultOn,
     FeedLine,
@@ -153,16 +152,6 @@ def _inputs(
             with_data = ("data", *keys) if row.data_pin else keys
             raise words.unknown(key, with_data, "key or input")
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
-
-
-def parse_delete(words: Words, project: Project) -> Delete:
-    """Return `delete TRCV_C_1`; raise UserError."""
-    return Delete(parse_instance(words, project).name)
-
-
-def parse_download(words: Words, project: Project) -> Download:
-    """Return `download TRCV_C_1`; raise UserError."""
-    return Download(parse_instance(words, project).name)
 
 
 def parse_resize(words: Words, project: Project) -> Resize:

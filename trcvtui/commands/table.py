@@ -15,11 +15,11 @@ from msgspec import Struct, structs
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
-from trcvtui.commands.conditions import parse_expect, parse_mark, parse_wait, parse_write
+from trcvtui.commands.conditions import parse_expect, parse_instance, parse_mark, parse_wait, parse_write
 from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
-from trcvtui.commands.reader import after, parse_create, parse_delete, parse_download, parse_resize
+from trcvtui.commands.reader import after, parse_create, parse_resize
 from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
 from trcvtui.errors import Problem, UserError, all_problems, noting
@@ -34,10 +34,6 @@ MILLISECOND: Final = 1_000_000
 _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
 
 
-def set_line(c: words.Set) -> str:
-    return f"set {c.instance} {_pins(c.pins)}"
-
-
 def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
     return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
 
@@ -48,10 +44,6 @@ def _pin_text(name: str, value: bool | int | str) -> str:
     if is_time(name):
         return format_time(value * MILLISECOND)
     return f"{value:04X}" if name == "STATUS" else str(int(value))
-
-
-def write_line(c: words.Write) -> str:
-    return f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}"
 
 
 def _bytes_of(data: str, offset: int, payload: bytes) -> str:
@@ -69,15 +61,7 @@ def create_line(c: words.Create) -> str:
 
 
 def feed_line(c: words.FeedLine) -> str:
-    return f"feed {c.buffer} {_fed(c)}"
-
-
-def _fed(c: words.FeedLine) -> str:
-    return "break" if c.payload is None else c.text or f"hex {c.payload.hex(' ')}"
-
-
-def send_line(c: words.PeerSend) -> str:
-    return f"peer {c.peer} send {message_text(c)}"
+    return f"feed {c.buffer} {'break' if c.payload is None else c.text or 'hex ' + c.payload.hex(' ')}"
 
 
 def message_text(c: words.PeerSend) -> str:
@@ -282,7 +266,11 @@ def _simple(verb: str, row: SimpleVerb) -> RecordRow:
 
 
 _PEER: Final = (
-    RecordRow(words.PeerSend, send_line, lambda bench, c: bench.peers[c.peer].send(c, bench.now)),
+    RecordRow(
+        words.PeerSend,
+        lambda c: f"peer {c.peer} send {message_text(c)}",
+        lambda bench, c: bench.peers[c.peer].send(c, bench.now),
+    ),
     RecordRow(
         words.PeerPlay,
         lambda c: f"peer {c.peer} play {c.name}",
@@ -324,7 +312,7 @@ ROWS: Final = (
         "set",
         reader.parse_set,
         completion.after_set,
-        RecordRow(words.Set, set_line, _set),
+        RecordRow(words.Set, lambda c: f"set {c.instance} {_pins(c.pins)}", _set),
         _MENDED[0],
     ),
     _row(
@@ -344,7 +332,7 @@ ROWS: Final = (
         completion.after_write,
         RecordRow(
             words.Write,
-            write_line,
+            lambda c: f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}",
             lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
         ),
     ),
@@ -396,7 +384,7 @@ ROWS: Final = (
     ),
     _row(
         "delete",
-        parse_delete,
+        lambda line, project: words.Delete(parse_instance(line, project).name),
         completion.an_instance,
         RecordRow(
             words.Delete,
@@ -406,7 +394,7 @@ ROWS: Final = (
     ),
     _row(
         "download",
-        parse_download,
+        lambda line, project: words.Download(parse_instance(line, project).name),
         completion.an_instance,
         RecordRow(
             words.Download,

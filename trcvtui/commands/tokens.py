@@ -287,7 +287,7 @@ class Words:
         return self._tokens[0].text if self._tokens else ""
 
     def rest(self) -> list[str]:
-        left = [token.text for token in self._tokens[self.place :]]
+        left = self.ahead()
         self.place = len(self._tokens)
         return left
 
@@ -309,12 +309,7 @@ class Words:
 
     def cut(self, begins: Callable[[str], bool]) -> list[str]:
         """Take the words from the first one to come that `begins` away from the end, and return them."""
-        for number in range(self.place, len(self._tokens)):
-            if begins(self._tokens[number].text):
-                tail = [token.text for token in self._tokens[number:]]
-                del self._tokens[number:]
-                return tail
-        return []
+        return self.apart(begins).ahead()
 
     def apart(self, begins: Callable[[str], bool]) -> Words:
         """Take the words from the first one to come that `begins` away from the end, as words apart."""
@@ -378,12 +373,17 @@ def _hex(words: Words, project: Project) -> bytes:
     return content
 
 
-def _text(words: Words, project: Project) -> bytes:
+def text_in_quotes(words: Words) -> str:
+    """Take the last word, and return what is in its double quotes; raise UserError."""
     written = words.next('a text such as "abc"')
     words.finish()
     if len(written) < 2 or written[0] != '"' or written[-1] != '"':
         raise words.wrong(shown(written), 'a text in double quotes such as "abc"')
-    content = text_bytes(written[1:-1], f"{words.where}: text")
+    return written[1:-1]
+
+
+def _text(words: Words, project: Project) -> bytes:
+    content = text_bytes(text_in_quotes(words), f"{words.where}: text")
     if not content:
         raise words.wrong('""', "at least one character")
     return content

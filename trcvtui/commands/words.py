@@ -221,34 +221,30 @@ class PlcRun(Struct, frozen=True):
     """`plc run`: CPU RUN."""
 
 
-class PeerConnect(Struct, frozen=True):
+class PeerCommand(Struct, frozen=True):
+    """What needs to say no more than which peer."""
+
+    peer: str
+
+
+class PeerConnect(PeerCommand, frozen=True):
     """`peer P1 connect`: one attempt of an active peer."""
 
-    peer: str
 
-
-class PeerListen(Struct, frozen=True):
+class PeerListen(PeerCommand, frozen=True):
     """`peer P1 listen`: a passive peer opens its listener, where it has none."""
 
-    peer: str
 
-
-class PeerClose(Struct, frozen=True):
+class PeerClose(PeerCommand, frozen=True):
     """`peer P1 close`: FIN."""
 
-    peer: str
 
-
-class PeerRst(Struct, frozen=True):
+class PeerRst(PeerCommand, frozen=True):
     """`peer P1 rst`: RST."""
 
-    peer: str
 
-
-class PeerShutdown(Struct, frozen=True):
+class PeerShutdown(PeerCommand, frozen=True):
     """`peer P1 shutdown`: FIN, but keep reading (half-close)."""
-
-    peer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,10 +285,8 @@ class CheckOn(Struct, frozen=True):
     instance: str = ""
 
 
-class CheckOff(Struct, frozen=True):
+class CheckOff(PeerCommand, frozen=True):
     """`peer P1 check off`: no more frames."""
-
-    peer: str
 
 
 class ReplyOn(Struct, frozen=True):
@@ -326,22 +320,16 @@ class TrySplits:
     text: str = field(default="", compare=False)
 
 
-class TryStop(Struct, frozen=True):
+class TryStop(PeerCommand, frozen=True):
     """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
 
-    peer: str
 
-
-class PeerStall(Struct, frozen=True):
+class PeerStall(PeerCommand, frozen=True):
     """`peer P1 stall`: stop reading, so that the window closes."""
 
-    peer: str
 
-
-class PeerResume(Struct, frozen=True):
+class PeerResume(PeerCommand, frozen=True):
     """`peer P1 resume`: read again."""
-
-    peer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -480,48 +468,11 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    Set
-    | Pulse
-    | Write
-    | Create
-    | Delete
-    | Add
-    | AddData
-    | Change
-    | Remove
-    | Undo
-    | Download
-    | Resize
-    | PlcStop
-    | PlcRun
-    | PeerConnect
-    | PeerListen
-    | PeerClose
-    | PeerRst
-    | PeerShutdown
-    | PeerSend
-    | PeerPlay
-    | CheckOn
-    | CheckOff
-    | ReplyOn
-    | ReplyOff
-    | TrySplits
-    | TryStop
-    | PeerStall
-    | PeerResume
-    | FeedLine
-    | SetMark
-    | Link
-    | Intervene
-    | Doctor
-    | FaultOn
-    | FaultClear
-    | RunScans
-    | RunFor
-    | Wait
-    | Expect
-    | ExpectTrace
-)
+    Set | Pulse | Write | Create | Delete | Remedy | Download | Resize | PlcStop | PlcRun | PeerConnect
+    | PeerListen | PeerClose | PeerRst | PeerShutdown | PeerSend | PeerPlay | CheckOn | CheckOff | ReplyOn
+    | ReplyOff | TrySplits | TryStop | PeerStall | PeerResume | FeedLine | SetMark | Link | Intervene | Doctor
+    | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace
+)  # fmt: skip
 
 
 class Step(Struct, frozen=True):

@@ -77,12 +77,10 @@ def initial_values(
     description: Description, remarks: Mapping[str, str], address: str = _IP_V4
 ) -> tuple[Initial, ...]:
     """Return the fields as the initial values of a DB; `remarks` are by field name."""
-
-    def one(field: DescriptionField) -> Initial:
-        value = _literal(field, description, address)
-        return Initial(f"{field.name} := {value}", remarks.get(field.name, ""))
-
-    return tuple([one(field) for field in description.structure.fields])
+    return tuple(
+        Initial(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
+        for field in description.structure.fields
+    )
 
 
 def _is_whole(description: Description) -> bool:

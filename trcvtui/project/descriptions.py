@@ -267,7 +267,11 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     if found is None:
         return None
     description, said = found
-    return _addr(description, port if port is not None else said)
+    is_param = description.structure == TADDR_PARAM  # a TADDR_RCV_IP is for a receiver to write
+    address = description.text("rem_ip_addr") if is_param else ANY_ADDRESS
+    port = said if port is None else port
+    port = description.number("rem_port_nr") if port is None else port
+    return {"remote_address": address, "remote_port": port, "description": description}
 
 
 def _addr_of_bytes(raw: bytes, type_name: str | None) -> tuple[Description, int | str | None]:
@@ -287,15 +291,6 @@ def _addr_of_fields(table: Table, structure: Structure) -> tuple[Description, in
         "reserved": table.get("reserved", UINT, 0),
     }
     return Description(structure, pack(structure, values)), port
-
-
-def _addr(description: Description, port: int | str | None) -> dict[str, Any]:
-    """Return what the bytes of an ADDR say; a TADDR_RCV_IP is for a receiver to write."""
-    is_param = description.structure == TADDR_PARAM
-    address = description.text("rem_ip_addr") if is_param else ANY_ADDRESS
-    if port is None:
-        port = description.number("rem_port_nr")
-    return {"remote_address": address, "remote_port": port, "description": description}
 
 
 LOOPBACK: Final = "127.0.0.1"
@@ -611,8 +606,7 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
 def verify_of(config: ConnectConfig) -> str | None:
     """Return what switches the check of certificates off, None where it is on."""
     tls = tls_of(config.session)
-    is_off = tls is not None and tls.is_unverified
-    return UNSAFE if is_off else None
+    return UNSAFE if tls is not None and tls.is_unverified else None
 
 
 def addr_keys(addr: AddrParam) -> Keys:

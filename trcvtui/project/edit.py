@@ -253,13 +253,9 @@ def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
 
 def _forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
     for form in forms_of(decl):
-        own = {TABLES[edit.kind].called: _called(decl), **dict(form)}
+        own = dict([entry_of(decl)[0], *form])
         if _says(edit, own, others, decl):
             yield own
-
-
-def _called(decl: Declaration) -> str | int:
-    return decl.number if isinstance(decl, CertificateDecl) else decl.name
 
 
 def _says(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declaration) -> bool:

@@ -244,11 +244,6 @@ _ADDR: Final = TableRow(
 # -- connection descriptions -----------------------------------------------------------------------------
 
 
-def structures_of(project: Project) -> tuple[str, ...]:
-    """Return the connection descriptions that the instructions of this PLC take."""
-    return project.dialect.structures or tuple(CONNECTIONS)
-
-
 def _is_param(project: Project, block: str) -> bool:
     return project.dialect.structures == ("TCON_Param",)
 
@@ -325,7 +320,8 @@ _DESCRIBED_CONNECT: Final = replace(
     keys=(
         _named("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
-            ask=Hint("none: plain TCP in what it takes", lambda project, block: structures_of(project))),
+            ask=Hint("none: plain TCP in what it takes",
+                     lambda project, block: project.dialect.structures or tuple(CONNECTIONS))),
         Key("bytes", None, "The bytes of the DB in hex, in the place of the fields.",
             ask=Hint("hex of the DB in place of the fields", is_quoted=True)),
         Key("LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
@@ -520,26 +516,12 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
     return lambda i: i.connect if key == ("config" if i.on_config else link_key(i.block)) else None
 
 
-def _links() -> Iterable[Key]:
-    yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
-              ask=Hint("of a UDP block", _new_or("udp_config"), free("udp_config"), _speaks_udp),
-              refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
-              only=_on_config)  # fmt: skip
-    for pin in buffer_pins():
-        yield Key(
-            pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
-            ask=Hint("a ComBuffer", _new_or("combuffer"), free("combuffer"), _has_buffer(pin)),
-            refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
-            only=_on_link(pin),
-        )  # fmt: skip
-
-
-def _speaks_udp(project: Project, block: str) -> bool:
-    return block_row(block).speaks_udp
-
-
-def _may_be_on_udp(project: Project, block: str) -> bool:
-    return block_row(block).speaks_udp or (block_row(block).builds and bool(project.addrs))
+def _buffer_key(pin: str) -> Key:
+    return Key(pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
+               ask=Hint("a ComBuffer", _new_or("combuffer"), free("combuffer"),
+                        lambda project, block: block_row(block).buffer_pin == pin),
+               refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
+               only=_on_link(pin))  # fmt: skip
 
 
 def _on_connect(project: Project, block: str) -> bool:
@@ -552,28 +534,14 @@ def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
     return (*own, *names_of("connect", project))
 
 
-def _has_buffer(pin: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: block_row(block).buffer_pin == pin
-
-
-def _has_mark(pin: str) -> Callable[[Table, Context], bool]:
-    return lambda table, around: pin in block_row(table.text("block")).pointers
-
-
-def _asks_mark(pin: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: pin in block_row(block).pointers
-
-
-def _mark_of(pin: str) -> Callable[[InstanceDecl], str | None]:
-    return lambda i: dict(zip(block_row(i.block).pointers, i.pointers, strict=False)).get(pin)
-
-
-def _marks() -> Iterable[Key]:
-    for pin in pointer_pins():
-        mark = pin.removeprefix("p").lower()
-        yield Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
-                  ask=Hint(f"{mark}, none: 0", _names("data", before=("",)), where=_asks_mark(pin)),
-                  refers=NameUse("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin))  # fmt: skip
+def _mark_key(pin: str) -> Key:
+    mark = pin.removeprefix("p").lower()
+    return Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
+               ask=Hint(f"{mark}, none: 0", _names("data", before=("",)),
+                        where=lambda project, block: pin in block_row(block).pointers),
+               refers=NameUse("DATA", ("data",)),
+               writes=lambda i: dict(zip(block_row(i.block).pointers, i.pointers, strict=False)).get(pin),
+               only=lambda table, around: pin in block_row(table.text("block")).pointers)  # fmt: skip
 
 
 def _inputs_hint(project: Project, block: str) -> str:
@@ -634,16 +602,21 @@ _INSTANCE: Final = TableRow(
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
             ask=Hint("of a UDP description", _connect_choices, free("connect"), _on_connect),
             refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
-        *_links(),
+        Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect", is_needed=True, only=_on_config,
+            ask=Hint("of a UDP block", _new_or("udp_config"), free("udp_config"),
+                    lambda project, block: block_row(block).speaks_udp),
+            refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config")),
+        *map(_buffer_key, buffer_pins()),
         replace(_ADDR_OF_INSTANCE, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
-        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _new_or("addr"), free("addr"), _may_be_on_udp),
-                writes=lambda i: None),
+        replace(_ADDR_OF_INSTANCE, writes=lambda i: None, ask=Hint(
+            "of a UDP block", _new_or("addr"), free("addr"), lambda project, block:
+            block_row(block).speaks_udp or (block_row(block).builds and bool(project.addrs)))),
         Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
             ask=Hint("a DATA variable", _new_or("data"), free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
-        *_marks(),
+        *map(_mark_key, pointer_pins()),
         Key("task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
             ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
@@ -669,14 +642,6 @@ def _is_tcp(table: Table, around: Context) -> bool:
 def _is_active(table: Table) -> bool:
     """Return whether a peer connects: without `active` it does where it has a `remote`."""
     return table.is_true("active", table.has("remote"))
-
-
-def _of_tcp(table: Table, around: Context) -> bool | Refusal:
-    return _NO_CONNECTION if table.is_true("udp") else True
-
-
-def _of_active(table: Table, around: Context) -> bool | Refusal:
-    return _NO_CONNECTION if table.is_true("udp") else _is_active(table)
 
 
 def _connects(table: Table, around: Context) -> bool | Refusal:
@@ -732,7 +697,8 @@ _PEER: Final = TableRow(
         _named("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
             _truth("true: datagrams, no active")),
-        Key("active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True, only=_of_tcp,
+        Key("active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True,
+            only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else True,
             ask=Hint("true: it connects to remote", fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
             writes=lambda p: None if p.udp else p.active),
@@ -749,7 +715,8 @@ _PEER: Final = TableRow(
             refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
             only=lambda table, around: table.is_true("udp")),
         Key("reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
-            Hint("after so long, such as T#1s"), only=_of_active),
+            Hint("after so long, such as T#1s"),
+            only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else _is_active(table)),
         Key("says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
             Hint("a message, such as hex 01 02", is_quoted=True)),
         Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),

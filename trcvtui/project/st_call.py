@@ -83,11 +83,8 @@ def _row(decl: InstanceDecl) -> BlockRow:
 
 def _guarded(decl: InstanceDecl, call: str) -> str:
     inner = "\n".join(f"{INDENT}{line}" for line in call.splitlines())
-    return f"IF {decl.name}_EN THEN (* every call {_does(decl)} *)\n{inner}\nEND_IF"
-
-
-def _does(decl: InstanceDecl) -> str:
-    return "sends" if _row(decl).writes_buffer else "clears"
+    does = "sends" if _row(decl).writes_buffer else "clears"
+    return f"IF {decl.name}_EN THEN (* every call {does} *)\n{inner}\nEND_IF"
 
 
 def _has_en(project: Project, decl: InstanceDecl) -> bool:
@@ -229,24 +226,22 @@ def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:
         if addr.name == decl.addr and describes:
             yield declaration_of_addr(addr, INDENT)
         elif addr.name == decl.addr:
-            yield _record(addr.name, "ADDR_PARAM", _addr_fields(addr))
+            yield _record(addr.name, "ADDR_PARAM", _remote_fields(addr))
 
 
 def _record(name: str, type_name: str, fields: Iterable[str]) -> str:
     return record(name, type_name, [Initial(field) for field in fields], INDENT)
 
 
-def _addr_fields(addr: AddrParam) -> Iterator[str]:
-    yield f"RemoteAddress := {_array(addr.remote_address)}"
-    if isinstance(addr.remote_port, int):
-        yield f"RemotePort := {addr.remote_port}"
+def _remote_fields(of: AddrParam | ConnectConfig) -> Iterator[str]:
+    yield f"RemoteAddress := {_array(of.remote_address)}"
+    if isinstance(of.remote_port, int):
+        yield f"RemotePort := {of.remote_port}"
 
 
 def _fields(config: ConnectConfig) -> Iterator[str]:
     yield f"ActiveEstablished := {str(config.active).upper()}"
-    yield f"RemoteAddress := {_array(config.remote_address)}"
-    if isinstance(config.remote_port, int):
-        yield f"RemotePort := {config.remote_port}"
+    yield from _remote_fields(config)
     yield f"LocalAddress := {_array(config.local.address)}"
     yield f"LocalPort := {config.local.port}"
     yield f"SendDelayOpt := {str(config.send_delay_opt).upper()}"

@@ -235,6 +235,10 @@ def _texts(value: object) -> tuple[str, ...] | None:
     return read if len(read) == len(texts) else None
 
 
+def _list_of(what: str) -> Kind[tuple[str, ...]]:
+    return Kind(f"a list of {what}", _texts, lambda text: (text,), write=list)
+
+
 def _tap_place(text: str) -> str | None:
     try:
         place_of(text, "")
@@ -288,21 +292,9 @@ ADDRESSES: Final = Kind(
     write=list,
 )
 PORT: Final = whole(0, 65535)
-MESSAGES: Final = Kind(
-    'a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,), write=list
-)
-
-STEPS: Final = Kind(
-    'a list of message names and pauses such as ["hello", "T#100ms"]',
-    _texts,
-    lambda text: (text,),
-    write=list,
-)
-RULES: Final = Kind(
-    'a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,), write=list
-)
-
-
+MESSAGES: Final = _list_of('messages such as ["hex 01 02", "random 8"]')
+STEPS: Final = _list_of('message names and pauses such as ["hello", "T#100ms"]')
+RULES: Final = _list_of('rules such as ["contains hex 05 send hex 06"]')
 NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
 UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
@@ -346,7 +338,7 @@ END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
 )
 UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
-    lambda text: _reference(text) or parse_endpoint(text),
+    END_OR_NAME.from_text,
     write=str,
 )
 LAYOUT: Final = of_text(

@@ -44,13 +44,7 @@ def with_change(text: str, edit: Edit, form: int, where: str) -> str:
     """
     wanted = parse_toml(text, where)
     _change(wanted, edit, form, lambda value: value)
-
-    def change(plain: str) -> str | None:
-        document = _parsed(plain)
-        if document is None or not _change(document, edit, form, _item):
-            return None
-        return document.as_string()
-
+    change = _in_document(lambda document: _change(document, edit, form, _item))
     return _checked(text, wanted, where, change)
 
 
@@ -89,15 +83,14 @@ def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
     if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
         return text
     others = {wanted[kind][number][key]: way for kind, number, key, way in ways}
-    for kind, number, key, way in ways:
-        wanted[kind][number][key] = way
-    return _checked(
-        text,
-        wanted,
-        where,
-        lambda plain: _with_ways(plain, ways),
-        lambda plain: _with_texts(plain, others),
-    )
+
+    def change(document: Any) -> bool:
+        for kind, number, key, way in ways:
+            document[kind][number][key] = way
+        return True
+
+    change(wanted)
+    return _checked(text, wanted, where, _in_document(change), lambda plain: _with_texts(plain, others))
 
 
 def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
@@ -108,9 +101,13 @@ def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
         table |= constants
     lines = [f"{json.dumps(name)} = {number}\n" for name, number in constants.items()]
     at_the_end = "\n[constants]\n" + "".join(lines)
-    return _checked(
-        text, wanted, where, lambda plain: _in_its_table(plain, constants), lambda plain: plain + at_the_end
-    )
+
+    def change(document: Any) -> bool:
+        for name, number in constants.items() if "constants" in document else ():
+            document["constants"][name] = number
+        return "constants" in document
+
+    return _checked(text, wanted, where, _in_document(change), lambda plain: plain + at_the_end)
 
 
 def way_to(file: str, old: Path, new: Path) -> str:
@@ -174,13 +171,14 @@ def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
     return _at_the_end(new)(document.as_string())
 
 
-def _in_its_table(plain: str, constants: Mapping[str, int]) -> str | None:
-    document = _parsed(plain)
-    if document is None or "constants" not in document:
-        return None
-    for name, number in constants.items():
-        document["constants"][name] = number
-    return document.as_string()
+def _in_document(change: Callable[[TOMLDocument], bool]) -> Callable[[str], str | None]:
+    """Return what makes this change in a text; None where tomlkit or the change does not take it."""
+
+    def edit(plain: str) -> str | None:
+        document = _parsed(plain)
+        return document.as_string() if document is not None and change(document) else None
+
+    return edit
 
 
 def _add_after(entries: AoT, table: Table) -> None:
@@ -234,12 +232,3 @@ def _with_texts(plain: str, others: Mapping[str, str]) -> str:
     for old, new in others.items():
         plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
     return plain
-
-
-def _with_ways(plain: str, ways: Sequence[tuple[str, int, str, str]]) -> str | None:
-    document = _parsed(plain)
-    if document is None:
-        return None
-    for kind, number, key, way in ways:
-        document[kind][number][key] = way
-    return document.as_string()

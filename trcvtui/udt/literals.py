@@ -160,7 +160,7 @@ def parse_duration(text: str) -> int | None:
 
 def _date(text: str) -> int | None:
     found = _match(_DATE, text)
-    return None if found is None else _day_ns(*found.groups())
+    return None if found is None else date_ns(*map(int, found.groups()))
 
 
 def _clock(text: str) -> int | None:
@@ -173,7 +173,7 @@ def parse_date_and_time(text: str) -> int | None:
     found = _match(_DATE_CLOCK, text)
     if found is None:
         return None
-    day, clock = _day_ns(*found.groups()[:3]), _clock_ns(*found.groups()[3:])
+    day, clock = date_ns(*map(int, found.groups()[:3])), _clock_ns(*found.groups()[3:])
     return None if day is None or clock is None or clock >= DAY else day + clock
 
 
@@ -234,7 +234,3 @@ def date_ns(year: int, month: int, date: int) -> int | None:
     days = _days(year, month, date)
     # 31 April would come back as 1 May: a date that does not come back as itself is none.
     return days * DAY if calendar(days) == (year, month, date) else None
-
-
-def _day_ns(year: str, month: str, date: str) -> int | None:
-    return date_ns(int(year), int(month), int(date))

@@ -6,6 +6,7 @@ Rule: a bad type never hides a good one; each bad type knows everything that is 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
 from trcvtui.system_types import UNSURE_HANDLES
@@ -36,7 +37,6 @@ from trcvtui.udt.types import (
 
 KNOWN = "a known "
 KNOWN_TYPE = f"{KNOWN}type"
-KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
 
 
 class Resolver:
@@ -244,7 +244,9 @@ class Resolver:
         number: int | None = -1
         for value, own in spec.values:
             if own is not None:
-                number = self.quietly(own, name)
+                number = None
+                with suppress(UserError):
+                    number = self.constants.value(own, [], name)
             elif number is not None:
                 number += 1
             values.append((value, number))
@@ -343,16 +345,10 @@ class Resolver:
                 return []
         return list(dict.fromkeys(unknown))
 
-    def quietly(self, number: ast.Number, scope: str) -> int | None:
-        try:
-            return self.constants.value(number, [], scope)
-        except UserError:
-            return None
-
 
 def unknown_constant(name: str) -> str:
     """Return what is expected in place of a constant that is not declared."""
-    return KNOWN_CONSTANT.format(name)
+    return f'{KNOWN}constant: "{name}" = VALUE in [constants] of the project, or --constant {name}=VALUE'
 
 
 def unknown_name(problem: Problem) -> str:

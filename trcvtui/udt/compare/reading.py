@@ -24,13 +24,7 @@ from trcvtui.udt.compare.likelihood import (
     steady,
     words_exchanged,
 )
-from trcvtui.udt.layout.layout import (
-    Layout,
-    LayoutRules,
-    Leaf,
-    Profile,
-    shape,
-)
+from trcvtui.udt.layout.layout import Layout, LayoutRules, Leaf, Profile, shape
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import Elementary, StringType, ValueKind, all_parts

@@ -21,7 +21,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP
 from trcvtui.udt.constants import LARGEST, LONGEST, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.sources.cpp_source import MARKS, without_texts
+from trcvtui.udt.sources.cpp_source import MARKS, after, without_texts
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
@@ -507,7 +507,7 @@ def _is_flat(text: str) -> bool:
 
 
 def _statements(text: str) -> Iterator[tuple[int, int]]:
-    depth, begin, is_function = 0, _begin(text, 0), False
+    depth, begin, is_function = 0, after(r"\s*", text, 0), False
     for found in re.finditer("[{};]", text):
         if found.group() == "{":
             if depth == 0:
@@ -515,20 +515,15 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
             depth += 1
             continue
         if depth == 0 and found.group() == "}":
-            begin = _begin(text, found.end())  # of a `namespace {`
+            begin = after(r"\s*", text, found.end())  # of a `namespace {`
             continue
         depth -= found.group() == "}"
         if depth == 0 and (found.group() == ";" or is_function):
             if not is_function:
                 yield begin, found.end()
-            begin, is_function = _begin(text, found.end()), False
+            begin, is_function = after(r"\s*", text, found.end()), False
     if begin < len(text):
         yield begin, len(text)
-
-
-def _begin(text: str, place: int) -> int:
-    found = re.compile(r"\S").search(text, place)
-    return found.start() if found else len(text)
 
 
 def _name_of(text: str) -> str | None:

@@ -135,9 +135,9 @@ class CppSource:
             self._edits[begin] = new.ljust(end - begin)
 
     def _class(self, flat: str, start: int, name: str) -> None:
-        at = _end(r"\s*", flat, 0)
+        at = after(r"\s*", flat, 0)
         while at < len(flat):
-            text = flat[at : _end(r"[^;]*;?", flat, at)]
+            text = flat[at : after(r"[^;]*;?", flat, at)]
             found = _LABEL.match(flat, at) or ("(" in text and _FUNCTION.match(flat, at)) or None
             if found and (found.re is _LABEL or self._is_function(found, start, name)):
                 self._blank(start + at, start + found.end())
@@ -145,7 +145,7 @@ class CppSource:
             else:
                 self._data(text, start + at)
                 at += len(text)
-            at = _end(r"\s*", flat, at)
+            at = after(r"\s*", flat, at)
 
     def _is_function(self, found: re.Match[str], start: int, class_: str) -> bool:
         """Return whether it is surely no member with a size, nor a macro that could be one."""
@@ -205,7 +205,7 @@ def brace_pairs(text: str) -> dict[int, int]:
     return pairs
 
 
-def _end(pattern: str, text: str, at: int) -> int:
+def after(pattern: str, text: str, at: int) -> int:
     found = re.compile(pattern).match(text, at)
     return found.end() if found else at
 

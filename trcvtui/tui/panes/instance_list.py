@@ -269,10 +269,7 @@ def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) ->
     word = status_word(instance.outputs.status)[-columns.word :]
     return [
         (word + " ", style),
-        (
-            clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition),
-            style,
-        ),
+        (clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition), style),
     ]
 
 

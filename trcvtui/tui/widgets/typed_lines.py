@@ -174,9 +174,7 @@ class FilterLine(TypedLine):
         taken: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__("/", FilterInput(self), back)
-        self._taken = taken
-        self._narrow = narrow
-        self.move = move
+        self._taken, self._narrow, self.move = taken, narrow, move
 
     def open(self) -> None:
         """Begin with the words that were left; they act again."""

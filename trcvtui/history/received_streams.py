@@ -80,8 +80,9 @@ class ReceivedStream:
     def read(self, incarnation: int, offset: int, size: int) -> Pieces:
         """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
         found: Pieces = []
-        place = bisect_right(self.recvs, (incarnation, offset), key=_end_on_connection)
-        stop = bisect_left(self.recvs, (incarnation, offset + size), lo=place, key=_start_on_connection)
+        begin, end = (incarnation, offset), (incarnation, offset + size)
+        place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
+        stop = bisect_left(self.recvs, end, place, key=lambda recv: (recv.incarnation, recv.offset))
         for recv in self.recvs[place:stop]:
             first, last = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
             if first < last:
@@ -296,14 +297,6 @@ def first_of(reads: list[RecvSpan], size: int) -> Pieces:
             parts.append((recv.position, min(size, recv.size)))
             size -= parts[-1][1]
     return joined(parts)
-
-
-def _start_on_connection(recv: RecvSpan) -> tuple[int, int]:
-    return recv.incarnation, recv.offset
-
-
-def _end_on_connection(recv: RecvSpan) -> tuple[int, int]:
-    return recv.incarnation, recv.offset + recv.size
 
 
 def _part(recv: RecvSpan, first: int, stop: int) -> RecvSpan:

@@ -16,14 +16,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.pins import Direction
 from trcvtui.blocks.table import shown_by
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.pin_waveform import (
-    NO_PINS,
-    KnownPins,
-    PinChange,
-    PinValues,
-    WaveformDelta,
-    pins_of,
-)
+from trcvtui.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
 from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
 

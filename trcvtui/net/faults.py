@@ -86,12 +86,7 @@ class FaultPlan:
         self._entries: list[PlannedFault] = []
 
     def add(
-        self,
-        call: str,
-        error: str | None = None,
-        on: str | None = None,
-        nth: int = 1,
-        times: int | None = 1,
+        self, call: str, error: str | None = None, on: str | None = None, nth: int = 1, times: int | None = 1
     ) -> None:
         """Plan a fault; `nth` counts from now. Raise UserError for what no call or errno is."""
         if call not in CALLS and call not in SERIAL_CALLS:

@@ -146,7 +146,7 @@ class _Rows:
         where, wrong = self.asked.where, list[UserError]()
         named = (where or "").strip().partition(" ")[0]
         for name in [named] if named in names else names:
-            self._filters[name] = None if where is None else _nothing
+            self._filters[name] = None if where is None else lambda row: False
             if where is None:
                 continue
             try:
@@ -175,10 +175,6 @@ class _Rows:
         if self.table is None or not self.table.rows:
             raise _NoRow
         self.table.finish()
-
-
-def _nothing(row: MessageRow) -> bool:
-    return False
 
 
 # -- benches -------------------------------------------------------------------------------------------------

@@ -136,9 +136,7 @@ class RunNotes:
     """Reads the ledger after each scan; `end` looks at the bench a last time."""
 
     def __init__(self, bench: Bench, events: FirstAndLast[EventNote], has_payload: bool) -> None:
-        self.bench = bench
-        self.has_payload = has_payload
-        self.events = events
+        self.bench, self.has_payload, self.events = bench, has_payload, events
         self.instances: dict[str, InstanceNotes] = {}
         self.links: dict[str, TimeLane] = {}
         self.snapshot: Snapshot | None = None  # after the last scan that could be seen

@@ -104,10 +104,6 @@ def _members(of: Subject) -> Iterator[tuple[str, ...]]:
         yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
 
 
-def _csv(of: Subject) -> str:
-    return "".join(f"{line}\n" for line in csv_lines(_members(of)))
-
-
 def _json(of: Subject) -> str:
     if of.declared is None or not of.content:
         return ""
@@ -117,7 +113,9 @@ def _json(of: Subject) -> str:
 FORMATS: Final = (
     Format("h", "bytes as hex", lambda of: hex_lines(of.content)),
     Format("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
-    Format("v", "members as CSV", _csv, ".csv"),
+    Format(
+        "v", "members as CSV", lambda of: "".join(f"{line}\n" for line in csv_lines(_members(of))), ".csv"
+    ),
     Format("j", "members as JSON", _json, ".json"),
     Format("s", "STATUS history as text", _history),
     Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),

@@ -238,9 +238,8 @@ def _figures(trace: MemberTrace, in_view: int) -> Row:
     if drawn is None:
         return row(*parts, (" · no number in view", "warn"))
     values = f" · min {value_text(leaf, drawn.least)} · max {value_text(leaf, drawn.most)}"
-    return row(
-        *parts, (values, ""), (f" · {count(in_view, 'message')} in view · {ERROR} ERROR {CUT} cut", "dim")
-    )
+    signs = f" · {count(in_view, 'message')} in view · {ERROR} ERROR {CUT} cut"
+    return row(*parts, (values, ""), (signs, "dim"))
 
 
 class CurveScreen(ListDialog[None]):

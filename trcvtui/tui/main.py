@@ -101,8 +101,7 @@ def obey_line(line: str, pane: Timing) -> str:
         return _find(words[1:], pane)
     if words[1:3] != ["timing", "vcd"]:
         raise mistake("prompt", f"'{line}'", EXPORT_LINES)
-    path = Path(words[3]).expanduser() if len(words) > 3 else None
-    written, size = pane.write(path)
+    written, size = pane.write(Path(words[3]).expanduser() if len(words) > 3 else None)
     return f"{size} bytes in {written.absolute()}"
 
 
@@ -191,9 +190,7 @@ class MainScreen(FullScreen[None]):
     def compose(self) -> Iterator[Widget]:
         self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
         self._grid.styles.grid_rows = self._rows = self._wanted_rows()
-        yield self.header
-        yield self.instances
-        yield self.tabs
+        yield from (self.header, self.instances, self.tabs)
         with self._grid:
             yield from self._panes().values()
         yield self.prompt

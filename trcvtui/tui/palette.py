@@ -86,10 +86,8 @@ def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
 def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
     for key in pane_keys(main):
         if key.action != BY_HAND:
-            about = f"pane {key.digit}, key {key.key}"
-            yield SystemCommand(
-                f"{PANES[key.digit]}: {key.binding.description}", about, partial(_press, main, key)
-            )
+            title = f"{PANES[key.digit]}: {key.binding.description}"
+            yield SystemCommand(title, f"pane {key.digit}, key {key.key}", partial(_press, main, key))
 
 
 async def _press(main: MainScreen, key: PaneKey) -> None:
@@ -99,8 +97,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     whose, name, parameters = parse(key.binding.action)
     target = {"screen": main, "app": main.app}.get(whose, key.widget)
     act: Callable[..., Awaitable[object] | object] = getattr(target, f"action_{name}")
-    done = act(*parameters)
-    if isawaitable(done):
+    if isawaitable(done := act(*parameters)):
         await done
 
 
@@ -188,12 +185,8 @@ def commands(bench: PaletteReach) -> list[SystemCommand]:
 
 
 def _all(bench: PaletteReach) -> Iterator[SystemCommand]:
-    yield from _of_scans(bench)
-    yield from _of_block(bench)
-    yield from _of_program(bench)
-    yield from _of_peer(bench)
-    yield from _of_instances(bench)
-    yield from _of_screen(bench)
+    for part in (_of_scans, _of_block, _of_program, _of_peer, _of_instances, _of_screen):
+        yield from part(bench)
     yield from commands_of_keys(bench.main)
     yield from _of_taking(bench)
     yield from _of_recent(bench.main)
@@ -241,9 +234,8 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
     for part in parts_at_hand(bench.view_model, peer_first=False):
         named = f"{part.kind} {part.name}"
-        yield SystemCommand(
-            f"Change {part!s}", f"set {named} …: a form", partial(bench.main.change_part, part)
-        )
+        change = partial(bench.main.change_part, part)
+        yield SystemCommand(f"Change {part!s}", f"set {named} …: a form", change)
         yield SystemCommand(f"Remove {part!s}", f"remove {named}", partial(bench.main.remove_part, part))
     about = "undo: the newest add, set or remove of the project · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
@@ -280,9 +272,8 @@ def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Peer {peer.name}: {button.label(peer)}", about, press)
     for other in bench.view_model.peers:
         if other.name != peer.name:
-            yield SystemCommand(
-                f"Peer {other.name}", "speak for this peer", partial(_peer, bench, other.name)
-            )
+            speak = partial(_peer, bench, other.name)
+            yield SystemCommand(f"Peer {other.name}", "speak for this peer", speak)
 
 
 def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:

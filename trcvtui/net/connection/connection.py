@@ -187,10 +187,7 @@ class Connection:
         ids, note, work = resources.connection_ids, self._note, resources.work
         self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
         self.set_up = self._new_set_up()
-        self._kernel = kernel
-        self._resources = resources
-        self._policy = policy
-        self._write = write
+        self._kernel, self._resources, self._policy, self._write = kernel, resources, policy, write
         self._name = config.name
         self._local: Endpoint | None = None
         self._early: list[tuple[State, StepFault | None]] = []  # steps that were taken as it was queued

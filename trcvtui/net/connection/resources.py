@@ -57,9 +57,7 @@ class BudgetShare:
     """One layer of one CONNECT. `what` is said of it when it has to wait."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
-        self.work = work
-        self.owner = owner
-        self.what = what
+        self.work, self.owner, self.what = work, owner, what
         self._granted_in = -1
         self._left = 0
 
@@ -390,9 +388,7 @@ class Resources:
     def __init__(
         self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: ScanBudget | None = None
     ) -> None:
-        self.queue = queue
-        self.buffers = buffers
-        self.budget = budget
+        self.queue, self.buffers, self.budget = queue, buffers, budget
         self.work = work or ScanBudget()
         self.connection_ids = ConnectionIds()
         self.received = ReceivedRings()

@@ -94,10 +94,7 @@ class SetUp:
         self._clients = BudgetShare(work, config.name, EventKind.CLIENTS_WAIT)
         self._holder = IdHolder(config)
         self._connection_ids = connection_ids
-        self._kernel = kernel
-        self._policy = policy
-        self._resolve = resolve
-        self._note = note
+        self._kernel, self._policy, self._resolve, self._note = kernel, policy, resolve, note
         self._verdict: Fault | None = None
         self._is_asking = False  # for the address of the partner's name
         self._deadline = 0

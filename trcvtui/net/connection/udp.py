@@ -16,10 +16,7 @@ from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKi
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import Claim, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
-from trcvtui.net.events import (
-    ConnectionEvent,
-    EventKind,
-)
+from trcvtui.net.events import ConnectionEvent, EventKind
 from trcvtui.net.kernel import Accepted, Handle, Kernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 

@@ -14,15 +14,7 @@ from typing import Final, Protocol
 
 from trcvtui.net.connection.resources import BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import (
-    DRAIN_BYTES,
-    Accepted,
-    Handle,
-    Kernel,
-    KernelFront,
-    KernelLoss,
-    SocketOptions,
-)
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelFront, KernelLoss, SocketOptions
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.layers.layered_stream import (
     CLIENTS_QUEUED,

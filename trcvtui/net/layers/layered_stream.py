@@ -39,9 +39,7 @@ class LayeredStream:
     ) -> None:
         self.party = party
         self.is_held_back = False
-        self.handle = handle
-        self.peer = peer
-        self.session = session
+        self.handle, self.peer, self.session = handle, peer, session
         self.since = since  # ns
         self.fault: Fault | None = None
         self.is_over = False
@@ -307,9 +305,7 @@ class SharedListener:
         self._party = party
         self.members: dict[Handle, PortMember] = {}
         self.clients: list[LayeredStream] = []
-        self._kernel = kernel
-        self._told = told
-        self._polls = polls
+        self._kernel, self._told, self._polls = kernel, told, polls
 
     def poll(self, now: int) -> None:
         for client in tuple(self.clients):  # who has come before goes on before

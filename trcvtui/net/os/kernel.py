@@ -12,14 +12,7 @@ import socket
 from collections.abc import Callable, Collection
 from typing import Final
 
-from trcvtui.net.kernel import (
-    Accepted,
-    Handle,
-    KernelLoss,
-    LocalAddress,
-    PathInfo,
-    SocketOptions,
-)
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
 from trcvtui.net.os.network import Questions, interface_addresses
 from trcvtui.net.os.system_calls import (
     BASE,

@@ -120,13 +120,8 @@ class ObserverServer:
         say: Callable[[str], None],
     ) -> None:
         """Listen; raise UserError where that cannot be."""
-        self._path, self._asks, self._may_order, self._capture, self._say = (
-            path,
-            asks,
-            may_order,
-            capture,
-            say,
-        )
+        self._path, self._asks, self._may_order = path, asks, may_order
+        self._capture, self._say = capture, say
         self._door = listening(path)
         self._inode = os.stat(path).st_ino
         self._served: list[threading.Thread] = []

@@ -296,9 +296,8 @@ class UdpRoute:
             self._drop(next(iter(self._clients)))
         place = self.route.to
         try:
-            sock = socket.socket(
-                socket.AF_INET6 if ":" in place.address else self.door.family, socket.SOCK_DGRAM
-            )
+            family = socket.AF_INET6 if ":" in place.address else self.door.family
+            sock = socket.socket(family, socket.SOCK_DGRAM)
             sock.setblocking(False)
             sock.connect((place.address, place.port))
         except OSError as failed:

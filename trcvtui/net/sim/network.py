@@ -118,10 +118,7 @@ class SimListener:
         self, owner: str, claim: PortClaim, tuning: Tuning, backlog: int, changed: Callable[[], None]
     ) -> None:
         self.owner = owner
-        self.claim = claim
-        self.tuning = tuning
-        self.backlog = backlog
-        self.changed = changed
+        self.claim, self.tuning, self.backlog, self.changed = claim, tuning, backlog, changed
         self.queue: deque[SimStream] = deque()
 
 
@@ -359,9 +356,7 @@ class SimSocket:
     __slots__ = ("_wire", "changed", "claim", "listener", "owner", "polled", "stream", "tuning")
 
     def __init__(self, wire: SimWire, owner: str, stream: SimStream | None = None) -> None:
-        self._wire = wire
-        self.owner = owner
-        self.stream = stream
+        self._wire, self.owner, self.stream = wire, owner, stream
         self.claim = PortClaim() if stream is None else stream.claim
         self.tuning = Tuning() if stream is None else stream.tuning
         self.listener: SimListener | None = None

@@ -84,10 +84,7 @@ class FleetHead(WordLine):
 
     def pieces(self) -> list[HeaderWord]:
         reader = self._reader
-        pieces = [
-            HeaderWord("trcvtui fleet", "dim", 60),
-            HeaderWord(plain(str(self._broker)), "strong", 20),
-        ]
+        pieces = [HeaderWord("trcvtui fleet", "dim", 60), HeaderWord(plain(str(self._broker)), "strong", 20)]
         if self._pattern != "*":
             pieces.append(HeaderWord(f"site {plain(self._pattern)}", "", 15))
         if not self._broker.has_tls:

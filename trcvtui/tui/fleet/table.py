@@ -13,18 +13,7 @@ from textual import events
 from textual.binding import Binding, BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
-from trcvtui.fleet.seen_fleet import (
-    AWAY,
-    ERROR,
-    FINDING,
-    GOOD,
-    HAD,
-    OFFLINE,
-    SHOWN,
-    STALE,
-    STUCK,
-    FleetLine,
-)
+from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, SHOWN, STALE, STUCK, FleetLine
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, row
@@ -185,10 +174,7 @@ class FleetTable(LineView, inherit_bindings=False):
         return [
             ("● ", style) if told else ("◆ ", "warn") if group.errors_an_hour else ("○ ", "done"),
             (name, "strong"),
-            (
-                pad(clip(words, room - len(name)), room - len(name)),
-                style,
-            ),
+            (pad(clip(words, room - len(name)), room - len(name)), style),
             *self._hour("", group.sparkline, group.errors_an_hour),
         ]
 

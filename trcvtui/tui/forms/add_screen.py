@@ -87,9 +87,7 @@ class AddScreen(FormDialog[str]):
 
     def __init__(self, project: Callable[[], Project], kind: str, given: Mapping[str, str]) -> None:
         super().__init__("")
-        self._project = project
-        self._given = given
-        self.kind = kind
+        self._project, self._given, self.kind = project, given, kind
         self._kind_field = ChoiceField("kind", kinds_of(project()), kind)
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []

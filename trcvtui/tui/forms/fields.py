@@ -108,9 +108,8 @@ def fields_to_change(
     if part.kind in ("connect", "addr") and project.dialect.describes_connects and now:
         away |= {each.key for each in known} - now.keys() - OF_THE_BENCH  # of other structures
     other = part.kind == "instance" and block != now.get("block")  # what it lacks then is proposed
-    first = {each.key: each.first if other else "" for each in known} | {
-        k: text_of(v) for k, v in now.items()
-    }
+    first = {each.key: each.first if other else "" for each in known}
+    first |= {key: text_of(value) for key, value in now.items()}
     kept = [each for each in known if each.key not in away]
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
 

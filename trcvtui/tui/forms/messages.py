@@ -144,9 +144,7 @@ class UdtForm(FieldsDialog[str, MemberField]):
         leaves = list(layout.leaves(0, MOST_FIELDS))
         rows = [(_columns(leaf), MemberField(leaf, values.get(leaf.path, ""))) for leaf in leaves]
         super().__init__("", f"{name}: {len(leaves)} members", KEYS_LINE, rows)
-        self._project = project
-        self._peer = peer
-        self._name = name
+        self._project, self._peer, self._name = project, peer, name
         self._more = layout.leaf_count - len(leaves)
 
     @property

@@ -76,10 +76,9 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
         bad = [field for field in self._fields if field.value.strip() and field.number is None]
         for field in self._fields:
             field.set_class(field in bad, "-bad")
-        said = (
-            "no whole number" if bad else "bounds of arrays such as ARRAY[1..MAX]; `save project` keeps them"
-        )
-        self._line.update(f"✗ {said}, such as 10 or 16#0A" if bad else said)
+        wrong = "✗ no whole number, such as 10 or 16#0A"
+        about = "bounds of arrays such as ARRAY[1..MAX]; `save project` keeps them"
+        self._line.update(wrong if bad else about)
 
     def go_on(self, field: NumberField) -> None:
         """Go to the next empty field; after the last one, end with what was given."""
@@ -195,12 +194,9 @@ class FitList(LineView):
         self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrapped(said, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor
-            style = self.cursor_style(chosen)
-            text = clip(named(found), width - 12)
             parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
-            self._rows.append(
-                (row(*parts, (f"{found.score:+6.1f}  ", "strong"), (text, ""), style=style), number)
-            )
+            parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(named(found), width - 12), "")]
+            self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
                 twins = wrapped(f"no byte tells it from {same_words(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
@@ -282,8 +278,7 @@ class CureText(TextView):
         return cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
 
     def _write(self) -> None:
-        title = TITLES[self.kind] + f", {self.language.upper()}"
-        self.set_title(4, "Cure", title)
+        self.set_title(4, "Cure", f"{TITLES[self.kind]}, {self.language.upper()}")
         ours = self._lab.layout(OURS)
         if not self.asked and ours is not None and ours.leaf_count > MOST_CURED:
             self._rows = [row(("c writes it: the type is large", "dim"))]

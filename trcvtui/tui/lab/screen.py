@@ -17,7 +17,7 @@ from textual.widget import Widget
 from trcvtui.errors import UserError
 from trcvtui.files import is_same_file
 from trcvtui.tui import messages
-from trcvtui.tui.copy_formats import Format, Subject
+from trcvtui.tui.copy_formats import Format
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import UDT, is_for_lab
 from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
@@ -76,10 +76,6 @@ COMMANDS: Final = (
 )
 
 
-def _nothing(of: Subject) -> str:
-    return ""
-
-
 def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
     """Return what a pane is about, with its name; None where there is nothing."""
     match pane:
@@ -93,7 +89,7 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
             found = cure.write()
             text = found.source if found.text else ""
             name, suffix = f"the cure in {cure.language.upper()}", f".{cure.language}"
-    return (Format(pane[0], name, _nothing, suffix), text) if text else None
+    return (Format(pane[0], name, lambda of: "", suffix), text) if text else None
 
 
 def _compared(lab: Lab) -> str:
@@ -103,8 +99,7 @@ def _compared(lab: Lab) -> str:
     if comparison is None:
         return ""
     content = lab.bytes.content
-    rows = list(comparison.rows(content))
-    return f"{compare_text(comparison, rows, content)}\n"
+    return f"{compare_text(comparison, list(comparison.rows(content)), content)}\n"
 
 
 def _ranking(lab: Lab) -> str:
@@ -158,20 +153,14 @@ class LabScreen(SideScreen[None]):
         self._side = Vertical(id="lab-side")
 
     def compose(self) -> Iterator[Widget]:
-        yield self.header
-        yield self.tabs
-        yield self.head
+        yield from (self.header, self.tabs, self.head)
         with Horizontal(id="stage"):
             with self._members:
                 yield self.columns
                 yield self.tree_view
             with self._side:
-                yield self.hex
-                yield self.fit
-                yield self.cure
-        yield self.outcome
-        yield self.ask
-        yield self.key_line
+                yield from (self.hex, self.fit, self.cure)
+        yield from (self.outcome, self.ask, self.key_line)
 
     def on_mount(self) -> None:
         self.fit.set_title(FIT, "Which profile fits?", "enter: as theirs")
@@ -186,10 +175,8 @@ class LabScreen(SideScreen[None]):
         self._view_model.past_wanted = self.lab.bytes.request()
         for answer in self.answers():
             self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
-        self.header.show()
-        self.head.show()
-        self.columns.show()
-        self.tree_view.show()
+        for line in (self.header, self.head, self.columns, self.tree_view):
+            line.show()
         self.hex.show_row(self.tree_view.chosen)
         self.fit.show()
         self.cure.show()
@@ -434,7 +421,7 @@ class LabScreen(SideScreen[None]):
         if not text:
             self.show()
             return
-        form = Format(name, LANGUAGES[name], _nothing, f".{name}")
+        form = Format(name, LANGUAGES[name], lambda of: "", f".{name}")
         self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, is_wrong=True)))
 
     def _tell(self, text: str, is_wrong: bool = False) -> None:

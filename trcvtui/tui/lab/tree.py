@@ -182,16 +182,14 @@ class LabTree(LineView):
         if found is None:
             return EMPTY
         chosen = y == self.cursor
-        style = self.cursor_style(chosen)
-        return row(*self._parts(found, chosen), style=style)
+        return row(*self._parts(found, chosen), style=self.cursor_style(chosen))
 
     def _parts(self, found: TreeRow, chosen: bool) -> list[Part]:
         width = columns(self.line_width, self._lab)
         differs = self.differs(found)
-        mark = DIFFERS if differs else " "
         return [
             ("▸" if chosen else " ", "key"),
-            (mark, "warn strong"),
+            (DIFFERS if differs else " ", "warn strong"),
             *self._member(found, width.name, chosen),
             (pad(clip(plain(self._type(found)), width.type - 1), width.type), "dim"),
             *self._side(OURS, found, found.ours, width, differs),

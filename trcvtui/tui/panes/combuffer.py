@@ -39,9 +39,8 @@ def gap_of(view_model: ViewModel, instance: InstanceSnapshot) -> Gap | None:
         return Gap(0, 0, NO_WATCH)
     if not instance.outputs.busy or instance.last_receive_ns is None:
         return Gap(0, limit, "waits for a first byte")
-    return Gap(
-        max(0, view_model.t_ns - instance.last_receive_ns), limit, _frozen(view_model, snapshot.running)
-    )
+    elapsed = max(0, view_model.t_ns - instance.last_receive_ns)
+    return Gap(elapsed, limit, _frozen(view_model, snapshot.running))
 
 
 def _frozen(view_model: ViewModel, running: bool) -> str:
@@ -231,9 +230,8 @@ class LineFeed(LineView):
         first = max(0, min(gone - room // 2, len(payload) - room))
         before, after = payload[first:gone].hex(" "), payload[gone : first + room].hex(" ")
         lead, tail = "…" * (first > 0), "…" * (first + room < len(payload))
-        told = f"  {gone} of {len(payload)} B fed"
-        parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (GONE, "key")]
-        return row(*parts, (after + tail, "ghost"), (told, "dim"))
+        parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (GONE, "key"), (after + tail, "ghost")]
+        return row(*parts, (f"  {gone} of {len(payload)} B fed", "dim"))
 
     # -- what is fed -------------------------------------------------------------------------------------
 

@@ -288,10 +288,8 @@ class Composer(Vertical):
         from trcvtui.commands.words import PeerSend
 
         send = parse_line(line, self._view_model.project, "message") if line else None
-        if isinstance(send, PeerSend):
-            self.split_row.draw(send.payload, splits_of(send))
-        else:
-            self.split_row.draw(b"", Splits())
+        drawn = (send.payload, splits_of(send)) if isinstance(send, PeerSend) else (b"", Splits())
+        self.split_row.draw(*drawn)
 
     def _split(self, cuts: Splits) -> None:
         self._options["split"].value, self._options["gap"].value = cuts.split, cuts.gap

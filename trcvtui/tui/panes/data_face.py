@@ -123,24 +123,18 @@ class DataFace(Face):
         self._data_rows: int | None = None
 
     def compose(self) -> Iterator[Widget]:
-        yield self.data
-        yield self._line
-        yield self.job
+        yield from (self.data, self._line, self.job)
 
     def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
         if instance is None:
             return "Received", ""
         declared = self._view_model.declaration
         name = "RESULT" if instance.data_pin == "RESULT" else "Sent" if instance.sends else "Received"
+        if declared is None:
+            return name, "no DATA"
         new = self._newest()
-        size = (
-            f" · {new.newest} of {new.longest} B are new"
-            if new
-            else f", {declared.size} B"
-            if declared
-            else ""
-        )
-        return name, f"{declared.name}{size}" if declared else "no DATA"
+        size = f" · {new.newest} of {new.longest} B are new" if new else f", {declared.size} B"
+        return name, f"{declared.name}{size}"
 
     def _newest(self) -> DataSnapshot | None:
         """Return what was written to DATA last, None where no older bytes stand behind it."""

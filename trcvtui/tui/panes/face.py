@@ -47,9 +47,7 @@ class Face(Vertical):
 
     def __init__(self, view_model: ViewModel, below: OriginLine, first: LineView) -> None:
         super().__init__()
-        self._view_model = view_model
-        self._below = below
-        self.first = first
+        self._view_model, self._below, self.first = view_model, below, first
         self.is_seen = self.is_searched = False  # searched: n and N are those of the search
         self.subtitle = self.note = ""  # note: what could not be found or done
         self.hit = -1, ""  # where the search has come to, and which hit of how many that is

@@ -100,9 +100,8 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
     """Return the drawing of a block that works on a CONNECT; its ID stands after the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
     wired = wired_pins(block)
-    letters = letters_of(
-        [pin.name for pin in pins if pin.direction != "out"], {pin.letter for pin in wired.values()}
-    )
+    names = [pin.name for pin in pins if pin.direction != "out"]
+    letters = letters_of(names, {pin.letter for pin in wired.values()})
     sides: dict[bool, list[DrawnPin]] = {False: [], True: []}  # by "is an output"
     for pin in pins:
         letter, label = letters.get(pin.name, ""), pin.label or pin.name
@@ -119,10 +118,8 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
     if pin.is_bool:
         style = LAMP_STYLES.get(pin.name, "on") if value or glowing else ""
         return f"{int(value)} {lamp(bool(value), glowing)}", style
-    if pin.name == "STATUS":
-        return status_word(value), _status_style(instance)
-    if pin.name == "Error":
-        return str(int(value)), _status_style(instance)
+    if pin.name in ("STATUS", "Error"):
+        return status_word(value) if pin.name == "STATUS" else str(int(value)), _status_style(instance)
     return str(int(value)), "done" if glowing else ""
 
 
@@ -256,7 +253,6 @@ class FunctionBlock(LineView):
         about = f"{instance.block}{self._called_by(instance)}" if instance else ""
         self.set_title(2, self._view_model.selected or "Block", about)
         self._settle()
-        instance = self._view_model.instance
         self._told = framer_lines(self._view_model, instance, self.line_width) if instance else []
         super().show()
 
@@ -315,8 +311,7 @@ class FunctionBlock(LineView):
 
     def _is_tight(self) -> bool:
         drawing = self.drawing()
-        needed = drawing.name_width + drawing.label_width + IN_BOX + OUT_BOX + 9
-        return 0 < self.line_width < needed
+        return 0 < self.line_width < drawing.name_width + drawing.label_width + IN_BOX + OUT_BOX + 9
 
     def _value_text(self, pin: DrawnPin) -> str:
         instance = self._view_model.instance
@@ -341,14 +336,12 @@ class FunctionBlock(LineView):
     def _input(self, drawing: Drawing, pin: DrawnPin) -> list[Part]:
         value, pending = self.value_of(pin)
         text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else self._value_text(pin)
+        style = "busy" if pending else "on" if pin.is_bool and value else ""
         return [
             (f"{pin.letter or ' '} ", "key"),
             (pin.name.rjust(drawing.name_width), "strong" if value else ""),
             (" ▷┤" if pin.edge else self._joints()[0], "dim"),
-            (
-                f" {text}{'…' if pending else ''}".ljust(self._box()),
-                "busy" if pending else "on" if pin.is_bool and value else "",
-            ),
+            (f" {text}{'…' if pending else ''}".ljust(self._box()), style),
         ]
 
     def _output(self, pin: DrawnPin) -> list[Part]:
@@ -476,9 +469,8 @@ class FunctionBlock(LineView):
             line = line_for(pin.name, instance, self._view_model)
             self._actions.open_prompt(line) if line else self._actions.complain(why_not(pin.name, instance))
         elif pin.is_fixed:
-            self._actions.complain(
-                f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
-            )
+            why = f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
+            self._actions.complain(why)
         elif not pin.is_bool:
             self._actions.open_prompt(f"set {instance.name} {pin.name}={self.proposed(pin.name)}")
         elif pin.edge:
@@ -524,8 +516,7 @@ class FunctionBlock(LineView):
         place, drawing = self.place_of(event), self.drawing()
         if place is None or not 1 <= place[1] <= len(drawing.inputs):
             return None
-        edge = self._left() + 1 + self._box()
-        return place[1] - 1 if place[0] < edge else None
+        return place[1] - 1 if place[0] < self._left() + 1 + self._box() else None
 
 
 def _last(instance: InstanceSnapshot) -> str:

@@ -53,9 +53,7 @@ class InstanceList(LineView):
     def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
         """Tell `selected` at once when another instance is chosen: all panes are painted with the list."""
         super().__init__(id="instances")
-        self._selected = selected
-        self._digit = digit
-        self._view_model = view_model
+        self._selected, self._digit, self._view_model = selected, digit, view_model
         self.words: list[str] = []  # of the filter: those listed have all of them
         self._listed: Sequence[InstanceSnapshot] = ()
         self._columns = self._measure()
@@ -269,10 +267,7 @@ def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) ->
     word = status_word(instance.outputs.status)[-columns.word :]
     return [
         (word + " ", style),
-        (
-            clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition),
-            style,
-        ),
+        (clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition), style),
     ]
 
 

@@ -180,10 +180,8 @@ class PeerNotes(TextView, can_focus=False):
         trial = self._view_model.picture.trial if self._view_model.picture else None
         if trial is None or trial.peer != peer.name:
             return []
-        text = clip(trial.summary(), self.line_width - 15)
-        return [
-            row(("every split: ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
-        ]
+        style = "warn" if trial.differing or trial.problem else "done"
+        return [row(("every split: ", "label"), (clip(trial.summary(), self.line_width - 15), style))]
 
     def _replies(self, peer: PeerSnapshot) -> list[Row]:
         if not peer.replies:
@@ -226,7 +224,9 @@ class PeerPanel(Vertical):
         self.peers = PeerList(view_model)
         self.talks = ConversationList(view_model, actions)
         self.composer = Composer(view_model, actions)
-        self._buttons = ButtonLine("buttons", self._labels, self._press)
+        self._buttons = ButtonLine(
+            "buttons", self._labels, lambda index: self._do(self._buttons_now()[index])
+        )
         self._notes = PeerNotes(view_model)
         self._preview = "", ""
         self._trial: ResultScreen | None = None
@@ -234,13 +234,9 @@ class PeerPanel(Vertical):
         self._speaks = bool(view_model.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
-        yield self.lines
-        yield self.peers
-        yield self.talks
+        yield from (self.lines, self.peers, self.talks)
         if self._speaks:
-            yield self.composer
-            yield self._buttons
-            yield self._notes
+            yield from (self.composer, self._buttons, self._notes)
 
     async def prepare(self) -> None:
         if self._speaks:
@@ -304,11 +300,9 @@ class PeerPanel(Vertical):
             self._preview = "▸ ", self._try_line(peer) or f"{button.line(peer)} …"
         else:
             self._preview = "▸ ", button.line(peer)
-        self.border_subtitle = self._told(*self._preview)
-
-    def _told(self, sign: str, text: str) -> Content:
-        style = "$error" if sign.startswith("✗") else "$text-muted"
-        return Content.assemble((sign + _shortened(plain(text), max(16, self.size.width - 6)), style))
+        sign, text = self._preview
+        text = sign + _shortened(plain(text), max(16, self.size.width - 6))
+        self.border_subtitle = Content.assemble((text, "$error" if sign == "✗ " else "$text-muted"))
 
     def _buttons_now(self) -> tuple[Button, ...]:
         snapshot = self._view_model.snapshot
@@ -323,9 +317,6 @@ class PeerPanel(Vertical):
         if peer is None:
             return []
         return [(button.letter, button.label(peer)) for button in self._buttons_now()]
-
-    def _press(self, index: int) -> None:
-        self._do(self._buttons_now()[index])
 
     def _do(self, button: Button) -> None:
         peer = self._view_model.peer_snapshot
@@ -427,9 +418,8 @@ class PeerPanel(Vertical):
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
         if not self.lacks_peer():
-            self.app.push_screen(
-                MessagesScreen(self._view_model.peer, self._view_model.project), self._picked
-            )
+            shown = MessagesScreen(self._view_model.peer, self._view_model.project)
+            self.app.push_screen(shown, self._picked)
 
     def _picked(self, line: str | None) -> None:
         if line:
@@ -443,9 +433,8 @@ class PeerPanel(Vertical):
 
         text = self.composer.line.partition(" send ")[2]
         if text:
-            self.app.push_screen(
-                AddScreen(lambda: self._view_model.project, "message", {"text": text}), self._picked
-            )
+            form = AddScreen(lambda: self._view_model.project, "message", {"text": text})
+            self.app.push_screen(form, self._picked)
         else:
             self.composer.ask_for_payload("keep")
 

@@ -40,9 +40,7 @@ class StatusHistory(LineView):
 
     def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = HISTORY_DIGIT) -> None:
         super().__init__(id="history")
-        self._digit = digit
-        self._view_model = view_model
-        self._actions = actions
+        self._digit, self._view_model, self._actions = digit, view_model, actions
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._longest, self._lamp = WORD, LAMP
@@ -73,9 +71,8 @@ class StatusHistory(LineView):
             self._lamp = max(self._lamp, len(_lamp(edge)))
 
     def _detail(self) -> str:
-        if not self._view_model.history.skipped:
-            return ""
-        return f"{self._view_model.history.skipped} lines came too fast for this list"
+        skipped = self._view_model.history.skipped
+        return f"{skipped} lines came too fast for this list" if skipped else ""
 
     def _label(self, edge: StatusEdge, width: int) -> str:
         condition = condition_word(self._view_model.project, edge.instance, edge)
@@ -97,8 +94,7 @@ class StatusHistory(LineView):
         line = self._edges[y - 1]
         if not isinstance(line.event, StatusEdge):
             return EMPTY
-        style = "cursor" if line.seq == self._chosen else ""
-        return row(*self._edge(line, line.event), style=style)
+        return row(*self._edge(line, line.event), style="cursor" if line.seq == self._chosen else "")
 
     def _widths(self) -> tuple[int, int]:
         newest = self._edges[0] if self._edges else None
@@ -234,10 +230,7 @@ class StatusCard(TextView):
     ) -> None:
         """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
         super().__init__(id="status")
-        self._letter_of = letter_of
-        self._digit = digit
-        self._view_model = view_model
-        self._actions = actions
+        self._letter_of, self._digit, self._view_model, self._actions = letter_of, digit, view_model, actions
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
         self._do: tuple[DoLine, ...] = ()

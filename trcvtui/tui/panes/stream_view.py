@@ -29,15 +29,7 @@ from trcvtui.history.waveform_text import merged
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.widgets.hex_view import (
-    CLASS_OF,
-    HOLE,
-    NARROW,
-    WAS,
-    ByteLines,
-    frame_signs,
-    marks_of_span,
-)
+from trcvtui.tui.widgets.hex_view import CLASS_OF, HOLE, NARROW, WAS, ByteLines, frame_signs, marks_of_span
 from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import all_in
 from trcvtui.wording import duration, stamp

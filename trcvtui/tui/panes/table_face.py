@@ -40,9 +40,7 @@ class TableFace(Face):
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
 
     def compose(self) -> Iterator[Widget]:
-        yield self._head
-        yield self.messages
-        yield self._bytes
+        yield from (self._head, self.messages, self._bytes)
 
     async def open_filter(self) -> None:
         if not self._filter.is_attached:

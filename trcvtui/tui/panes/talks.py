@@ -147,9 +147,7 @@ def _asking(line: str, way: DirectionSnapshot) -> str:
 
 
 def _lamp(way: DirectionSnapshot) -> list[Part]:
-    if way.held is None:
-        return [("       ", "")]
-    return [(" HELD ", "hold"), (" ", "")]
+    return [("       ", "")] if way.held is None else [(" HELD ", "hold"), (" ", "")]
 
 
 def _ends(talk: ConversationSnapshot, is_roomy: bool) -> list[Part]:
@@ -175,13 +173,10 @@ def _spark(talk: ConversationSnapshot) -> list[Part]:
 
 
 def _remarks(way: DirectionSnapshot) -> list[Part]:
-    told: list[Part] = []
-    if way.held:
-        told.append((f" {way.held} B held", "warn"))
-    if way.is_closed:
-        told.append((" window 0", "error"))
-    if way.again:
-        told.append((f" {way.again} B sent again", "warn"))
-    if way.missing:
-        told.append((f" {way.missing} B missing", "warn"))
-    return told
+    remarks = (
+        (way.held, f" {way.held} B held", "warn"),
+        (way.is_closed, " window 0", "error"),
+        (way.again, f" {way.again} B sent again", "warn"),
+        (way.missing, f" {way.missing} B missing", "warn"),
+    )
+    return [(text, style) for is_so, text, style in remarks if is_so]

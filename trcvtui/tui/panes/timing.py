@@ -210,9 +210,7 @@ class Timing(LineView):
 
     def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 8) -> None:
         super().__init__(id="timing")
-        self._digit = digit
-        self._view_model = view_model
-        self._actions = actions
+        self._digit, self._view_model, self._actions = digit, view_model, actions
         self.view = TimingView()
         self._rows: list[Drawn] = []
         self._label = LABEL

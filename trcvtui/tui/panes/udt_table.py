@@ -130,14 +130,12 @@ class UdtTable(LineView):
         index = y - self._page[0]
         if not 0 <= index < len(self._leaves):
             return EMPTY
-        style = self.cursor_style(y == self.cursor)
-        return row(*self._member(index, y == self.cursor), style=style)
+        return row(*self._member(index, y == self.cursor), style=self.cursor_style(y == self.cursor))
 
     def _member(self, index: int, chosen: bool) -> list[Part]:
         leaf = self._leaves[index]
         name_width = max(8, (self.line_width - OFFSET - TYPE) * 2 // 5)
-        before = self._leaves[index - 1].path if index else ""
-        shared, own = _split(leaf.path, before)
+        shared, own = _split(leaf.path, self._leaves[index - 1].path if index else "")
         if cells(shared) + cells(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
         parts: list[Part] = [
@@ -169,12 +167,11 @@ class UdtTable(LineView):
 
     def _choose_sparks(self, declared: DataDecl) -> None:
         """Find the messages of the sparklines: up to the one whose bytes are shown."""
-        known = self._view_model.known_messages
+        view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT:
             self._sparks_of = about
             self._sparks.clear()
-        view = self._view_model
         stop = known.stop if view.position is None else known.stop_at(view.position.scan)
         if self.past is not None:
             number, content = self.past  # of an instance that was added again, numbers begin again

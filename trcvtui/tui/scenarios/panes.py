@@ -67,9 +67,7 @@ class ScenarioListModel:
     @property
     def chosen_file(self) -> ScenarioFile | None:
         said = self.file(self.chosen)
-        if said is None and self._keep_a_choice():
-            return self.chosen_file
-        return said
+        return self.chosen_file if said is None and self._keep_a_choice() else said
 
     # -- what is listed -----------------------------------------------------------------------------
 
@@ -180,21 +178,19 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def _file(self, path: Path) -> Row:
         chosen = path == self._model.chosen
-        style = self.cursor_style(chosen)
         said = self._model.known(path)
         mark, mark_style = MARKS[self._model.outcomes.get(path)]
         name, name_style = plain(said.name if said else path.stem), "" if said else "dim"
         if said is not None and said.problem:
             mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} is wrong", "warn"
-        pointer = ("▸ " if chosen else "  ", "key")
         room = self.line_width - 4 - BLOCK - DIALECT
         return row(
-            pointer,
+            ("▸ " if chosen else "  ", "key"),
             (mark, mark_style),
             (pad(clip(name, room - 1), room), name_style),
             (pad(_block(said), BLOCK), "label"),
             (clip(said.dialect if said else "", DIALECT), "dim"),
-            style=style,
+            style=self.cursor_style(chosen),
         )
 
     # -- choosing -----------------------------------------------------------------------------------

@@ -106,14 +106,8 @@ class ScenariosScreen(SideScreen[Path | None]):
                 yield self.list
                 yield self.status
             with self._play:
-                yield self.text
-                yield self.instances
-                yield self.traces
-                yield self.history
-                yield self.timing
-        yield self.outcome
-        yield self.filter
-        yield self.key_line
+                yield from (self.text, self.instances, self.traces, self.history, self.timing)
+        yield from (self.outcome, self.filter, self.key_line)
 
     def on_mount(self) -> None:
         self.set_focus(self.list if self._open == LIST else self.text)

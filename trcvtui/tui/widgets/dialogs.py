@@ -142,10 +142,7 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
 class FormField(TypedField):
     """One field of a form; up and down go to the one above and the one below."""
 
-    BINDINGS: ClassVar = [
-        Binding("up", "step(-1)", show=False),
-        Binding("down", "step(1)", show=False),
-    ]
+    BINDINGS: ClassVar = [Binding("up", "step(-1)", show=False), Binding("down", "step(1)", show=False)]
 
     def action_step(self, step: int) -> None:
         (self.screen.focus_next if step > 0 else self.screen.focus_previous)()

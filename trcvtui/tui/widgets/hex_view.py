@@ -118,10 +118,7 @@ class ByteLines(LineView):
     """Bytes in lines, one of them under the cursor; a link to a member and matches of a search are marked."""
 
     ROOM: ClassVar = 68  # columns that 16 bytes need beside their place
-    BINDINGS: ClassVar = [
-        ("left,h", "step(-1)", "byte back"),
-        ("right,l", "step(1)", "byte on"),
-    ]
+    BINDINGS: ClassVar = [("left,h", "step(-1)", "byte back"), ("right,l", "step(1)", "byte on")]
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -37,9 +37,7 @@ class ButtonLine(LineView):
         chosen: Callable[[], int] | None = None,
     ) -> None:
         super().__init__(id=id)
-        self._labels = labels
-        self._press = press
-        self._chosen = chosen
+        self._labels, self._press, self._chosen = labels, press, chosen
         self.cursor = 0
         self.hover: int | None = None
         self._told: int | None = None
@@ -72,12 +70,9 @@ class ButtonLine(LineView):
             letter, label = labels[index]
             style = self._style(index)
             chosen = self._chosen is not None and index == self._chosen()
-            parts += [
-                ("▸" if chosen else "[", f"{'key' if chosen else 'faint'} {style}"),
-                (letter, f"key {style}"),
-            ]
-            parts += [(f" {label}" if letter else label, style)]
-            parts += [("◂" if chosen else "]", f"{'key' if chosen else 'faint'} {style}"), (" ", "")]
+            edge = f"{'key' if chosen else 'faint'} {style}"
+            parts += [("▸" if chosen else "[", edge), (letter, f"key {style}")]
+            parts += [(f" {label}" if letter else label, style), ("◂" if chosen else "]", edge), (" ", "")]
         return row(*parts)
 
     def _style(self, index: int) -> str:
@@ -145,16 +140,15 @@ class OutcomeLine(LineView, can_focus=False):
     def say(self, words: str, style: str = "dim") -> None:
         self._said = words, style
         self._fit()
-        self.show()
 
     def _fit(self) -> None:
         rows = self.row_count()
         if rows != self._rows:
             self._rows = self.styles.height = rows
+        self.show()
 
     def on_resize(self) -> None:
         self._fit()
-        self.show()
 
     def _texts(self) -> tuple[str, ...]:
         return wrapped(self._said[0], self.line_width or 80)[:MOST_ROWS]
@@ -315,8 +309,7 @@ class HeaderLine(WordLine):
     def pieces(self) -> list[HeaderWord]:
         """Return file, dialect, model; scans and how punctual they are."""
         project, picture = self._view_model.project, self._view_model.picture
-        name = project.path.name
-        pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(name, "strong", 10)]
+        pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(project.path.name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
             pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))

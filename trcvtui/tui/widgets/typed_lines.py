@@ -153,10 +153,7 @@ class AskLine(TypedLine):
 class FilterInput(LineInput):
     """The words of the filter; up and down go on moving in the list."""
 
-    BINDINGS: ClassVar = [
-        Binding("up", "list(-1)", show=False),
-        Binding("down", "list(1)", show=False),
-    ]
+    BINDINGS: ClassVar = [Binding("up", "list(-1)", show=False), Binding("down", "list(1)", show=False)]
 
     def __init__(self, line: FilterLine) -> None:
         super().__init__(line.submit, line.drop, id="filter")
@@ -177,9 +174,7 @@ class FilterLine(TypedLine):
         taken: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__("/", FilterInput(self), back)
-        self._taken = taken
-        self._narrow = narrow
-        self.move = move
+        self._taken, self._narrow, self.move = taken, narrow, move
 
     def open(self) -> None:
         """Begin with the words that were left; they act again."""

@@ -82,8 +82,8 @@ class PeerList(LineView):
             *self._counters(peer),
         ]
         if peer.check is not None:
-            text, style = check_text(peer.check)
-            parts.append((f"  {text}", style))
+            text, judged = check_text(peer.check)
+            parts.append((f"  {text}", judged))
         if peer.stalled:
             parts += [(" ", ""), (" STALLED ", "hold")]
         if peer.silent:

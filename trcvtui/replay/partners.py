@@ -56,7 +56,7 @@ class _Socket:
         self.owner = owner
         self.port = UNKNOWN_END
         self.listens = self.is_polled = False
-        self.is_udp = False
+        self.is_udp = self.is_hearing = False
         self.attempt: DialledAttempt | None = None
         self.partner: Partner | None = None
         self.read = self.sent = 0
@@ -104,6 +104,7 @@ class ReplayedPartners(Replay):
         socket = _Socket(one.owner)
         socket.listens = one.use is SocketUse.LISTENS
         socket.is_udp = one.use is SocketUse.DATAGRAMS
+        socket.is_hearing = one.handle in self._told.hearing
         socket.is_polled = True
         socket.partner = self._told.stands.get(one.handle)
         socket.attempt = self._told.tried.get(one.handle)
@@ -288,6 +289,7 @@ class ReplayedPartners(Replay):
 
     def _at_bind(self, owner: str, handle: int, end: Endpoint) -> object:
         self._sockets[handle].port = end
+        self._sockets[handle].is_hearing = end.address in self._told.broadcasts
         return None if owner in self.peers else self._as_told(owner, "bind")
 
     def _at_local_end(self, owner: str, handle: int) -> object:
@@ -349,7 +351,7 @@ class ReplayedPartners(Replay):
 
     def _message(self, socket: _Socket) -> DatedMessage | None:
         if socket.is_udp:
-            messages = self._told.datagrams.get(socket.owner)
+            messages = self._told.datagrams.get((socket.owner, socket.is_hearing))
         else:
             messages = socket.partner.messages if socket.partner is not None else None
         return messages[0] if messages and self._has_come(messages[0][0]) else None
@@ -439,7 +441,8 @@ class ReplayedPartners(Replay):
                 self.note_guess(WhyGuess.BYTES)
             fault = socket.partner.fault if socket.partner is not None else None
             return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
-        messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[owner]
+        hears = owner, socket.is_hearing
+        messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[hears]
         _, was, data = messages.popleft()
         if isinstance(was, Fault):
             return was, b""

@@ -148,7 +148,9 @@ class RecordedRun:
         self.clients: dict[str, deque[Partner]] = {}
         self.attempts: dict[str, deque[DialledAttempt]] = {}
         self.answers: dict[tuple[str, str], deque[tuple[CallPlace, object]]] = {}
-        self.datagrams: dict[str, deque[DatedMessage]] = {}
+        self.datagrams: dict[tuple[str, bool], deque[DatedMessage]] = {}  # True: of a socket in `hearing`
+        self.broadcasts: set[str] = set()  # addresses
+        self.hearing: set[int] = set()  # sockets that are bound to one
         self.datagrams_read: Counter[str] = Counter()
         self._unread: Counter[int] = Counter()  # messages, of each handle
         self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
@@ -191,6 +193,8 @@ class RecordedRun:
             attempt = self.tried[one.handle] = DialledAttempt(self.first)
             self._dialled[one.handle] = UNKNOWN_END, attempt
         elif one.use is SocketUse.DATAGRAMS:
+            if one.owner in self._unknown:  # its second one
+                self.hearing.add(one.handle)
             self._unknown.add(one.owner)
         elif one.use is SocketUse.LISTENS:
             self._listen(one.owner, frozenset((one.handle,)))
@@ -329,7 +333,7 @@ class RecordedRun:
             partner.full_from = (
                 min(partner.full_from, self._unread[handle]) if flags & FULL else partner.full_from
             )
-        queue = self._messages_of(owner, partner)
+        queue = self._messages_of(owner, handle, partner)
         got = Datagram(len(data), source, whole)
         is_kept = self.kept + len(data) <= MOST_BYTES
         self.kept += len(data) * is_kept
@@ -432,7 +436,7 @@ class RecordedRun:
                 self._unread[handle] = 1
                 if partner is not None:
                     partner.whole += 1
-                self._messages_of(owner, partner).append((at, got, data))
+                self._messages_of(owner, handle, partner).append((at, got, data))
             self._unread[handle] -= 1
             if partner is not None:
                 partner.read += 1
@@ -447,10 +451,19 @@ class RecordedRun:
         if isinstance(got, Fault) and partner is not None:
             partner.note_end(self._seen(handle), got)
         elif isinstance(got, Fault):
-            self._messages_of(owner, None).append((at, got, data))
+            self._messages_of(owner, handle, None).append((at, got, data))
 
-    def _messages_of(self, owner: str, partner: Partner | None) -> deque[DatedMessage]:
-        return self.datagrams.setdefault(owner, deque()) if partner is None else partner.messages
+    def _messages_of(self, owner: str, handle: int, partner: Partner | None) -> deque[DatedMessage]:
+        if partner is not None:
+            return partner.messages
+        return self.datagrams.setdefault((owner, handle in self.hearing), deque())
+
+    def _know_broadcasts(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        self.broadcasts.update(each.broadcast for each in answer)
+
+    def _bind(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        is_hearing = cast(Endpoint, args[1]).address in self.broadcasts
+        (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
     def knows(self, owner: str, partner: Partner | None) -> bool:
         """Return whether it is known which messages lie there: not where the file begins with some."""
@@ -518,6 +531,8 @@ _NOTES: Final[dict[str, Note]] = {
     GAP + DROPPED: RecordedRun._datagrams_gone,
     "ready_handles": RecordedRun._ready,
     "readable": RecordedRun._readable,
+    "local_addresses": RecordedRun._know_broadcasts,
+    "bind": RecordedRun._bind,
     "listen": RecordedRun._listens,
     "accept": RecordedRun._accepted,
     "connect": RecordedRun._dial,

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import socket
+import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -46,12 +47,20 @@ class Line:
 
     def process(self, words: str) -> int:
         """Return the process that has this connection's tap above it, and these words."""
-        pane = int(self.terminal._call("display-message", "-p", "#{pane_pid}"))
-        found = [pid for pid in _below(pane) if words in Path(f"/proc/{pid}/cmdline").read_text()]
+        found = [pid for pid in self._all() if words in Path(f"/proc/{pid}/cmdline").read_text()]
         return found[0]
 
+    def _all(self) -> Iterator[int]:
+        return _below(int(self.terminal._call("display-message", "-p", "#{pane_pid}")))
+
     def close(self) -> None:
-        self.terminal.close()
+        left: list[int] = []
+        with suppress(subprocess.CalledProcessError):  # a test may have closed the terminal
+            left += self._all()
+        self.terminal.close()  # a tap goes on without it
+        for pid in left:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         for sock in (self.near, self.far, self.door):
             sock.close()
 

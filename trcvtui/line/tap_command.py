@@ -218,10 +218,10 @@ class _Child:
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
-        self._loop.hear(self._asked.fd, 1, lambda _: self._answer())
+        self._loop.hear(self._asked.fd, 1, self._answer)
         return self._answer()
 
-    def _answer(self) -> bool:
+    def _answer(self, _: int = 0) -> bool:
         """Wait for a question of it; return whether it has one, and has not ended."""
         question = self._asked.take_question()
         if question == COUNTS:

@@ -5,6 +5,7 @@ It is between the tap and its observers, so that what forwards waits for none of
 
 from __future__ import annotations
 
+import json
 import os
 from hashlib import sha256
 from pathlib import Path
@@ -27,8 +28,12 @@ def connection_to(project: Path) -> int:
     return connected(socket_of(project), f"`trcvtui tap --project {project}` beside it")
 
 
-def serve_observers(events: str, ways: str, path: str, may_order: str) -> None:
-    """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests."""
+def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:
+    """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests.
+
+    `told`: its taps, and which end is the PLC, in JSON.
+    """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     place = Path(path) if path else None
-    ObserverServer(int(events), int(ways), place, may_order == "1", TapCapture("what passes a tap")).run()
+    capture = TapCapture("what passes a tap", json.loads(told))
+    ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

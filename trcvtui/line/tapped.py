@@ -219,14 +219,14 @@ def _sum(data: bytes) -> int:
 
 
 class TapCapture:
-    """What passes a tap as pcapng, whole blocks at a time.
+    """What passes a tap as pcapng, whole blocks at a time; `told`: its taps, and which end is the PLC.
 
     What the tap does and leaves out are packets, too: JSON on an interface of their own; a block of
     statistics tells the time where nothing else does. Serial lines are interfaces behind these two.
     """
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    def __init__(self, title: str, told: Mapping[str, object]) -> None:
+        self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
         self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
         self._lost = 0  # events that the tap has left out
@@ -234,7 +234,8 @@ class TapCapture:
     def head(self) -> bytes:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
-        return made + pcap.interface_block(pcap.USER0, pcap.NOTES)
+        made += pcap.interface_block(pcap.USER0, pcap.NOTES)
+        return made + _note(0, {"note": "taps", **self._told})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]

@@ -231,11 +231,11 @@ class TapCapture:
         self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
         self._lost = 0  # events that the tap has left out
 
-    def head(self) -> bytes:
+    def head(self, ns: int) -> bytes:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _note(0, {"note": "taps", **self._told})
+        return made + _note(ns, {"note": "taps", **self._told})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]

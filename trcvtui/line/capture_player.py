@@ -55,8 +55,13 @@ _NOT_DONE_AGAIN: Final = frozenset(
 )  # fmt: skip
 
 
+PlanMaker = Callable[[Sequence[Conversation]], ShadowPlan]
+
+
 class ShadowLines(Protocol):
     """What takes the things that shadows show."""
+
+    first_ns: int  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
@@ -100,7 +105,6 @@ class CapturePlayer:
         self._last_ns = {each.number: each.last_ns for each in found}
         self.talks: ConversationFigures | None = None  # count what is taken
         self.heard: Callable[[ConversationEvent], None] | None = None  # told of each event, too
-        self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
         self._over: list[int] = []  # conversations above what the last line lists
@@ -156,7 +160,7 @@ class CapturePlayer:
         """Let time pass up to an event, and do what it says."""
         number = event.conversation.number
         if self.talks is not None and number in self._plan.guesses:
-            self.talks.take(event, event.direction is self._plc_of(event.conversation), self.tap)
+            self.talks.take(event, event.direction is self._plc_of(event.conversation))
         if number not in self._plan.parts or number in self._plan.unassigned:
             return
         if self.heard is not None:
@@ -354,17 +358,26 @@ def plan_capture(
 
 
 def planned(
-    project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
-) -> tuple[Callable[[Sequence[Conversation]], ShadowPlan], Project | None]:
-    """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
+    project: Path | None,
+    plc: str | None,
+    dialect: str | None,
+    sets: Sequence[str] = (),
+    taps: Sequence[str] = (),
+) -> tuple[PlanMaker, Project | None]:
+    """Return what makes a plan of conversations, and the project that it is of; raise UserError.
+
+    Rows of the `taps` that run stand above `plc` and [[watch]].
+    """
     if project is None:
         name = dialect or next(iter(DIALECTS))
         return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
     loaded, notes = load_bench(project, sets), tuple[str, ...]()
-    loaded = replace(loaded, watches=loaded.watches or rows_of_taps(loaded.taps))
+    own = rows_of_taps([tap for tap in loaded.taps if tap.name in taps])
+    loaded = replace(loaded, watches=own or loaded.watches or rows_of_taps(loaded.taps))
     if dialect is not None:
         loaded, notes = in_dialect(loaded, dialect_named(dialect))
-    return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
+    end = None if own else plc
+    return lambda found: plan_of_project(found, loaded, end)._replace(notes=notes), loaded
 
 
 def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:

@@ -36,7 +36,7 @@ from trcvtui.capture.reassembly import (
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import unnamed
-from trcvtui.line.capture_player import CapturePlayer, planned
+from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
 from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
@@ -57,7 +57,7 @@ _ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not sho
 _MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
-class _Decision(NamedTuple):
+class Decision(NamedTuple):
     """What gets the conversations between two ends: parts, or why none; which end is the PLC."""
 
     parts: tuple[Part, ...] | None
@@ -71,19 +71,25 @@ class LivePlan:
     """A plan that grows with the conversations that come; raise UserError for a mistake in what is asked."""
 
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
-        self._plan_of, loaded = planned(project, plc, dialect)
-        expected = [] if loaded is None else expected_conversations(loaded, plc)
+        self.path = project
+        self._plan_of, expected = self._expect(project, plc, dialect)
         self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
         self._of_first: dict[int, tuple[Part, ...]] = {}
-        self._known: dict[tuple[object, ...], _Decision] = {}
+        self._known: dict[tuple[object, ...], Decision] = {}
         self._own: Project | None = None  # of conversations that the user gave shadows of their own
         self.decided: set[int] = set()  # numbers of conversations
         self.plan = self._plan_of(expected)
         for talk in expected:
             if talk.number in self.plan.parts:
                 self._keep(talk, self.plan.parts[talk.number])
-            self.plan.unassigned.pop(talk.number, None)
         self.interval_ns = min(task.interval_ns for task in self.plan.project.tasks)
+
+    def _expect(
+        self, project: Path | None, plc: str | None, dialect: str | None
+    ) -> tuple[PlanMaker, list[Conversation]]:
+        """Return what makes plans, and which conversations are expected."""
+        plan_of, loaded = planned(project, plc, dialect)
+        return plan_of, [] if loaded is None else expected_conversations(loaded, plc)
 
     def begin(self, talks: Iterable[Conversation]) -> ShadowPlan:
         """Return the plan for those that are there before the first scan."""
@@ -95,7 +101,7 @@ class LivePlan:
             if parts is not None:
                 if parts not in self._of_first.values():
                     self._keep(talk, parts)
-                self._known[_ends_of(talk, _is_said(talk))] = _decision(made, talk)
+                self._known[_ends_of(talk, _is_said(talk))] = decision_of(made, talk)
             self.assign(talk)
         return self.plan
 
@@ -123,7 +129,7 @@ class LivePlan:
             self.decided.add(number)
         return grows
 
-    def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
+    def _decide(self, talk: Conversation) -> tuple[Decision, bool]:
         made = self._plan_of([*self._first, talk])
         if talk.number not in made.parts and any(each.number < 0 for each in self._first):
             # What was expected may come otherwise: as the end that calls in place of the one that is called.
@@ -131,7 +137,7 @@ class LivePlan:
             other = self._plan_of([*real, talk])
             if talk.number in other.parts:
                 made, self._first = other, real
-        decision = _decision(made, talk)
+        decision = decision_of(made, talk)
         whole = made.project if self._own is None else _beside(made.project, self._own)
         if decision.parts is None or whole == self.plan.project:
             return decision, False
@@ -187,20 +193,20 @@ def _is_said(talk: Conversation) -> bool:
     return talk.is_established or begins_late(talk)
 
 
-def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
+def decision_of(made: ShadowPlan, talk: Conversation) -> Decision:
     number = talk.number
     guess, why = made.guesses.get(number), made.unassigned.get(number, "")
     if guess is None:
-        return _Decision(None, why, True, 0.0, "")
+        return Decision(None, why, True, 0.0, "")
     is_there = guess.says is talk.there
-    return _Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
+    return Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
 
 
 def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
     there, back, listener = talk.there, talk.back, talk.listener
     one = there.address[0] if listener is back else there.address
     other = back.address[0] if listener is there else back.address
-    return talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
+    return talk.tap, talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
 
 
 def expected_conversations(project: Project, plc: str | None) -> list[Conversation]:
@@ -242,6 +248,13 @@ def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int
     return made
 
 
+class Remark(NamedTuple):
+    """What is to be done between two events."""
+
+    ns: int
+    act: Callable[[], object]
+
+
 class LiveWatch:
     """Plays the conversations of a growing capture; `begin` makes the player: of a plan, from a time on.
 
@@ -257,12 +270,12 @@ class LiveWatch:
         self.found = Conversations(self._take)
         self.player: CapturePlayer | None = None
         self._plan, self._begin, self._left = plan, begin, left
-        self._waiting: deque[ConversationEvent] = deque()
+        self._waiting: deque[ConversationEvent | Remark] = deque()
         self._seen: dict[int, Conversation] = {}  # before there is a player
-        self._newest = self._first_ns = self._swept = 0
+        self._newest = self._swept = 0
 
     def _take(self, event: ConversationEvent) -> None:
-        talk, ns = event.conversation, event.ns
+        talk = event.conversation
         plan = self._plan.plan
         if self.player is None:
             self._seen[talk.number] = talk
@@ -270,10 +283,13 @@ class LiveWatch:
             talk.number not in plan.unassigned or event.kind in _MAY_DECIDE
         ):
             self._assign(talk)
+        self._put(event)
+
+    def _put(self, event: ConversationEvent | Remark) -> None:
         waiting = self._waiting
         waiting.append(event)
-        if ns - LOOK_NS > waiting[0].ns or len(waiting) > MOST_WAITING:
-            self._play(ns - LOOK_NS)
+        if event.ns - LOOK_NS > waiting[0].ns or len(waiting) > MOST_WAITING:
+            self._play(event.ns - LOOK_NS)
 
     def _assign(self, talk: Conversation) -> None:
         if self._plan.assign(talk) and self.player is not None:
@@ -287,27 +303,42 @@ class LiveWatch:
 
     def _play(self, until: int) -> CapturePlayer:
         player = self.player or self._started()
+        if not player.first_ns:
+            player.first_ns = player.lines.first_ns = self.found.first_ns or 0
         waiting = self._waiting
         while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
             event = waiting.popleft()
+            if isinstance(event, Remark):
+                event.act()
+                continue
             if player.overlaps and event.conversation.number in player.overlaps:
                 self._see_place(player, event)
             player.take(event)
         return player
 
     def _started(self) -> CapturePlayer:
-        self._first_ns = self._swept = self.found.first_ns or 0
+        first_ns = self._swept = self.found.first_ns or 0
         plan = self._plan.begin(self._seen.values())
-        self.player = self._begin(plan, self._first_ns)
+        self.player = self._begin(plan, first_ns)
         for talk in self._seen.values():
             self._tell_left(talk)
+        for kept in (plan.parts, plan.unassigned, plan.guesses):
+            for number in [number for number in kept if number not in self._seen]:  # that were expected
+                del kept[number]
         self._seen.clear()
-        for number in [number for number in plan.parts if number < 0]:  # that were expected
-            del plan.parts[number]
         return self.player
+
+    def _go_to(self, player: CapturePlayer, ns: int) -> None:
+        """Let time go on to a time of UTC; it does not before the first packet."""
+        if player.first_ns:
+            player.shadows.go_to(max(ns - player.first_ns, 0))
+            if player.talks is not None:
+                player.talks.now_ns = max(ns, player.talks.now_ns)
 
     def _see_place(self, player: CapturePlayer, event: ConversationEvent) -> None:
         number = event.conversation.number
+        if event.conversation.tap:
+            return  # the other one goes on until its end is told
         holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
         last_ns = 0 if holder is None else holder.last_ns
         if event.ns - last_ns > SILENCE_NS:
@@ -333,7 +364,7 @@ class LiveWatch:
         if self.player is None and not (self._waiting and self._waiting[0].ns < ns - LOOK_NS):
             return
         player = self._play(ns - LOOK_NS)
-        player.shadows.go_to(max(ns - LOOK_NS - self._first_ns, 0))
+        self._go_to(player, ns - LOOK_NS)
         if ns - self._swept > SWEEP_NS:
             self._swept = ns
             for number in self.found.forget_over(ns):
@@ -347,7 +378,7 @@ class LiveWatch:
         player = self._play(self._newest)
         shown = SHOWN_SCANS * self._plan.interval_ns
         gone = max(min(idle_ns - HOLD_NS, shown), idle_ns - LULL_NS)
-        player.shadows.go_to(max(self._newest + gone - self._first_ns, 0))
+        self._go_to(player, self._newest + gone)
 
     def finish(self) -> CapturePlayer:
         """Play what is left, and let the shadows settle."""
@@ -357,7 +388,7 @@ class LiveWatch:
         for talk in self.found.all:
             if talk.number not in self._plan.decided:
                 self._assign(talk)
-        player.shadows.go_to(max(last_ns - self._first_ns, 0))
+        self._go_to(player, last_ns)
         player.shadows.settle()
         return player
 
@@ -411,9 +442,10 @@ class PacketStream:
         came: Callable[[], object] = int,
         kept: KeptPackets | None = None,
         most_idle_ns: int = 0,
+        renew: Callable[[], object] | None = None,
     ) -> None:
         self._kept, self._most_idle_ns = kept, most_idle_ns
-        self.pipe = PacketPipe(fd, self._wait)
+        self.pipe = PacketPipe(fd, self._wait, renew)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
         self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment

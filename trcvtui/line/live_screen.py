@@ -11,10 +11,14 @@ from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
-from trcvtui.picture.bench_update import UpdateRequest, unpacked
+from trcvtui.net.os.tap_ways import TapWay, ask_what_is_open
+from trcvtui.net.tap import TapOrder, end_text, place_of
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
+from trcvtui.picture.protocol import EngineStopped
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.replay.driver import serve_until_gone
 from trcvtui.snapshots.bench import EngineTiming
+from trcvtui.snapshots.conversations import TAP
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
@@ -22,9 +26,11 @@ if TYPE_CHECKING:
     from trcvtui.line.capture_player import CapturePlayer
     from trcvtui.line.live import LivePlan, LiveWatch
     from trcvtui.line.shadows import ShadowChoice, ShadowPlan
+    from trcvtui.line.tapped import TapNote
     from trcvtui.plc.ledger import StatusEdge
     from trcvtui.recording.worker_process import FilesJudge
 
+TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
 SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
@@ -35,14 +41,57 @@ def live_driver(asked: ShadowChoice) -> ProcessDriver:
     return ProcessDriver(live_main, Channel(take_stdin(with_keyboard=True), writable=False), asked)
 
 
-def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
-    serve_until_gone(
-        channel,
-        lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns),
-    )
+    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+
+
+class TapEnded(EngineStopped):
+    """The tap was killed: the terminal belongs to the shell again, which reads the keys."""
+
+    ends_screen = True
+
+
+class TapDriver(ProcessDriver):
+    """Shadows of a tap that hands over ways to what it shows, whose screen is a child of it.
+
+    `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
+    """
+
+    def __init__(self, asks: int, asked: TapChoice, kernel: str = TAP) -> None:
+        self._asks = Channel(asks)
+        super().__init__(tap_main, self._asks, asked, kernel)
+
+    def picture(self) -> BenchUpdate | None:
+        """Return the newest picture that has arrived; raise TapEnded."""
+        picture = super().picture()
+        if picture is not None and picture.over:
+            raise TapEnded(f"{picture.over}: both ends have seen an end")
+        return picture
+
+    def cuts(self) -> str:
+        return ask_what_is_open(self._asks.fileno())
+
+
+def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
+    """Serve the screen with what a tap shows, for which this process asks; what is asked is read before."""
+
+    def run() -> None:
+        from trcvtui.line.tap_watch import TapPlan
+
+        places, project, plc, dialect = asked
+        path, to = None if project is None else Path(project), place_of(places[0][2], "CONNECT")
+        plan, end = TapPlan(places, path, plc, dialect), None
+        if len(places) == 1 and to.kind != "serial":
+            end = end_text(to.address, to.port)
+        way = TapWay(asks.fileno())
+        served = _TapServed(channel, plan, (path, plc or end, dialect), kernel)
+        served.order, served.over = way.order, ("tap", "the tap has ended")
+        served.run(way.fd, renew=way.renew)
+
+    serve_until_gone(channel, run)
 
 
 class TapSocketDriver(ProcessDriver):
@@ -50,17 +99,27 @@ class TapSocketDriver(ProcessDriver):
 
     def __init__(self, project: Path) -> None:
         """Raise UserError where that tap does not run."""
-        super().__init__(live_main, (project, None, None), SILENT_NS)
+        super().__init__(tap_socket_main, project)
 
     def _arguments(self) -> tuple[Any, ...]:
         from trcvtui.line.tap_socket import connection_to
 
-        self._tap = Channel(connection_to(self._asked[0][0]))
+        self._tap = Channel(connection_to(self._asked[0]))
         return self._tap, *self._asked
 
     def _start(self) -> None:
         super()._start()
         self._tap.close()  # its end is the end of the shadows
+
+
+def tap_socket_main(channel: Channel, tap: Channel, project: Path) -> None:
+    """Serve with what comes from the socket of a tap, which names its places first."""
+    from trcvtui.line.live import LivePlan
+
+    asked = project, None, None
+    serve_until_gone(
+        channel, lambda: _TapServed(channel, LivePlan(*asked), asked).run(tap.fileno(), SILENT_NS)
+    )
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
@@ -88,6 +147,8 @@ def _capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> N
 
 class ServedShadows:
     """The screen's side of shadows that play while it looks."""
+
+    first_ns = 0
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -147,6 +208,8 @@ class ServedShadows:
         controller.catch_up()
         if self._player is not None:
             controller.shadows = self._player.shown  # more with each PLC end
+            if self.judge is not None:
+                self.judge.begins_ns = self._player.first_ns or None
         while self._channel.poll():
             message = unpacked(self._channel.recv_bytes())
             if isinstance(message, UpdateRequest):
@@ -160,34 +223,45 @@ class ServedShadows:
 
 
 class _PipeServed(ServedShadows):
-    def __init__(self, channel: Channel, plan: LivePlan, asked: ShadowChoice) -> None:
+    over = "stdin", "the packets have ended"
+
+    def __init__(
+        self, channel: Channel, plan: LivePlan, asked: ShadowChoice, kernel: str = "capture"
+    ) -> None:
         super().__init__(channel)
-        self._plan = plan
+        self._plan, self._kernel = plan, kernel
         self._project, self._plc, _ = asked
         self._live: LiveWatch | None = None
 
-    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
-        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
+    def _watch(self) -> LiveWatch:
+        from trcvtui.line.live import LiveWatch
+
+        return LiveWatch(self._plan, self._begin, self._leave)
+
+    def run(self, fd: int, most_idle_ns: int = 0, renew: Callable[[], object] | None = None) -> NoReturn:
+        from trcvtui.line.live import KeptPackets, PacketStream
         from trcvtui.recording.worker_process import FilesJudge
 
-        live = self._live = LiveWatch(self._plan, self._begin, self._leave)
+        live = self._live = self._watch()
         kept = KeptPackets()
         self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept, most_idle_ns)
-        said = stream.take()
+        subject, over = self.over
+
+        def say(line: str) -> None:
+            self.tell(subject, line)
+
+        said = PacketStream(fd, live, say, self.serve, kept, most_idle_ns, renew).take()
         live.finish()
         for line in said:
-            self.tell("stdin", line)
-        self.go_on("stdin", "the packets have ended")
+            say(line)
+        self.go_on(subject, over)
 
     def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.line.capture_player import CapturePlayer
 
         player = CapturePlayer(plan, (), first_ns, self)
-        if self.judge is not None:
-            self.judge.begins_ns = first_ns
         assert self._live is not None  # it is what begins
-        self.show(player, "capture", self._live.shadow)
+        self.show(player, self._kernel, self._live.shadow)
         return player
 
     def _leave(self, talk: Conversation, why: str) -> None:
@@ -195,3 +269,17 @@ class _PipeServed(ServedShadows):
 
         ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
         self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+
+
+class _TapServed(_PipeServed):
+    order: Callable[[TapOrder], object] | None = None
+
+    def _watch(self) -> LiveWatch:
+        from trcvtui.line.tap_watch import TapWatch
+
+        return TapWatch(self._plan, self._begin, self._complain, self._leave, self.order)
+
+    def _complain(self, ns: int, note: TapNote, text: str) -> None:
+        self.tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)

@@ -27,8 +27,9 @@ def connection_to(project: Path) -> int:
     return connected(socket_of(project), f"`trcvtui tap --project {project}` beside it")
 
 
-def serve_observers(events: str, ways: str, path: str, may_order: str) -> None:
+def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:
     """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests."""
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     place = Path(path) if path else None
-    ObserverServer(int(events), int(ways), place, may_order == "1", TapCapture("what passes a tap")).run()
+    capture = TapCapture("what passes a tap", told)
+    ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

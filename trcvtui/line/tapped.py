@@ -12,13 +12,15 @@ import struct
 import sys
 from collections.abc import Iterator, Mapping
 from ipaddress import IPv6Address, ip_address
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
-from trcvtui import __version__
+from msgspec import Struct
+
+from trcvtui import __version__, clock
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.os.tap_ways import ask_for_way
-from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
+from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
     FIN,
@@ -36,6 +38,9 @@ READ: Final = 1 << 18
 WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
 NOTES: Final = 1  # the interface of what the tap itself does
 NOTED: Final[dict[int, str]] = {
+    TapEventKind.OPEN: "open",
+    TapEventKind.OVER: "end",
+    TapEventKind.FIGURES: "figures",
     TapEventKind.OURS: "ours",
     TapEventKind.REFUSED: "refused",
     TapEventKind.HELD: "held",
@@ -47,6 +52,30 @@ _V6: Final = struct.Struct(">IHBB16s16s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
 _UDP: Final = struct.Struct(">HHHH").pack
 _SERIAL: Final = struct.Struct(">IIBBH").pack
+
+
+class TapNote(Struct):
+    """A note as it is read; which of its fields one has, docs/fleet.md says."""
+
+    note: str
+    tap: int = 0
+    conversation: int = 0
+    to_connect: bool = True
+    text: str = ""
+    kind: Literal["tcp", "udp", "serial"] = "tcp"
+    ends: tuple[tuple[str, int], tuple[str, int]] = (("", 0), ("", 0))
+    new: bool = True
+    holds: bool = True
+    bytes: int = 0
+    first: str = ""
+    events: int = 0
+    round_trip_us: int = 0
+    window: int = 0
+    again: int = 0
+    waiting: int = 0
+    taps: tuple[tuple[str, str, str], ...] = ()
+    plc: str | None = None
+    dialect: str | None = None
 
 
 class TapPacket(NamedTuple):
@@ -223,10 +252,11 @@ class TapCapture:
 
     What the tap does and leaves out are packets, too: JSON on an interface of their own; a block of
     statistics tells the time where nothing else does. Serial lines are interfaces behind these two.
+    `told`: JSON of the taps, and which end is the PLC.
     """
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    def __init__(self, title: str, told: str = '{"taps": []}') -> None:
+        self._title, self._told = title, json.loads(told)
         self._packets = TapPackets(NOTES + 1)
         self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
         self._lost = 0  # events that the tap has left out
@@ -234,7 +264,8 @@ class TapCapture:
     def head(self) -> bytes:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
-        return made + pcap.interface_block(pcap.USER0, pcap.NOTES)
+        made += pcap.interface_block(pcap.USER0, pcap.NOTES)
+        return made + _note(clock.wall_ns(), {"note": "taps", **self._told})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
@@ -256,7 +287,7 @@ class TapCapture:
     def open(self) -> bytes:
         """Return which conversations there are."""
         return b"".join(
-            [block for event in self._open.values() for block in self._note(event._replace(at=1))]
+            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=clock.wall_ns()))]
         )
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
@@ -272,8 +303,16 @@ class TapCapture:
         elif event.kind == TapEventKind.LACK:
             told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
-            told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
-        else:
+            told |= {"to_connect": event.way == TO, "holds": bool(event.data), "bytes": event.at}
+            told |= {"first": event.data[1:].hex()}
+        elif event.kind == TapEventKind.OPEN:
+            kind, near, near_port, far, far_port = event.data.decode().split("|")
+            ends = (near, int(near_port)), (far, int(far_port))
+            told |= {"kind": kind, "ends": ends, "new": not event.at}
+        elif event.kind == TapEventKind.FIGURES:
+            figures = zip(("round_trip_us", "window", "again"), FIGURES.unpack(event.data), strict=True)
+            told |= {"to_connect": event.way == TO, **dict(figures)}
+        elif event.kind != TapEventKind.OVER:
             told |= {"to_connect": event.way == TO, "text": event.data.decode(errors="replace")}
         yield _note(event.ns, told)
 

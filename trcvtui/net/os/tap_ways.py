@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from contextlib import suppress
 from typing import Final
+
+from trcvtui.net.tap import TapOrder
 
 ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
 SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
@@ -92,3 +95,22 @@ def ask_for_way(fd: int) -> int:
     ours, theirs = socket.socketpair()
     theirs.close()
     return ours.detach()
+
+
+class TapWay:
+    """The way of a tap to one of its children; when the process that serves it has ended, another one."""
+
+    def __init__(self, asks: int) -> None:
+        self._asks, self.fd = asks, ask_for_way(asks)
+
+    def renew(self) -> None:
+        way = ask_for_way(self._asks)
+        os.dup2(way, self.fd)
+        os.close(way)
+
+    def tell(self, line: bytes) -> None:
+        with suppress(OSError):  # the tap has ended: soon it is said
+            os.write(self.fd, line)
+
+    def order(self, order: TapOrder) -> None:
+        self.tell(order.line())

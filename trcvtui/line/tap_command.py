@@ -71,30 +71,26 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
     children: list[_Child] = []
     try:
         types = not looks.has_screen and _can_type()
-        if (
-            record is not None
-            or looks.is_shown
-            or types
-            or (looks.project is not None and os.name == "posix")
-        ):
+        shows_lines = SCREEN if looks.is_shown else ORDERS if types else b""
+        has_guests = looks.project is not None and os.name == "posix"
+        if shows_lines or record is not None or has_guests:
             server.start()
         if record is not None:
             with create(record, "--record") as file:  # when all places are had
                 children.append(_Child(server, RECORDER, "the recording"))
                 children[-1].start((RECORDS,), stdin=DEVNULL, stdout=file)
         loop.holds = looks.holds
+        asked = _asked(routes, loop, looks)
         if looks.has_screen:
             _say_where(voice.say, loop, routes)  # before the screen has the terminal
             children.append(screen := _Screen(server))
-            if not screen.open(_asked(routes, loop, looks), looks.is_armed):
+            if not screen.open(asked, looks.is_armed):
                 return screen.wait()
         else:
-            if looks.is_shown or types:
-                children.append(
-                    lines := _Child(server, SCREEN if looks.is_shown else ORDERS, "what shows it")
-                )
-                asked = json.dumps((*_asked(routes, loop, looks), looks.form, looks.is_shown, types))
-                if not lines.start((SHOWS_LINES,), asked, stdin=None if types else DEVNULL):
+            if shows_lines:
+                children.append(_Child(server, shows_lines, "what shows it"))
+                words = json.dumps((*asked, looks.form, looks.is_shown, types))
+                if not children[-1].start((SHOWS_LINES,), words, stdin=None if types else DEVNULL):
                     return WRONG_INPUT
             _say_where(voice.say, loop, routes)
         loop.run()
@@ -218,10 +214,10 @@ class _Child:
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
-        self._loop.hear(self._asked.fd, 1, lambda _: self._answer())
+        self._loop.hear(self._asked.fd, 1, self._answer)
         return self._answer()
 
-    def _answer(self) -> bool:
+    def _answer(self, _: int = 0) -> bool:
         """Wait for a question of it; return whether it has one, and has not ended."""
         question = self._asked.take_question()
         if question == COUNTS:

@@ -52,7 +52,7 @@ class Forwarder(TapLoop):
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
         super().__init__(say, poll or new_poll_set())
         self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
-        self._pipe: LossyPipe | None = None
+        self.pipe: LossyPipe | None = None
         self._newest = 0  # conversation that was told
         self._ends = False
         self._ticks = 0
@@ -70,12 +70,12 @@ class Forwarder(TapLoop):
         """Tell events to the process that serves observers, and obey it; `end` is called when it is gone."""
 
         def lose() -> None:
-            self._pipe = None
+            self.pipe = None
             if not self._ends:
                 self.let_all_go()
                 end()
 
-        self._pipe = LossyPipe(self, sock, MOST_UNTOLD, self._tell_again, self._hear, lose)
+        self.pipe = LossyPipe(self, sock, MOST_UNTOLD, self._tell_again, self._hear, lose)
         self._tell_open()
         if not self._ticks:
             self._tell_time()
@@ -96,7 +96,7 @@ class Forwarder(TapLoop):
     def _tell_time(self) -> None:
         """Tell what the stack says of the ends and, half as often, the time: a sign of life."""
         self._ticks += 1
-        if self._pipe is not None and not self._pipe.is_behind:
+        if self.pipe is not None and not self.pipe.is_behind:
             self._tell_figures()
             if self._ticks % 2:
                 self.tell(TapEventKind.NOW, TO, 0, 0, 0, b"")
@@ -132,7 +132,7 @@ class Forwarder(TapLoop):
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
-        pipe = self._pipe
+        pipe = self.pipe
         if pipe is None:
             return
         head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
@@ -150,8 +150,8 @@ class Forwarder(TapLoop):
         numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
         numbers += [head[4:8] for head in heads]
         self.tell(TapEventKind.LOST, TO, 0, 0, 0, LOSS.pack(events, size) + b"".join(numbers))
-        if self._pipe is not None:
-            self._pipe.put(ends, events=0, ends=ends)
+        if self.pipe is not None:
+            self.pipe.put(ends, events=0, ends=ends)
         self._tell_open()
 
     def _tell_open(self) -> None:
@@ -220,8 +220,8 @@ class Forwarder(TapLoop):
             for talk in tuple(route.talks.values()):
                 talk.finish()
         self.routes.clear()
-        if self._pipe is not None:
-            self._pipe.finish(time.monotonic_ns() + FLUSH_NS)
+        if self.pipe is not None:
+            self.pipe.finish(time.monotonic_ns() + FLUSH_NS)
 
 
 def say_at_once(line: str) -> None:

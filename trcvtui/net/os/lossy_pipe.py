@@ -34,7 +34,7 @@ class LossyPipe:
         hear: Callable[[bytes], object],
         end: Callable[[], object],
     ) -> None:
-        self._loop, self._sock, self._most = loop, sock, most
+        self._loop, self._sock, self.most = loop, sock, most
         self._restate, self._hear, self._end = restate, hear, end
         self.waiting: deque[memoryview] = deque()
         self._size = 0  # bytes that wait
@@ -50,7 +50,7 @@ class LossyPipe:
         """Hand parts over, or let them wait; left out they count as so many events, and `ends` are kept."""
         if self.is_gone:
             return
-        if self.is_behind or self._size > self._most:
+        if self.is_behind or self._size > self.most:
             self.is_behind, lost = True, self._lost
             self._lost = lost[0] + events, lost[1] + size, lost[2] + ends
             return

@@ -145,7 +145,7 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     for packet in packets:
         (notes if reader.link_types[packet.interface] == USER0 else wire).append(packet)
     observer.close()
-    assert [json.loads(note.data)["note"] for note in notes] == ["ours"]
+    assert [json.loads(note.data)["note"] for note in notes] == ["taps", "ours"]
     with (short / "kept.pcapng").open("rb") as kept:
         recorded = CaptureReader(kept.read, "kept")
         pairs = (wire, reader.link_types), ([*recorded], recorded.link_types)
@@ -264,14 +264,16 @@ def sees_a_job(page: str, device: socket.socket) -> bool:
 
 
 @pytest.mark.parametrize("how", ["killed", "without its socket"])
-def test_observers_are_served_again_when_their_process_is_gone(tap: TapService, how: str) -> None:
+def test_observers_are_served_again_when_their_process_or_their_socket_is_gone(
+    tap: TapService, how: str
+) -> None:
     device, plc = tap.connect()
     [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
     if how == "killed":
         os.kill(server, signal.SIGKILL)
+        until(lambda: "no observers: their process has ended" in tap.said)
     else:
         tap.socket.unlink()
-    until(lambda: "no observers: their process has ended" in tap.said)
     device.sendall(b"on")
     assert exactly(plc, 2) == b"on"
 
@@ -411,14 +413,16 @@ import sys
 from trcvtui.line.tap_socket import serve_observers
 from trcvtui.net.os import observers
 observers.is_trusted = lambda peer: False
-serve_observers("0", sys.argv[1], "1")
+serve_observers("0", sys.argv[2], sys.argv[1], "1", "{}")
 """
 
 
 def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = socket_of(written(short, LINE))
-    words = [sys.executable, "-c", STRANGERS, str(path)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, env=ENVIRONMENT) as server:
+    (tap, events), (_ways, ways) = socket.socketpair(), socket.socketpair()
+    words = [sys.executable, "-c", STRANGERS, str(path), str(ways.fileno())]
+    with subprocess.Popen(words, stdin=events, pass_fds=[ways.fileno()], env=ENVIRONMENT) as server:
+        events.close()
         until(path.exists)
         with socket.socket(socket.AF_UNIX) as stranger:
             until(lambda: stranger.connect_ex(str(path)) == 0)
@@ -426,6 +430,5 @@ def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.Mon
         monkeypatch.setattr(observers, "is_trusted", lambda _: False)
         with pytest.raises(UserError, match="found a tap of another user"):
             connection_to(short / "line.toml")
-        assert server.stdin is not None
-        server.stdin.close()
+        tap.close()
     assert server.returncode == 0

@@ -5,6 +5,7 @@ It is between the tap and its observers, so that what forwards waits for none of
 
 from __future__ import annotations
 
+import json
 import os
 from hashlib import sha256
 from pathlib import Path
@@ -28,8 +29,11 @@ def connection_to(project: Path) -> int:
 
 
 def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:
-    """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests."""
+    """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests.
+
+    `told`: its taps, and which end is the PLC, in JSON.
+    """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     place = Path(path) if path else None
-    capture = TapCapture("what passes a tap", told)
+    capture = TapCapture("what passes a tap", json.loads(told))
     ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

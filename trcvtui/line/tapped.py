@@ -16,7 +16,7 @@ from typing import Final, Literal, NamedTuple
 
 from msgspec import Struct
 
-from trcvtui import __version__, clock
+from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.os.tap_ways import ask_for_way
@@ -248,24 +248,24 @@ def _sum(data: bytes) -> int:
 
 
 class TapCapture:
-    """What passes a tap as pcapng, whole blocks at a time.
+    """What passes a tap as pcapng, whole blocks at a time; `told`: its taps, and which end is the PLC.
 
     What the tap does and leaves out are packets, too: JSON on an interface of their own; a block of
     statistics tells the time where nothing else does. Serial lines are interfaces behind these two.
-    `told`: JSON of the taps, and which end is the PLC.
     """
 
-    def __init__(self, title: str, told: str = '{"taps": []}') -> None:
-        self._title, self._told = title, json.loads(told)
+    def __init__(self, title: str, told: Mapping[str, object]) -> None:
+        self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
         self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
-        self._lost = 0  # events that the tap has left out
+        self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
-    def head(self) -> bytes:
+    def head(self, ns: int) -> bytes:
+        self._ns = ns
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _note(clock.wall_ns(), {"note": "taps", **self._told})
+        return made + _note(ns, {"note": "taps", **self._told})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
@@ -281,13 +281,13 @@ class TapCapture:
 
     def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
-        told = {"note": "lost", "events": events, "bytes": size}
+        self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
     def open(self) -> bytes:
         """Return which conversations there are."""
         return b"".join(
-            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=clock.wall_ns()))]
+            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=self._ns))]
         )
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:

@@ -103,7 +103,7 @@ def listening(path: Path) -> socket.socket:
 class Capture(Protocol):
     """The pcapng that observers read, made of events one after the other."""
 
-    def head(self) -> bytes: ...
+    def head(self, ns: int) -> bytes: ...
 
     def block(self, event: TapEvent) -> bytes: ...
 
@@ -148,7 +148,7 @@ class Observer:
         self._has_ordered, self._is_refused = kind.holds, False
         self._lines = self._newest = self._dropped = 0  # conversation that it knows; events that it missed
         self.pipe = LossyPipe(server.loop, sock, kind.most, self._restate, self._hear, self._leave)
-        self.pipe.put(self._capture.head())
+        self.pipe.put(self._capture.head(time.time_ns()))
         self._restate(0, 0, b"")
 
     def take(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:

@@ -483,7 +483,7 @@ class Conversations:
             if ahead > -MOST_JUMP:  # else it is no copy of anything
                 self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
-            direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
+            direction.conversation.is_ours = any(each.startswith(f"{OURS}rst") for each in packet.comments)
             self._see_unread(direction)
             self._tell(ns, direction, SegmentKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)

@@ -261,6 +261,8 @@ class LiveWatch:
     `left` is told of each conversation that has no shadow, and why.
     """
 
+    look_ns = LOOK_NS
+
     def __init__(
         self,
         plan: LivePlan,
@@ -288,8 +290,8 @@ class LiveWatch:
     def _put(self, event: ConversationEvent | Remark) -> None:
         waiting = self._waiting
         waiting.append(event)
-        if event.ns - LOOK_NS > waiting[0].ns or len(waiting) > MOST_WAITING:
-            self._play(event.ns - LOOK_NS)
+        if event.ns - self.look_ns > waiting[0].ns or len(waiting) > MOST_WAITING:
+            self._play(event.ns - self.look_ns)
 
     def _assign(self, talk: Conversation) -> None:
         if self._plan.assign(talk) and self.player is not None:
@@ -309,6 +311,7 @@ class LiveWatch:
         while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
             event = waiting.popleft()
             if isinstance(event, Remark):
+                self._go_to(player, event.ns)
                 event.act()
                 continue
             if player.overlaps and event.conversation.number in player.overlaps:
@@ -361,10 +364,10 @@ class LiveWatch:
     def arrived(self, ns: int) -> None:
         """Take the time of the newest packet that has been read."""
         self._newest = ns = max(self._newest, ns)
-        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - LOOK_NS):
+        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - self.look_ns):
             return
-        player = self._play(ns - LOOK_NS)
-        self._go_to(player, ns - LOOK_NS)
+        player = self._play(ns - self.look_ns)
+        self._go_to(player, ns - self.look_ns)
         if ns - self._swept > SWEEP_NS:
             self._swept = ns
             for number in self.found.forget_over(ns):

@@ -112,6 +112,8 @@ class TapWatch(LiveWatch):
     A plan that is none of a tap becomes one with the first note, which names the taps.
     """
 
+    look_ns = 0  # no PLC end comes that the plan does not have
+
     def __init__(
         self,
         plan: LivePlan,

@@ -548,10 +548,10 @@ class Conversations:
         if len(self.all) >= MOST_CONVERSATIONS:
             self.unlisted += 1
             return False
-        self.first_ns = self.first_ns or ns
+        keys = _key_of(talk.protocol, *wire), _key_of(talk.protocol, *wire[::-1])
+        self._flows.update(zip(keys, (talk.there, talk.back), strict=True))
         self.all.append(talk)
-        self._flows[_key_of(talk.protocol, *wire)] = talk.there
-        self._flows[_key_of(talk.protocol, *wire[::-1])] = talk.back
+        self.first_ns = self.first_ns or ns
         if not is_new or talk.protocol != "tcp":
             self._tell(ns, talk.there, SegmentKind.KEEP_ALIVE)
         return True
@@ -839,7 +839,8 @@ def _key_of(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int])
     if protocol == "serial":
         return b"S%d" % source[1] + source[0]
     kind = b"U" if protocol == "udp" else b""
-    return b"".join((kind, source[0], target[0], struct.pack(">HH", source[1], target[1])))
+    ports = source[1].to_bytes(2, "big"), target[1].to_bytes(2, "big")
+    return b"".join((kind, source[0], target[0], *ports))
 
 
 def distance(one: int, other: int) -> int:

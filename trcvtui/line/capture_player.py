@@ -61,7 +61,7 @@ PlanMaker = Callable[[Sequence[Conversation]], ShadowPlan]
 class ShadowLines(Protocol):
     """What takes the things that shadows show."""
 
-    first_ns: int  # of the first packet, with which scan 1 begins
+    first_ns: int = 0  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""

@@ -284,7 +284,7 @@ def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | 
     for number, (each, guess) in tuple(usable.items()):
         name, back = None, ""
         for end, partner, row in rows if given is None else ():
-            if _protocol_of(_link(project, row.connect)) != each.protocol:
+            if _protocol_of(_link(project, row.connect)) != each.protocol or each.tap not in ("", row.name):
                 continue
             of_row = guess_plc(each, end)
             if of_row.why == "--plc" and _is_at(of_row.says.other.address, partner):

@@ -97,6 +97,7 @@ def _expected(number: int, route: Route, near: bytes, tap: TapDecl | None) -> Co
         far = ip_address(to.address).packed
         ends = (near or bytes(len(far) - 1) + b"\1", _ANY_PORT), (far, to.port)
     made = Conversation(number, kind, 0, ends)
+    made.tap = route.name
     made.build()
     return made
 

@@ -133,7 +133,7 @@ class Observed:
             lines = WatchLines(self.lines.append, "jsonl", 10 * MS, first_ns)
             return CapturePlayer(made, (), first_ns, lines)
 
-        self.watch = TapWatch(plan, begin, lambda ns, note, text: self.said.append((note.note, text)))
+        self.watch = TapWatch(plan, begin, None, lambda ns, note, text: self.said.append((note.note, text)))
 
     def read(self, *blocks: bytes) -> list[dict[str, Any]]:
         """Play blocks to their end; return the records, the last of them what became of conversations."""

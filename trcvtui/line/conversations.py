@@ -125,11 +125,6 @@ class ConversationFigures:
             way = figures.ways[not to_plc]
             way.round_trip_ns, way.window, way.again, way.is_closed = round_trip_ns, window, again, not window
 
-    def end_all(self) -> None:
-        """Take that nothing more comes of any conversation."""
-        for number in self._figures:
-            self.end(number)
-
     def end(self, number: int) -> None:
         figures = self._figures.get(number)
         if figures is not None and not figures.is_over:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -40,6 +40,7 @@ from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
 from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.net.tap import Route
 from trcvtui.project.project import Project
 
 LOOK_NS: Final = 40_000_000
@@ -52,12 +53,12 @@ MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
 MOST_KNOWN: Final = 4096  # pairs of ends of which it is known what gets them
 LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
-_ANY_PORT: Final = 49_152
+ANY_PORT: Final = 49_152
 _ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not show it
 _MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
-class Decision(NamedTuple):
+class _Decision(NamedTuple):
     """What gets the conversations between two ends: parts, or why none; which end is the PLC."""
 
     parts: tuple[Part, ...] | None
@@ -70,12 +71,16 @@ class Decision(NamedTuple):
 class LivePlan:
     """A plan that grows with the conversations that come; raise UserError for a mistake in what is asked."""
 
+    routes: Sequence[Route] = ()  # of taps; which are called by the PLC; the name of each one's serial line
+    calls: Sequence[bool] = ()
+    lines: Mapping[str, str] = {}
+
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
         self.path = project
         self._plan_of, expected = self._expect(project, plc, dialect)
         self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
         self._of_first: dict[int, tuple[Part, ...]] = {}
-        self._known: dict[tuple[object, ...], Decision] = {}
+        self._known: dict[tuple[object, ...], _Decision] = {}
         self._own: Project | None = None  # of conversations that the user gave shadows of their own
         self.decided: set[int] = set()  # numbers of conversations
         self.plan = self._plan_of(expected)
@@ -101,7 +106,7 @@ class LivePlan:
             if parts is not None:
                 if parts not in self._of_first.values():
                     self._keep(talk, parts)
-                self._known[_ends_of(talk, _is_said(talk))] = decision_of(made, talk)
+                self._known[_ends_of(talk, _is_said(talk))] = _decision(made, talk)
             self.assign(talk)
         return self.plan
 
@@ -129,15 +134,16 @@ class LivePlan:
             self.decided.add(number)
         return grows
 
-    def _decide(self, talk: Conversation) -> tuple[Decision, bool]:
+    def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
         made = self._plan_of([*self._first, talk])
-        if talk.number not in made.parts and any(each.number < 0 for each in self._first):
+        expects = not talk.tap and any(each.number < 0 for each in self._first)
+        if talk.number not in made.parts and expects:
             # What was expected may come otherwise: as the end that calls in place of the one that is called.
             real = [each for each in self._first if each.number > 0]
             other = self._plan_of([*real, talk])
             if talk.number in other.parts:
                 made, self._first = other, real
-        decision = decision_of(made, talk)
+        decision = _decision(made, talk)
         whole = made.project if self._own is None else _beside(made.project, self._own)
         if decision.parts is None or whole == self.plan.project:
             return decision, False
@@ -193,13 +199,13 @@ def _is_said(talk: Conversation) -> bool:
     return talk.is_established or begins_late(talk)
 
 
-def decision_of(made: ShadowPlan, talk: Conversation) -> Decision:
+def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
     number = talk.number
     guess, why = made.guesses.get(number), made.unassigned.get(number, "")
     if guess is None:
-        return Decision(None, why, True, 0.0, "")
+        return _Decision(None, why, True, 0.0, "")
     is_there = guess.says is talk.there
-    return Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
+    return _Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
 
 
 def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
@@ -223,7 +229,7 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
         end, partner = parse_plc(one), parse_plc(other) if other else None
         if end.port is not None:
             address = partner.address if partner is not None else _ANY_CALLER
-            made.append(_expected(-number, (address, _ANY_PORT), (end.address, end.port)))
+            made.append(expected(-number, (address, ANY_PORT), (end.address, end.port)))
             continue
         if partner is None and config is not None and config.remote_address != ANY_ADDRESS:
             partner = _partner_of(config.remote_address)
@@ -231,7 +237,7 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
         if port is None and config is not None and isinstance(config.remote_port, int):
             port = config.remote_port
         if partner is not None and port:
-            made.append(_expected(-number, (end.address, _ANY_PORT), (partner.address, port)))
+            made.append(expected(-number, (end.address, ANY_PORT), (partner.address, port)))
     return made
 
 
@@ -242,8 +248,11 @@ def _partner_of(address: str) -> PlcEnd | None:
         return None
 
 
-def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int]) -> Conversation:
-    made = Conversation(number, "tcp", 0, (caller, listener))
+def expected(
+    number: int, caller: tuple[bytes, int], listener: tuple[bytes, int], kind: str = "tcp", tap: str = ""
+) -> Conversation:
+    made = Conversation(number, kind, 0, (caller, listener))
+    made.tap = tap
     made.build()
     return made
 

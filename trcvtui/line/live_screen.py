@@ -12,7 +12,7 @@ from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
 from trcvtui.net.os.tap_ways import TapWay, ask_what_is_open
-from trcvtui.net.tap import TapOrder, end_text, place_of
+from trcvtui.net.tap import end_text
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.picture.update_pipe import UpdatePipe
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from trcvtui.recording.worker_process import FilesJudge
 
 TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
+OVER: Final = "the tap has ended"
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
 SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
@@ -41,11 +42,15 @@ def live_driver(asked: ShadowChoice) -> ProcessDriver:
     return ProcessDriver(live_main, Channel(take_stdin(with_keyboard=True), writable=False), asked)
 
 
-def live_main(channel: Channel, packets: Channel, asked: ShadowChoice) -> None:
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, is_tap: bool = False) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
-    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+    def run() -> None:
+        silent_ns = SILENT_NS if is_tap else 0
+        _PipeServed(channel, LivePlan(*asked), asked, is_tap).run(packets.fileno(), silent_ns)
+
+    serve_until_gone(channel, run)
 
 
 class TapEnded(EngineStopped):
@@ -82,14 +87,12 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
         from trcvtui.line.tap_watch import TapPlan
 
         places, project, plc, dialect = asked
-        path, to = None if project is None else Path(project), place_of(places[0][2], "CONNECT")
-        plan, end = TapPlan(places, path, plc, dialect), None
-        if len(places) == 1 and to.kind != "serial":
-            end = end_text(to.address, to.port)
-        way = TapWay(asks.fileno())
-        served = _TapServed(channel, plan, (path, plc or end, dialect), kernel)
-        served.order, served.over = way.order, ("tap", "the tap has ended")
-        served.run(way.fd, renew=way.renew)
+        path = None if project is None else Path(project)
+        plan = TapPlan(places, path, plc, dialect)
+        to, way = plan.routes[0].to, TapWay(asks.fileno())
+        if plc is None and len(places) == 1 and to.kind != "serial":
+            plc = end_text(to.address, to.port)
+        _PipeServed(channel, plan, (path, plc, dialect), True, way, kernel).run(way.fd)
 
     serve_until_gone(channel, run)
 
@@ -99,27 +102,17 @@ class TapSocketDriver(ProcessDriver):
 
     def __init__(self, project: Path) -> None:
         """Raise UserError where that tap does not run."""
-        super().__init__(tap_socket_main, project)
+        super().__init__(live_main, (project, None, None), True)
 
     def _arguments(self) -> tuple[Any, ...]:
         from trcvtui.line.tap_socket import connection_to
 
-        self._tap = Channel(connection_to(self._asked[0]))
+        self._tap = Channel(connection_to(self._asked[0][0]))
         return self._tap, *self._asked
 
     def _start(self) -> None:
         super()._start()
         self._tap.close()  # its end is the end of the shadows
-
-
-def tap_socket_main(channel: Channel, tap: Channel, project: Path) -> None:
-    """Serve with what comes from the socket of a tap, which names its places first."""
-    from trcvtui.line.live import LivePlan
-
-    asked = project, None, None
-    serve_until_gone(
-        channel, lambda: _TapServed(channel, LivePlan(*asked), asked).run(tap.fileno(), SILENT_NS)
-    )
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
@@ -223,38 +216,47 @@ class ServedShadows:
 
 
 class _PipeServed(ServedShadows):
-    over = "stdin", "the packets have ended"
-
     def __init__(
-        self, channel: Channel, plan: LivePlan, asked: ShadowChoice, kernel: str = "capture"
+        self,
+        channel: Channel,
+        plan: LivePlan,
+        asked: ShadowChoice,
+        is_tap: bool = False,
+        way: TapWay | None = None,
+        kernel: str = "capture",
     ) -> None:
         super().__init__(channel)
-        self._plan, self._kernel = plan, kernel
+        self._plan, self._is_tap, self._way, self._kernel = plan, is_tap, way, kernel
         self._project, self._plc, _ = asked
         self._live: LiveWatch | None = None
 
-    def _watch(self) -> LiveWatch:
-        from trcvtui.line.live import LiveWatch
-
-        return LiveWatch(self._plan, self._begin, self._leave)
-
-    def run(self, fd: int, most_idle_ns: int = 0, renew: Callable[[], object] | None = None) -> NoReturn:
-        from trcvtui.line.live import KeptPackets, PacketStream
+    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
+        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
+        from trcvtui.line.tap_watch import TapWatch
         from trcvtui.recording.worker_process import FilesJudge
 
-        live = self._live = self._watch()
-        kept = KeptPackets()
+        if self._is_tap:
+            order = None if self._way is None else self._way.tell
+            live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
+        else:
+            live = LiveWatch(self._plan, self._begin, self._leave)
+        self._live, kept = live, KeptPackets()
         self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        subject, over = self.over
-
-        def say(line: str) -> None:
-            self.tell(subject, line)
-
-        said = PacketStream(fd, live, say, self.serve, kept, most_idle_ns, renew).take()
+        subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
+        renew = None if self._way is None else self._way.renew
+        stream = PacketStream(
+            fd, live, lambda line: self.tell(subject, line), self.serve, kept, most_idle_ns, renew
+        )
+        said = stream.take()
         live.finish()
         for line in said:
-            say(line)
+            self.tell(subject, line)
         self.go_on(subject, over)
+
+    def _complain(self, ns: int, note: TapNote, text: str) -> None:
+        self.tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)
 
     def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.line.capture_player import CapturePlayer
@@ -269,17 +271,3 @@ class _PipeServed(ServedShadows):
 
         ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
         self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
-
-
-class _TapServed(_PipeServed):
-    order: Callable[[TapOrder], object] | None = None
-
-    def _watch(self) -> LiveWatch:
-        from trcvtui.line.tap_watch import TapWatch
-
-        return TapWatch(self._plan, self._begin, self._complain, self._leave, self.order)
-
-    def _complain(self, ns: int, note: TapNote, text: str) -> None:
-        self.tell("tap", text)
-        if self._controller is not None:
-            self._controller.complain(text)

@@ -125,10 +125,10 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
             unassigned[number] = f"there are {MOST_AD_HOC} PLC ends before it"
             continue
         if key not in names:
-            names[key] = f"C{number}"
+            names[key] = f"C{abs(number)}"
             ends, is_udp = (guess.says.address, guess.says.other.address), each.protocol == "udp"
-            there = _connect(f"C{number}", not listens, *ends)
-            back = _connect(f"C{number}_BACK", listens, *ends[::-1], is_free=True)
+            there = _connect(names[key], not listens, *ends)
+            back = _connect(f"{names[key]}_BACK", listens, *ends[::-1], is_free=True)
             connects += [replace(c, active=False, is_datagram=True) if is_udp else c for c in (there, back)]
         name = names[key]
         parts[number] = Part(name, False, listens), Part(f"{name}_BACK", True, not listens)

@@ -7,7 +7,6 @@ each; what they say of one is played in its place between the events.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
@@ -24,13 +23,12 @@ from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
 from trcvtui.line.conversations import ConversationFigures
-from trcvtui.line.live import Decision, LivePlan, LiveWatch, Remark, decision_of
+from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.tapped import TapNote
 from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
 from trcvtui.project.project import TapDecl
 
-_ANY_PORT: Final = 49_152
 _MAPPED: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a packet whose other end has IPv6
 
 
@@ -41,65 +39,42 @@ class TapPlan(LivePlan):
         self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None
     ) -> None:
         self.routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
-        self._near = given = None if plc is None else parse_plc(plc)
-        self.calls = [given is not None and not _is_at(route.to, given) for route in self.routes]
-        if given is not None and given.port is not None and any(self.calls):
-            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
         super().__init__(project, plc, dialect)
 
     def _expect(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
-        routes, to = self.routes, self.routes[0].to
+        routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
+        self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
+        if given is not None and given.port is not None and any(self.calls):
+            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
         end = plc or (end_text(to.address, to.port) if to.kind != "serial" else None)
         own = [] if plc else [route.name for route in routes]
         plan_of, loaded = planned(project, end, dialect, taps=own)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
         others = [TapDecl(r.name, str(r.listen), str(r.to), "") for r in routes if r.name not in known]
         taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
-        near = [self._near.address if self._near and calls else b"" for calls in self.calls]
-        first = [
-            _expected(number, route, caller, known.get(route.name))
-            for number, (route, caller) in enumerate(zip(routes, near, strict=True), 1)
-        ]
-        made = plan_of(first)
-        self._of_tap = {
-            route.name: decision_of(made, talk)._replace(
-                is_there=calls, confidence=1.0, guess_why="the end of the tap"
-            )
-            for route, talk, calls in zip(routes, first, self.calls, strict=True)
-        }
+        self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
 
         def named(found: Sequence[Conversation]) -> ShadowPlan:
             plan = plan_of(found)
             return plan._replace(project=replace(plan.project, taps=taps, path=path))
 
-        return named, first
+        near = [given.address if given is not None and calls else b"" for calls in self.calls]
+        return named, [self._first_of(-n, *each) for n, each in enumerate(zip(routes, near, strict=True), 1)]
 
-    def _decide(self, talk: Conversation) -> tuple[Decision, bool]:
-        made, near = self._of_tap[talk.tap], self._near
-        if made.is_there and near is not None and talk.there.address[0] != near.address:
-            made = made._replace(parts=None, why="it is not of this PLC")
-        return made, False
+    def _first_of(self, number: int, route: Route, near: bytes) -> Conversation:
+        if route.to.kind == "serial":
+            return expected(number, *_line_ends(self.lines[route.name]), "serial", route.name)
+        far = ip_address(route.to.address).packed
+        caller = (near or bytes(len(far) - 1) + b"\1", ANY_PORT)
+        return expected(number, caller, (far, route.to.port), route.to.kind, route.name)
 
 
 def _is_at(place: TapPlace, end: PlcEnd) -> bool:
     if place.kind == "serial":
         return True
     return ip_address(place.address).packed == end.address and end.port in (None, place.port)
-
-
-def _expected(number: int, route: Route, near: bytes, tap: TapDecl | None) -> Conversation:
-    kind, to = route.to.kind, route.to
-    if kind == "serial":
-        ends = _line_ends(route.name if tap is None else tap.connect)
-    else:
-        far = ip_address(to.address).packed
-        ends = (near or bytes(len(far) - 1) + b"\1", _ANY_PORT), (far, to.port)
-    made = Conversation(number, kind, 0, ends)
-    made.tap = route.name
-    made.build()
-    return made
 
 
 def _line_ends(name: str) -> TwoEnds:
@@ -109,7 +84,7 @@ def _line_ends(name: str) -> TwoEnds:
 class TapWatch(LiveWatch):
     """Plays what a tap tells.
 
-    `tell` gets what is said of no conversation: when, the note, its words. `order` hands the tap an order.
+    `tell` gets what is said of no conversation: when, the note, its words. `order` gets lines for the tap.
     A plan that is none of a tap becomes one with the first note, which names the taps.
     """
 
@@ -119,38 +94,51 @@ class TapWatch(LiveWatch):
         self,
         plan: LivePlan,
         begin: Callable[[ShadowPlan, int], CapturePlayer],
+        left: Callable[[Conversation, str], object] | None,
         tell: Callable[[int, TapNote, str], object],
-        left: Callable[[Conversation, str], object] | None = None,
-        order: Callable[[TapOrder], object] | None = None,
+        order: Callable[[bytes], object] | None = None,
     ) -> None:
         super().__init__(plan, begin, left)
         self.found.noted = self._hear
         self._tell, self._order = tell, order
-        self._routes = plan.routes if isinstance(plan, TapPlan) else []
         self._talks: dict[int, Conversation] = {}  # that go on
         self._typed = b""
 
     def _hear(self, ns: int, data: bytes) -> None:
         """Take a note; leave out what is none."""
-        with suppress(MsgspecError, UserError, ValueError, LookupError, OverflowError, RecursionError):
+        wire = None
+        try:
             note = decode(data, type=TapNote)
-            if note.note == "taps":
-                self._take_taps(note)
-                return
-            name, first = self._routes[note.tap].name, bytes.fromhex(note.first)
-            if note.note == "open":
-                self._open(ns, note, name)
-            elif note.note == "end" and (talk := self._talks.pop(note.conversation, None)) is not None:
-                talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
-            self._put(Remark(ns, partial(self._take_note, ns, note, name, first)))
-
-    def _take_taps(self, note: TapNote) -> None:
-        if not isinstance(self._plan, TapPlan):
-            plan = TapPlan(note.taps, self._plan.path, note.plc, note.dialect)
-            self._plan, self._routes = plan, plan.routes
+            if note.note == "taps" and not self._plan.routes:
+                self._plan = TapPlan(note.taps, self._plan.path, note.plc, note.dialect)
+            first = bytes.fromhex(note.first)
+            if note.note == "open" and note.conversation not in self._talks:
+                talk, wire = self._opened(ns, note)
+            tap = self._plan.routes[note.tap].name
+        except (MsgspecError, UserError, ValueError, LookupError, OverflowError, RecursionError):
+            return
         self.found.is_tapped = True
         if self.player is None:
             self._started()
+        if wire is not None and self.found.open(ns, talk, wire, note.new):
+            self._talks[talk.number] = talk
+        elif note.note == "end" and note.conversation in self._talks:
+            talk = self._talks.pop(note.conversation)
+            talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
+        self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+
+    def _opened(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
+        """Return a conversation, and its ends as packets have them."""
+        name, ((near, near_port), (far, far_port)) = self._plan.routes[note.tap].name, note.ends
+        if note.kind == "serial":
+            ends, wire = _line_ends(self._plan.lines[name]), _line_ends(f"{near} - {far}")
+        else:
+            one, other = ip_address(near).packed, ip_address(far).packed
+            ends, size = ((one, near_port), (other, far_port)), max(len(one), len(other))
+            wire = ((_MAPPED + one)[-size:], near_port), ((_MAPPED + other)[-size:], far_port)
+        talk = Conversation(note.conversation, note.kind, ns, ends)
+        talk.tap, talk.listener = name, talk.back if note.kind == "tcp" else None
+        return talk, wire
 
     def _started(self) -> CapturePlayer:
         player = super()._started()
@@ -158,49 +146,27 @@ class TapWatch(LiveWatch):
         player.shadows.bench.on_tap = self._intervene if self._order is not None else None
         return player
 
-    def finish(self) -> CapturePlayer:
-        player = super().finish()
-        if player.talks is not None:
-            player.talks.end_all()
-        return player
-
-    def _open(self, ns: int, note: TapNote, name: str) -> None:
-        if note.conversation in self._talks:
-            return
-        (near, near_port), (far, far_port) = note.ends
-        if note.kind == "serial":
-            ends, wire = _line_ends(name), _line_ends(f"{near} - {far}")
-        else:
-            one, other = ip_address(near).packed, ip_address(far).packed
-            ends, size = ((one, near_port), (other, far_port)), max(len(one), len(other))
-            wire = ((_MAPPED + one)[-size:], near_port), ((_MAPPED + other)[-size:], far_port)
-        talk = Conversation(note.conversation, note.kind, ns, ends)
-        talk.tap = name
-        if self.found.open(ns, talk, wire, note.new):
-            self._talks[talk.number] = talk
-
-    def _take_note(self, ns: int, note: TapNote, name: str, first: bytes) -> None:
-        player, number = self._play(0), note.conversation
-        talks, guess = player.talks, self._plan.plan.guesses.get(number)
-        if note.note in ("refused", "lack"):
-            self._tell(ns, note, one_line(f"{name}: {note.text}"))
-        elif note.note == "lost":
-            size = f"{note.events} events with {note.bytes} bytes"
-            self._tell(ns, note, f"{size} came faster than they were shown")
-        if guess is None or talks is None:
-            return
-        to_plc = note.to_connect is (guess.says is guess.says.conversation.back)
+    def _take_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
+        player, number, guess = self.player, note.conversation, self._plan.plan.guesses.get(note.conversation)
+        assert player is not None and player.talks is not None  # since the first note
+        to_plc = guess is not None and note.to_connect is (guess.says is guess.says.conversation.back)
         match note.note:
-            case "ours":
+            case "refused" | "lack":
+                self._tell(ns, note, one_line(f"{tap}: {note.text}"))
+            case "lost":
+                lost = f"{note.events} events with {note.bytes} bytes came faster than they were shown"
+                self._tell(ns, note, lost)
+            case "ours" if guess is not None:
                 act = f"{'to-plc' if to_plc else 'from-plc'} {one_line(note.text)}"
-                player.shadows.bench.note(name, "tap", act)
+                player.shadows.bench.note(tap, "tap", act)
                 player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
             case "held":
-                talks.hold(number, to_plc, note.bytes if note.holds else None, first)
+                player.talks.hold(number, to_plc, note.bytes if note.holds else None, first)
             case "figures":
-                talks.measure(number, to_plc, note.round_trip_us * 1000, note.window, note.again)
+                figures = note.round_trip_us * 1000, note.window, note.again
+                player.talks.measure(number, to_plc, *figures)
             case "end":
-                talks.end(number)
+                player.talks.end(number)
 
     # -- what the user says --------------------------------------------------------------------------------
 
@@ -219,11 +185,11 @@ class TapWatch(LiveWatch):
         return wrong
 
     def _intervene(self, command: words.Intervene) -> str:
-        names = [route.name for route in self._routes]
+        names = [route.name for route in self._plan.routes]
         if command.tap not in names or self._order is None:
             return f"tap {command.tap} does not run"
         route = names.index(command.tap)
-        is_there = isinstance(self._plan, TapPlan) and self._plan.calls[route]
-        way = BACK if command.to_plc == is_there else TO
-        self._order(TapOrder(route, command.conversation, way, command.verb, command.sizes, command.payload))
+        way = BACK if command.to_plc == self._plan.calls[route] else TO
+        order = TapOrder(route, command.conversation, way, command.verb, command.sizes, command.payload)
+        self._order(order.line())
         return ""

@@ -187,7 +187,7 @@ def watch_tap(asks: int, asked: str) -> None:
             if not data:
                 way.tell(RELEASE + b"\n")
 
-    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), tell, order=way.order)
+    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.tell)
     try:
         _end(live, plan, PacketStream(way.fd, live, _say, hear, renew=way.renew).take())
         sys.stdout.flush()

@@ -80,7 +80,7 @@ def test_what_the_stack_of_a_tap_says_is_shown_beside_each_direction() -> None:
     shown = told.shown
     assert (shown.to_plc.round_trip_ns, shown.to_plc.window) == (250_000, 64240)
     assert (shown.from_plc.is_closed, shown.from_plc.again) == (True, 12)
-    told.talks.end_all()
+    told.talks.end(1)
     assert told.shown.state == "ended"
 
 

@@ -7,8 +7,6 @@ import socket
 from contextlib import suppress
 from typing import Final
 
-from trcvtui.net.tap import TapOrder
-
 ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
 SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
 MOST_ANSWER: Final = 64  # bytes
@@ -111,6 +109,3 @@ class TapWay:
     def tell(self, line: bytes) -> None:
         with suppress(OSError):  # the tap has ended: soon it is said
             os.write(self.fd, line)
-
-    def order(self, order: TapOrder) -> None:
-        self.tell(order.line())

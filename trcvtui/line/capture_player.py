@@ -358,26 +358,17 @@ def plan_capture(
 
 
 def planned(
-    project: Path | None,
-    plc: str | None,
-    dialect: str | None,
-    sets: Sequence[str] = (),
-    taps: Sequence[str] = (),
+    project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
 ) -> tuple[PlanMaker, Project | None]:
-    """Return what makes a plan of conversations, and the project that it is of; raise UserError.
-
-    Rows of the `taps` that run stand above `plc` and [[watch]].
-    """
+    """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
     if project is None:
         name = dialect or next(iter(DIALECTS))
         return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
     loaded, notes = load_bench(project, sets), tuple[str, ...]()
-    own = rows_of_taps([tap for tap in loaded.taps if tap.name in taps])
-    loaded = replace(loaded, watches=own or loaded.watches or rows_of_taps(loaded.taps))
+    loaded = replace(loaded, watches=loaded.watches or rows_of_taps(loaded.taps))
     if dialect is not None:
         loaded, notes = in_dialect(loaded, dialect_named(dialect))
-    end = None if own else plc
-    return lambda found: plan_of_project(found, loaded, end)._replace(notes=notes), loaded
+    return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
 
 
 def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:

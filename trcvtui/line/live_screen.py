@@ -42,13 +42,12 @@ def live_driver(asked: ShadowChoice) -> ProcessDriver:
     return ProcessDriver(live_main, Channel(take_stdin(with_keyboard=True), writable=False), asked)
 
 
-def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, is_tap: bool = False) -> None:
-    """Serve the screen with what comes; the last words say what is wrong."""
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
+    """Serve the screen with what comes; the last words say what is wrong. A tap is never silent for long."""
     from trcvtui.line.live import LivePlan
 
     def run() -> None:
-        silent_ns = SILENT_NS if is_tap else 0
-        _PipeServed(channel, LivePlan(*asked), asked, is_tap).run(packets.fileno(), silent_ns)
+        _PipeServed(channel, LivePlan(*asked), asked, most_idle_ns > 0).run(packets.fileno(), most_idle_ns)
 
     serve_until_gone(channel, run)
 
@@ -102,7 +101,7 @@ class TapSocketDriver(ProcessDriver):
 
     def __init__(self, project: Path) -> None:
         """Raise UserError where that tap does not run."""
-        super().__init__(live_main, (project, None, None), True)
+        super().__init__(live_main, (project, None, None), SILENT_NS)
 
     def _arguments(self) -> tuple[Any, ...]:
         from trcvtui.line.tap_socket import connection_to

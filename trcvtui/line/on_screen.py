@@ -19,14 +19,7 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
-from trcvtui.line.capture_player import (
-    MISSING,
-    CaptureOutcome,
-    CapturePlayer,
-    ShadowLines,
-    plan_capture,
-    planned,
-)
+from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
 from trcvtui.line.pause_messages import PauseMessages
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
@@ -43,7 +36,9 @@ PROGRESS_NS: Final = 500_000_000
 MOST_LINES: Final = 3  # above the prompt
 
 
-class _RunHistory(ShadowLines):
+class _RunHistory:
+    first_ns = 0
+
     def __init__(self) -> None:
         self.write: Callable[[str], None] = print
         self._left = MOST_NOTES

@@ -24,7 +24,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
-from trcvtui.line.shadows import ShadowPlan
+from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
 from trcvtui.line.tapped import TapNote
 from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
 from trcvtui.project.project import TapDecl
@@ -49,15 +49,16 @@ class TapPlan(LivePlan):
         if given is not None and given.port is not None and any(self.calls):
             raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
         end = plc or (end_text(to.address, to.port) if to.kind != "serial" else None)
-        own = [] if plc else [route.name for route in routes]
-        plan_of, loaded = planned(project, end, dialect, taps=own)
+        plan_of, loaded = planned(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
+        rows = rows_of_taps([known[route.name] for route in routes if route.name in known and not plc])
+        watched = replace(loaded, watches=rows) if loaded is not None and rows else None
         others = [TapDecl(r.name, str(r.listen), str(r.to), "") for r in routes if r.name not in known]
         taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
         self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
 
         def named(found: Sequence[Conversation]) -> ShadowPlan:
-            plan = plan_of(found)
+            plan = plan_of(found) if watched is None else plan_of_project(found, watched, None)
             return plan._replace(project=replace(plan.project, taps=taps, path=path))
 
         near = [given.address if given is not None and calls else b"" for calls in self.calls]

@@ -12,9 +12,9 @@ import struct
 import sys
 from collections.abc import Iterator, Mapping
 from ipaddress import IPv6Address, ip_address
-from typing import Final, Literal, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
@@ -54,6 +54,9 @@ _UDP: Final = struct.Struct(">HHHH").pack
 _SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
+Port = Annotated[int, Meta(ge=0, le=65535)]
+
+
 class TapNote(Struct):
     """A note as it is read; which of its fields one has, docs/fleet.md says."""
 
@@ -63,7 +66,7 @@ class TapNote(Struct):
     to_connect: bool = True
     text: str = ""
     kind: Literal["tcp", "udp", "serial"] = "tcp"
-    ends: tuple[tuple[str, int], tuple[str, int]] = (("", 0), ("", 0))
+    ends: tuple[tuple[str, Port], tuple[str, Port]] = (("", 0), ("", 0))
     new: bool = True
     holds: bool = True
     bytes: int = 0

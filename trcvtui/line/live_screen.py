@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -13,10 +13,8 @@ from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
 from trcvtui.net.os.tap_ways import TapWay, ask_what_is_open
 from trcvtui.net.tap import end_text
-from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
 from trcvtui.picture.protocol import EngineStopped
-from trcvtui.picture.update_pipe import UpdatePipe
-from trcvtui.replay.driver import serve_until_gone
+from trcvtui.replay.driver import ScreenChannel, serve_until_gone
 from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.snapshots.conversations import TAP
 
@@ -27,6 +25,7 @@ if TYPE_CHECKING:
     from trcvtui.line.live import LivePlan, LiveWatch
     from trcvtui.line.shadows import ShadowChoice, ShadowPlan
     from trcvtui.line.tapped import TapNote
+    from trcvtui.picture.bench_update import BenchUpdate
     from trcvtui.plc.ledger import StatusEdge
     from trcvtui.recording.worker_process import FilesJudge
 
@@ -47,7 +46,7 @@ def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle
     from trcvtui.line.live import LivePlan
 
     def run() -> None:
-        _PipeServed(channel, LivePlan(*asked), asked, most_idle_ns > 0).run(packets.fileno(), most_idle_ns)
+        ShadowServer(channel, LivePlan(*asked), asked, most_idle_ns > 0).run(packets.fileno(), most_idle_ns)
 
     serve_until_gone(channel, run)
 
@@ -91,7 +90,7 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
         to, way = plan.routes[0].to, TapWay(asks.fileno())
         if plc is None and len(places) == 1 and to.kind != "serial":
             plc = end_text(to.address, to.port)
-        _PipeServed(channel, plan, (path, plc, dialect), True, way, kernel).run(way.fd)
+        ShadowServer(channel, plan, (path, plc, dialect), True, way, kernel).run(way.fd)
 
     serve_until_gone(channel, run)
 
@@ -131,90 +130,20 @@ def _capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> N
         raise mistake(command[0], wrong.strerror or "no program", "a program that writes packets") from None
     try:
         assert program.stdout is not None
-        _PipeServed(channel, plan, asked).run(program.stdout.fileno())
+        ShadowServer(channel, plan, asked).run(program.stdout.fileno())
     finally:
         program.kill()  # it has nothing of its own to end
         program.wait()
 
 
-class ServedShadows:
-    """The screen's side of shadows that play while it looks."""
+class ShadowServer:
+    """Serves a screen with shadows that play while it looks.
+
+    `way`: of the tap that the screen is a child of; a tap may also be a program of its own.
+    """
 
     first_ns = 0
 
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._pipe = UpdatePipe(channel)
-        self._controller: Controller | None = None
-        self._request: UpdateRequest | None = None
-        self._told: list[tuple[str, str]] = []
-        self._player: CapturePlayer | None = None
-        self.judge: FilesJudge | None = None  # of what came
-
-    def show(self, player: CapturePlayer, kernel: str, watch: Callable[[str], str] | None = None) -> None:
-        """Show the shadows of a player from now on, and count its conversations; `kernel`: a word for it.
-
-        `watch` gives a conversation shadows of its own.
-        """
-        from trcvtui.engine.controller import Controller
-        from trcvtui.line.conversations import ConversationFigures
-
-        player.talks = talks = player.talks or ConversationFigures()
-        self._controller = controller = Controller(player.shadows.bench)
-        controller.talks, controller.shadows = talks.snapshot, player.shown
-        controller.kernel, controller.watch, self._player = kernel, watch, player
-        controller.files_judge = self.judge
-        self._channel.send(player.shadows.bench.project)
-
-    def go_on(self, subject: str, why: str) -> NoReturn:
-        """Go on showing what is there: nothing more comes."""
-        self.tell(subject, why)
-        if self._controller is not None:
-            self._controller.over = why
-        while True:
-            self.serve()
-            self._channel.poll(None if self._request is None and not self._pipe.is_busy() else 0.01)
-
-    # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
-
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        from trcvtui.line.capture_player import MISSING
-
-        for instance in lacking:
-            self.tell(instance, MISSING)
-
-    def note(self, ns: int, number: int, text: str) -> None:
-        self.tell(f"C{number}", text)
-
-    def tell(self, subject: str, text: str) -> None:
-        self._told.append((subject, text))
-        if self._controller is not None:
-            for told in self._told:
-                self._controller.bench.note(*told)
-            self._told.clear()
-
-    def serve(self) -> None:
-        controller = self._controller
-        if controller is None:
-            return
-        controller.catch_up()
-        if self._player is not None:
-            controller.shadows = self._player.shown  # more with each PLC end
-            if self.judge is not None:
-                self.judge.begins_ns = self._player.first_ns or None
-        while self._channel.poll():
-            message = unpacked(self._channel.recv_bytes())
-            if isinstance(message, UpdateRequest):
-                self._request = message
-            else:
-                controller.take(*message)
-        if self._request is not None and not self._pipe.is_busy():
-            self._pipe.begin(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
-            self._request = None
-        self._pipe.go_on(clock.now_ns() + SLICE_NS)
-
-
-class _PipeServed(ServedShadows):
     def __init__(
         self,
         channel: Channel,
@@ -224,10 +153,13 @@ class _PipeServed(ServedShadows):
         way: TapWay | None = None,
         kernel: str = "capture",
     ) -> None:
-        super().__init__(channel)
+        self._channel, self._screen = channel, ScreenChannel(channel)
         self._plan, self._is_tap, self._way, self._kernel = plan, is_tap, way, kernel
         self._project, self._plc, _ = asked
+        self._controller: Controller | None = None
+        self._told: list[tuple[str, str]] = []
         self._live: LiveWatch | None = None
+        self._judge: FilesJudge | None = None  # of what came
 
     def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
@@ -240,33 +172,72 @@ class _PipeServed(ServedShadows):
         else:
             live = LiveWatch(self._plan, self._begin, self._leave)
         self._live, kept = live, KeptPackets()
-        self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
+        self._judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
         subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
         renew = None if self._way is None else self._way.renew
         stream = PacketStream(
-            fd, live, lambda line: self.tell(subject, line), self.serve, kept, most_idle_ns, renew
+            fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, renew
         )
         said = stream.take()
         live.finish()
-        for line in said:
-            self.tell(subject, line)
-        self.go_on(subject, over)
-
-    def _complain(self, ns: int, note: TapNote, text: str) -> None:
-        self.tell("tap", text)
+        for line in (*said, over):
+            self._tell(subject, line)
         if self._controller is not None:
-            self._controller.complain(text)
+            self._controller.over = over
+        while True:  # nothing more comes
+            self._serve(0.01 if self._screen.pipe.is_busy() else None)
 
     def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
+        from trcvtui.engine.controller import Controller
         from trcvtui.line.capture_player import CapturePlayer
+        from trcvtui.line.conversations import ConversationFigures
 
-        player = CapturePlayer(plan, (), first_ns, self)
         assert self._live is not None  # it is what begins
-        self.show(player, self._kernel, self._live.shadow)
+        player = CapturePlayer(plan, (), first_ns, self)
+        player.talks = talks = ConversationFigures()
+        self._controller = controller = Controller(player.shadows.bench)
+        controller.talks, controller.kernel = talks.snapshot, self._kernel
+        controller.watch, controller.files_judge = self._live.shadow, self._judge
+        self._channel.send(player.shadows.bench.project)
         return player
+
+    # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        from trcvtui.line.capture_player import MISSING
+
+        for instance in lacking:
+            self._tell(instance, MISSING)
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        self._tell(f"C{number}", text)
 
     def _leave(self, talk: Conversation, why: str) -> None:
         from trcvtui.line.shadows import end_of
 
         ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
-        self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+        self._tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+
+    def _complain(self, ns: int, note: TapNote, text: str) -> None:
+        self._tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)
+
+    def _tell(self, subject: str, text: str) -> None:
+        self._told.append((subject, text))
+        if self._controller is not None:
+            for told in self._told:
+                self._controller.bench.note(*told)
+            self._told.clear()
+
+    def _serve(self, waits: float | None = 0.0) -> None:
+        controller = self._controller
+        if controller is None:
+            return
+        controller.catch_up()
+        if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
+            controller.shadows = player.shown  # more with each PLC end
+            self._judge.begins_ns = player.first_ns or None
+        self._screen.take(controller.take, waits)
+        self._screen.show(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
+        self._screen.pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -508,5 +508,7 @@ class PacketStream:
         if self._failed is not None:
             raise self._failed
         said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
-        trouble = reader.trouble if not self.pipe.is_stopped else None
-        return [*said, *capture_notes(found, [trouble] if trouble else [])]
+        troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopped else []
+        if found.is_tapped:  # the tap has told what is lost, and of each conversation
+            return [*map(str, troubles)]
+        return [*said, *capture_notes(found, troubles)]

@@ -188,8 +188,11 @@ def watch_tap(asks: int, asked: str) -> None:
                 way.tell(RELEASE + b"\n")
 
     live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.tell)
+    said: list[str] = []
     try:
-        _end(live, plan, PacketStream(way.fd, live, _say, hear, renew=way.renew).take())
+        with suppress(UserError):  # the tap has ended before its first word
+            said = PacketStream(way.fd, live, _say, hear, renew=way.renew).take()
+        _end(live, plan, said)
         sys.stdout.flush()
     except OSError:  # the reader of what shadows show is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

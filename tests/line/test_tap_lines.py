@@ -122,9 +122,11 @@ def test_a_serial_place_has_its_settings() -> None:
 class Observed:
     """What a tap tells, read as its observers do, by a TapWatch whose lines are kept."""
 
-    def __init__(self, project: Path | None = None, *places: tuple[str, str, str]) -> None:
+    def __init__(
+        self, project: Path | None = None, *places: tuple[str, str, str], plc: str | None = None
+    ) -> None:
         self.taps = [*places] or [("T", "1999", "2000")]
-        self.capture = TapCapture("a tap", {"taps": self.taps, "plc": None, "dialect": None})
+        self.capture = TapCapture("a tap", {"taps": self.taps, "plc": plc, "dialect": None})
         self.lines: list[str] = []
         self.said: list[tuple[str, str]] = []
         plan = LivePlan(project, None, None)  # as an agent has it before the tap names its places
@@ -180,8 +182,8 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     records = tap.read(before, loss, tap.blocks(*again))
     assert tap.said == [("lost", "3 events with 1000 bytes came faster than they were shown")]
     assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]
-    notes = [each["note"] for each in records if each.get("conversation") == "C1"]
-    assert notes == ["? 1000 bytes missing in the capture, to the PLC end, from byte 4"]
+    notes = [(each["t_ms"], each["note"]) for each in records if each.get("conversation") == "C1"]
+    assert notes == [(300.0, "? 1000 bytes missing in the capture, to the PLC end, from byte 4")]
     assert next(each["RCVD_LEN"] for each in records if each.get("DONE")) == 4
 
 
@@ -211,10 +213,9 @@ def test_a_conversation_whose_begin_was_lost_has_its_ends_and_the_connect_of_its
     connect = 'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 2000\n'
     project.write_text(connect + ROWS)
     tap = Observed(project, ("ONE", "1998", "2000"), ("TWO", "1999", "2000"))
-    lost = event(TapEventKind.OPEN, 0, data=OPENS, number=7, tap=1)
-    tap.blocks(lost, event(TapEventKind.BYTES, 0, at=0, data=b"lost", number=7, tap=1))
+    told = event(TapEventKind.OPEN, 0, at=1, data=OPENS, number=7, tap=1)
     later = event(TapEventKind.BYTES, 9, BACK, 5, data, 7, 1), event(TapEventKind.BYTES, 9, TO, 4, data, 7, 1)
-    records = tap.read(tap.capture.open(), tap.blocks(*later))
+    records = tap.read(tap.blocks(told, *later))
     assert records[-1]["assigned"] == [{"id": "C7", "shadows": ["C2"]}]
     assert [each["note"] for each in records if "conversation" in each] == ["begins in the middle"]
     (shown,) = tap.watch.player.talks.snapshot()  # type: ignore[union-attr]
@@ -222,10 +223,24 @@ def test_a_conversation_whose_begin_was_lost_has_its_ends_and_the_connect_of_its
     assert (shown.to_plc.size, shown.from_plc.size) == (len(data), len(data))
 
 
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+@pytest.mark.parametrize(("caller", "jobs"), [("127.0.0.2", [4]), ("127.0.0.3", [])])
+def test_a_plc_that_calls_is_known_in_the_middle_of_a_conversation_too(
+    kind: str, caller: str, jobs: list[int]
+) -> None:
+    place = "" if kind == "tcp" else "udp:"
+    tap = Observed(None, ("T", f"{place}1999", f"{place}2000"), plc="127.0.0.2")
+    opens = f"{kind}|{caller}|50001|127.0.0.1|2000".encode()
+    told = event(TapEventKind.OPEN, 0, at=1, data=opens), event(TapEventKind.BYTES, 9, at=4, data=b"more")
+    records = tap.read(tap.blocks(*told))
+    assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == jobs
+    assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}] * len(jobs)
+
+
 @pytest.mark.parametrize(
     "note",
     [
-        b"", b"\xff", b"[" * 100_000, b"7", b'{"note": "taps"}',
+        b"", b"\xff", b'{"x": ' + b"[" * 100_000, b"7", b'{"note": "taps"}',
         b'{"note": "taps", "taps": [["a", "b", "c"]]}',
         b'{"note": "open", "tap": 9}', b'{"note": "open", "ends": [["x", 1], ["y", 2]]}',
         b'{"note": "open", "ends": [["127.0.0.1", 99999], ["::1", 2]]}', b'{"note": "open", "kind": "x"}',

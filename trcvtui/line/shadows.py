@@ -136,6 +136,8 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
 
 
 def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
+    if conversation.tap:
+        return "tap", conversation.tap
     if conversation.protocol == "udp":
         return "udp", guess.says.address
     if _plc_listens(conversation, guess):

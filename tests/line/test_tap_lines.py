@@ -234,6 +234,7 @@ def test_a_plc_that_calls_is_known_in_the_middle_of_a_conversation_too(
     told = event(TapEventKind.OPEN, 0, at=1, data=opens), event(TapEventKind.BYTES, 9, at=4, data=b"more")
     records = tap.read(tap.blocks(*told))
     assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == jobs
+    assert len(tap.watch.player.shadows.bench.project.instances) == 2  # type: ignore[union-attr]
     assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}] * len(jobs)
 
 

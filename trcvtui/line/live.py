@@ -497,7 +497,7 @@ class PacketStream:
         """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
         found = self._live.found
         try:
-            reader = CaptureReader(self._read, "stdin")
+            reader = CaptureReader(self._read, "stdin" if found.noted is None else "the tap")
         except UserError as none:
             if self._failed is None and self.pipe.is_stopped:
                 return []

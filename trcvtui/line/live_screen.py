@@ -45,10 +45,9 @@ def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle
     """Serve the screen with what comes; the last words say what is wrong. A tap is never silent for long."""
     from trcvtui.line.live import LivePlan
 
-    def run() -> None:
-        ShadowServer(channel, LivePlan(*asked), asked, most_idle_ns > 0).run(packets.fileno(), most_idle_ns)
-
-    serve_until_gone(channel, run)
+    serve_until_gone(
+        channel, lambda: ShadowServer(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
+    )
 
 
 class TapEnded(EngineStopped):
@@ -90,7 +89,7 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
         to, way = plan.routes[0].to, TapWay(asks.fileno())
         if plc is None and len(places) == 1 and to.kind != "serial":
             plc = end_text(to.address, to.port)
-        ShadowServer(channel, plan, (path, plc, dialect), True, way, kernel).run(way.fd)
+        ShadowServer(channel, plan, (path, plc, dialect), way, kernel).run(way.fd)
 
     serve_until_gone(channel, run)
 
@@ -149,12 +148,11 @@ class ShadowServer:
         channel: Channel,
         plan: LivePlan,
         asked: ShadowChoice,
-        is_tap: bool = False,
         way: TapWay | None = None,
         kernel: str = "capture",
     ) -> None:
         self._channel, self._screen = channel, ScreenChannel(channel)
-        self._plan, self._is_tap, self._way, self._kernel = plan, is_tap, way, kernel
+        self._plan, self._way, self._kernel = plan, way, kernel
         self._project, self._plc, _ = asked
         self._controller: Controller | None = None
         self._told: list[tuple[str, str]] = []
@@ -166,15 +164,14 @@ class ShadowServer:
         from trcvtui.line.tap_watch import TapWatch
         from trcvtui.recording.worker_process import FilesJudge
 
-        if self._is_tap:
-            order = None if self._way is None else self._way.tell
+        order, renew = (None, None) if self._way is None else (self._way.tell, self._way.renew)
+        if most_idle_ns or self._way is not None:  # a tap
             live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
         else:
             live = LiveWatch(self._plan, self._begin, self._leave)
         self._live, kept = live, KeptPackets()
         self._judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
         subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
-        renew = None if self._way is None else self._way.renew
         stream = PacketStream(
             fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, renew
         )

@@ -306,8 +306,8 @@ class TapCapture:
         elif event.kind == TapEventKind.LACK:
             told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
-            told |= {"to_connect": event.way == TO, "holds": bool(event.data), "bytes": event.at}
-            told |= {"first": event.data[1:].hex()}
+            holds, first = bool(event.data), event.data[1:].hex()
+            told |= {"to_connect": event.way == TO, "holds": holds, "bytes": event.at, "first": first}
         elif event.kind == TapEventKind.OPEN:
             kind, near, near_port, far, far_port = event.data.decode().split("|")
             ends = (near, int(near_port)), (far, int(far_port))

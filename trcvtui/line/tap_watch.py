@@ -128,6 +128,9 @@ class TapWatch(LiveWatch):
             talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
         self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
 
+    def idle(self, idle_ns: int) -> None:
+        """Do nothing: a tap tells the time itself, in its place between what passes."""
+
     def _opened(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
         """Return a conversation, and its ends as packets have them."""
         name, ((near, near_port), (far, far_port)) = self._plan.routes[note.tap].name, note.ends

@@ -130,6 +130,7 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     tap = TapService(short, "--allow-orders", "--record", str(short / "kept.pcapng"))
     observer = tap.observer()
     device, plc = tap.connect()
+    plc_end = plc.getsockname()
     device.sendall(b"one")
     assert exactly(plc, 3) == b"one"
     observer.sendall(TapOrder(0, 0, TO, "insert", (), b"!!").line() + b"9 9 9 no order\n")
@@ -145,12 +146,14 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     for packet in packets:
         (notes if reader.link_types[packet.interface] == USER0 else wire).append(packet)
     observer.close()
-    assert [json.loads(note.data)["note"] for note in notes] == ["taps", "ours"]
+    told = [json.loads(note.data) for note in notes]
+    assert [note["note"] for note in told if note["note"] != "figures"] == ["taps", "open", "ours", "end"]
+    assert told[1]["ends"][1] == list(plc_end) and told[1]["new"] and told[1]["kind"] == "tcp"
     with (short / "kept.pcapng").open("rb") as kept:
         recorded = CaptureReader(kept.read, "kept")
         pairs = (wire, reader.link_types), ([*recorded], recorded.link_types)
-    told = [events_in(some, link_types) for some, link_types in pairs]
-    assert told[0] == told[1] and b"".join(data for _, data in told[0]) == b"one!!"
+    seen = [events_in(some, link_types) for some, link_types in pairs]
+    assert seen[0] == seen[1] and b"".join(data for _, data in seen[0]) == b"one!!"
 
 
 def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(short: Path) -> None:

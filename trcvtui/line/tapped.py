@@ -12,13 +12,15 @@ import struct
 import sys
 from collections.abc import Iterator, Mapping
 from ipaddress import IPv6Address, ip_address
-from typing import Final, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
+
+from msgspec import Meta, Struct
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.os.tap_ways import ask_for_way
-from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
+from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
     FIN,
@@ -36,6 +38,9 @@ READ: Final = 1 << 18
 WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
 NOTES: Final = 1  # the interface of what the tap itself does
 NOTED: Final[dict[int, str]] = {
+    TapEventKind.OPEN: "open",
+    TapEventKind.OVER: "end",
+    TapEventKind.FIGURES: "figures",
     TapEventKind.OURS: "ours",
     TapEventKind.REFUSED: "refused",
     TapEventKind.HELD: "held",
@@ -47,6 +52,33 @@ _V6: Final = struct.Struct(">IHBB16s16s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
 _UDP: Final = struct.Struct(">HHHH").pack
 _SERIAL: Final = struct.Struct(">IIBBH").pack
+
+
+Port = Annotated[int, Meta(ge=0, le=65535)]
+
+
+class TapNote(Struct):
+    """A note as it is read; which of its fields one has, docs/fleet.md says."""
+
+    note: str
+    tap: int = 0
+    conversation: int = 0
+    to_connect: bool = True
+    text: str = ""
+    kind: Literal["tcp", "udp", "serial"] = "tcp"
+    ends: tuple[tuple[str, Port], tuple[str, Port]] = (("", 0), ("", 0))
+    new: bool = True
+    holds: bool = True
+    bytes: int = 0
+    first: str = ""
+    events: int = 0
+    round_trip_us: int = 0
+    window: int = 0
+    again: int = 0
+    waiting: int = 0
+    taps: tuple[tuple[str, str, str], ...] = ()
+    plc: str | None = None
+    dialect: str | None = None
 
 
 class TapPacket(NamedTuple):
@@ -229,9 +261,10 @@ class TapCapture:
         self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
         self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
-        self._lost = 0  # events that the tap has left out
+        self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
     def head(self, ns: int) -> bytes:
+        self._ns = ns
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
@@ -251,13 +284,13 @@ class TapCapture:
 
     def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
-        told = {"note": "lost", "events": events, "bytes": size}
+        self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
     def open(self) -> bytes:
         """Return which conversations there are."""
         return b"".join(
-            [block for event in self._open.values() for block in self._note(event._replace(at=1))]
+            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=self._ns))]
         )
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
@@ -273,8 +306,16 @@ class TapCapture:
         elif event.kind == TapEventKind.LACK:
             told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
-            told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
-        else:
+            holds, first = bool(event.data), event.data[1:].hex()
+            told |= {"to_connect": event.way == TO, "holds": holds, "bytes": event.at, "first": first}
+        elif event.kind == TapEventKind.OPEN:
+            kind, near, near_port, far, far_port = event.data.decode().split("|")
+            ends = (near, int(near_port)), (far, int(far_port))
+            told |= {"kind": kind, "ends": ends, "new": not event.at}
+        elif event.kind == TapEventKind.FIGURES:
+            figures = zip(("round_trip_us", "window", "again"), FIGURES.unpack(event.data), strict=True)
+            told |= {"to_connect": event.way == TO, **dict(figures)}
+        elif event.kind != TapEventKind.OVER:
             told |= {"to_connect": event.way == TO, "text": event.data.decode(errors="replace")}
         yield _note(event.ns, told)
 

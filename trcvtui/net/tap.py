@@ -99,7 +99,7 @@ class TapEventKind(IntEnum):
     OVER = 6  # nothing more comes of it
     OURS = 7  # an intervention, in words
     REFUSED = 8  # an order that cannot be done: why
-    NOW = 11  # a sign of life, each second
+    NOW = 11  # the time, 20 times a second: shadows go on by it, and it is a sign of life
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
     FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
     LACK = 14  # of a tap, and no conversation: `at` clients wait for a descriptor, in words

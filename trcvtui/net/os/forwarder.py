@@ -41,7 +41,8 @@ from trcvtui.wording import count
 
 MOST_SAID: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
-TICK_NS: Final = 500_000_000  # between two looks at what the stack says of the ends
+TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
+FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
 MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
 MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for the process that serves observers
 
@@ -94,12 +95,12 @@ class Forwarder(TapLoop):
                 self.obey(order)
 
     def _tell_time(self) -> None:
-        """Tell what the stack says of the ends and, half as often, the time: a sign of life."""
+        """Tell the time, by which shadows go on, and now and then what the stack says of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
-            self._tell_figures()
-            if self._ticks % 2:
-                self.tell(TapEventKind.NOW, TO, 0, 0, 0, b"")
+            if not self._ticks % FIGURES_TICKS:
+                self._tell_figures()
+            self.tell(TapEventKind.NOW, TO, 0, 0, 0, b"")
         self.after(TICK_NS, self._tell_time)
 
     def _tell_figures(self) -> None:

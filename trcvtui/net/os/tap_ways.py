@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from contextlib import suppress
 from typing import Final
@@ -92,3 +93,19 @@ def ask_for_way(fd: int) -> int:
     ours, theirs = socket.socketpair()
     theirs.close()
     return ours.detach()
+
+
+class TapWay:
+    """The way of a tap to one of its children; when the process that serves it has ended, another one."""
+
+    def __init__(self, asks: int) -> None:
+        self._asks, self.fd = asks, ask_for_way(asks)
+
+    def renew(self) -> None:
+        way = ask_for_way(self._asks)
+        os.dup2(way, self.fd)
+        os.close(way)
+
+    def tell(self, line: bytes) -> None:
+        with suppress(OSError):  # the tap has ended: soon it is said
+            os.write(self.fd, line)

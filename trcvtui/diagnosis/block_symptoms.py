@@ -21,13 +21,13 @@ from trcvtui.diagnosis.advice import advice_on
 from trcvtui.diagnosis.evidence import NOTHING_KNOWN, evidence_then
 from trcvtui.diagnosis.readings.framing_advice import advise
 from trcvtui.diagnosis.readings.proposal import FramingAdvice
-from trcvtui.diagnosis.sign import Remedy
 from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS, Symptom
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.snapshots.doctor import Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
 LINKED: Final = (BUSY | DONE | {Condition.CONNECTED, Condition.ESTABLISHED}) - {Condition.NOTHING_TO_RESET}

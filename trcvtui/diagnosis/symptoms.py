@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.cause_words import CAUSES
-from trcvtui.diagnosis.sign import Remedy
+from trcvtui.snapshots.doctor import Remedy
 
 C = Condition
 LINK_CAUSES: Final = frozenset({

@@ -25,6 +25,7 @@ from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
+from trcvtui.diagnosis.judges import RunJudge
 from trcvtui.engine.project_edits import ProjectEdits, moved
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
@@ -168,7 +169,7 @@ class Controller:
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[ConversationSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
-        self.files_judge: Judge | None = None  # of what files, or packets, tell
+        self.files_judge: Judge | None = None  # of what files, or packets, or the black box tell
         self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
@@ -261,7 +262,8 @@ class Controller:
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
                 return self._mend(command)
             case words.Doctor():
-                self._told = self._doctor.ask(self.judge or self._box(), self.bench, *self._asked, command)
+                judge = self.judge or RunJudge(self._box())
+                self._told = self._doctor.ask(judge, self.bench, *self._asked, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
@@ -343,7 +345,9 @@ class Controller:
     @property
     def judge(self) -> Judge | None:
         """Return who judges the run, None where nobody keeps it."""
-        return self.files_judge or self.black_box
+        if self.files_judge is None and self.black_box is not None:
+            self.files_judge = RunJudge(self.black_box)
+        return self.files_judge
 
     def tell_recording(self, text: str, wrong: str) -> None:
         """Let the header say how the recording goes; what is wrong stands whole in the history, once."""

@@ -112,7 +112,8 @@ class Engine:
         self._recorder = recorder
         self._controller.black_box = recorder.box if recorder is not None else None
         if recorder is not None and recorder.box is None:
-            from trcvtui.recording.worker_process import FilesJudge, newest_in
+            from trcvtui.diagnosis.judges import FilesJudge
+            from trcvtui.recording.files import newest_in
 
             self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
         self._made_at = self._worked_at = 0  # when, for pictures

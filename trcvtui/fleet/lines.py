@@ -14,7 +14,7 @@ from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.scenario.runner import cause_record
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600
@@ -239,13 +239,12 @@ class SeenBench:
         return self.lines.setdefault(name, SeenLine(name))
 
 
-def _finding_record(one: FindingSnapshot, with_payload: bool) -> dict[str, object]:
+def _finding_record(one: Finding, with_payload: bool) -> dict[str, object]:
     """Return a finding as an event has it; its evidence may have bytes of the payload."""
-    text, command, *_ = one.mends[0] if one.mends else ("", "")
-    told = f"{one.confidence:.0%} sure; {text}" if text else f"{one.confidence:.0%} sure"
+    told = "; ".join((f"{one.confidence:.0%} sure", *[mend.text for mend in one.mend[:1]]))
     made: dict[str, object] = {"cause": one.cause, "confidence": one.confidence, "text": told}
-    if command:
-        made["command"] = command
+    if one.mend and one.mend[0].command:
+        made["command"] = one.mend[0].command
     if one.scan is not None:
         made["scan"] = one.scan
     if with_payload and one.evidence:

@@ -29,8 +29,8 @@ from trcvtui.recording.journal import (
     RunBegins,
     value_of,
 )
-from trcvtui.recording.worker_process import AnswerOnItsWay, ProcessJudge
-from trcvtui.recording.writer import JUDGE_RUN, POST_NS, STATE, WriterProcess
+from trcvtui.recording.worker_process import AnswerOnItsWay
+from trcvtui.recording.writer import POST_NS, STATE, WriterProcess
 from trcvtui.wording import size_text
 
 MOST_BYTES: Final = 64 << 20
@@ -39,11 +39,10 @@ GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
 BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
 
 
-class BlackBox(ProcessJudge):
+class BlackBox:
     """A sink that keeps the newest blocks of a run."""
 
     trouble = ""  # of a run; a file that cannot be written leaves the run alone
-    looks_again = True  # what is judged goes on
 
     def __init__(self) -> None:
         import subprocess  # noqa: F401 - here, where no scan waits: 10 ms, which the first process would take
@@ -59,6 +58,7 @@ class BlackBox(ProcessJudge):
         self._since = 0  # bytes that have come since the last state was asked for
         self._state: AnswerOnItsWay | None = None
         self._state_from = 0  # scans before those of which it is
+        self._asked: dict[tuple[str, str], AnswerOnItsWay] = {}  # the last one of each kind
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -103,9 +103,7 @@ class BlackBox(ProcessJudge):
         self._block, self._entries, self._scans = BlockWriter(0), 0, 0
         if self._since > self._most // 2 and self._state is None:
             self._since = 0
-            self._state, self._state_from = AnswerOnItsWay(STATE), self._passed_scans
-            self._put_all(self._state.process)
-            self._state.process.finish()
+            self._state, self._state_from = self.answer_of(STATE), self._passed_scans
         while self._size > self._most:
             oldest = self._kept.popleft()
             self._passed += oldest.entries
@@ -129,7 +127,6 @@ class BlackBox(ProcessJudge):
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
                 self._frames += self._frame_of(content)
                 self._state = None
-        super().go_on()
         for writer in tuple(self._ending):
             writer.go_on()
             if writer.is_over:
@@ -144,15 +141,15 @@ class BlackBox(ProcessJudge):
                 return [found._replace(steps=found.steps + self._state_from)]
         return []
 
-    def judge(self) -> None:
-        """Let a process judge what is kept; `judged` has what it finds. Raise UserError."""
+    def answer_of(self, main: tuple[str, str]) -> AnswerOnItsWay:
+        """Return what a process makes of all that is kept; raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
-        if self._answer is None:
-            self._post()
-            self._answer = AnswerOnItsWay(JUDGE_RUN)
-            self._put_all(self._answer.process)
-            self._answer.process.finish()
+        self._post()
+        self._asked[main] = answer = AnswerOnItsWay(main)
+        self._put_all(answer.process)
+        answer.process.finish()
+        return answer
 
     def _tell(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
@@ -232,7 +229,7 @@ class BlackBox(ProcessJudge):
             self._recording = None
         for writer in self._ending:
             writer.close()
-        for other in filter(None, (self._state, self._answer)):
+        for other in self._asked.values():
             other.close()
         self._ending.clear()
         self._kept.clear()

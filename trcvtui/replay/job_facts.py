@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -15,9 +14,9 @@ from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStar
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
+from trcvtui.diagnosis.doctor_process import TellScan
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
-from trcvtui.diagnosis.sign import Remedy
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.kernel import PathInfo
@@ -29,6 +28,7 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf
+from trcvtui.snapshots.doctor import Remedy
 
 LARGER: Final = "larger than LEN or DATA"
 HAS_ARRIVED, PATH = GAP + ARRIVED, GAP + "path"
@@ -39,7 +39,6 @@ GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
 NOT_CALLED: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
-PassScan = Callable[[ReplayRun, int], bool]
 
 
 class _Stack:
@@ -127,13 +126,13 @@ def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def recorded_facts(
-    path: str, sets: Sequence[str] = (), is_running: bool = False, pass_scan: PassScan | None = None
+    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
 ) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
     `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
-    that goes on the pins of now count: a remedy that was applied is no fault any more. `pass_scan`
-    lets a scan pass, and is told the last one.
+    that goes on the pins of now count: a remedy that was applied is no fault any more. `tell`
+    is told each scan that passes.
     """
     try:
         recording = Recording(Path(path))
@@ -146,7 +145,12 @@ def recorded_facts(
     try:
         run = keyframes.begin()
         last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
-        scan = run.scan if pass_scan is None else partial(pass_scan, run, last)
+
+        def scan() -> bool:
+            if tell is not None:
+                tell(run.bench.runtime.scans, last)
+            return run.scan()
+
         with restored_state(run.is_restored, path):
             return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:

@@ -19,7 +19,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.doctor_requests import BenchDoctor, found
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor_process import DoctorInput, found_in_run
-from trcvtui.diagnosis.judges import JUDGE_FILES, FilesJudge
+from trcvtui.diagnosis.judges import JUDGE, FilesJudge
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
@@ -447,7 +447,7 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
 
 
 def test_a_process_that_ends_half_way_has_found_nothing() -> None:
-    answer = AnswerOnItsWay(JUDGE_FILES)
+    answer = AnswerOnItsWay(JUDGE)
     line = "reads a.pcap: 4%"
     for written, told in (
         (line.encode()[:9], ""),

@@ -18,8 +18,8 @@ from msgspec.structs import replace
 
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
-from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
-from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, find_icmp_reports, mtu
+from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, is_session
+from trcvtui.diagnosis.host_causes import OF_DOUBLE, find_icmp_reports, finding_of, mtu
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -30,7 +30,7 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
-from trcvtui.diagnosis.remedies import RemedyOffer
+from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
 from trcvtui.diagnosis.restarts import half_open, restarts_of
 from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
 from trcvtui.snapshots.doctor import Finding, Remedy
@@ -145,19 +145,6 @@ class LineCase(NamedTuple):
     is_foreign: bool = False  # of another program: it has no port of the project
 
 
-class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
-
-    `blind`: what a capture may lack so that the row cannot judge.
-    """
-
-    cause: str
-    judge: Callable[[LineCase], Finding | None]
-    silenced_by: tuple[str, ...] = ()
-    weakened_by: tuple[str, ...] = ()
-    blind: tuple[Quality, ...] = ()
-
-
 # -- building a connection -----------------------------------------------------------------------------------
 
 
@@ -177,13 +164,8 @@ def _refused(case: LineCase) -> Finding | None:
         return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
-    return Finding(
-        0.97,
-        (text, f"{times(case.group.refusals)} in this capture"),
-        way="to-plc" if line.plc_calls else "from-plc",
-        at=reset,
-        is_fact=True,
-    )
+    texts = (text, f"{times(case.group.refusals)} in this capture")
+    return Finding(0.97, texts, "to-plc" if line.plc_calls else "from-plc", reset, is_fact=True)
 
 
 def _is_turned_away(line: LineFacts) -> bool:
@@ -202,9 +184,7 @@ def _turned_away(case: LineCase) -> Finding | None:
         return None
     text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
-    return Finding(
-        0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), way="to-plc", at=at
-    )
+    return Finding(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), "to-plc", at)
 
 
 def _filtered(case: LineCase) -> Finding | None:
@@ -222,9 +202,7 @@ def _filtered(case: LineCase) -> Finding | None:
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
-        return Finding(
-            0.6, (text, "a connection between the same ends died before it"), way=_to_listener(line)
-        )
+        return Finding(0.6, (text, "a connection between the same ends died before it"), _to_listener(line))
     return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
 
 
@@ -242,9 +220,8 @@ def _second_client(case: LineCase) -> Finding | None:
         if reset is not None:
             return Finding(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
         if _filtered(case) is not None:
-            return Finding(
-                0.85, (since, f"{count(len(line.caller.syns), 'SYN')} without an answer"), way="to-plc"
-            )
+            text = f"{count(len(line.caller.syns), 'SYN')} without an answer"
+            return Finding(0.85, (since, text), "to-plc")
         return None
     ended = line.end
     if ended is not None and ended.by_plc and not line.from_plc.segments:
@@ -598,14 +575,15 @@ def _flood(case: LineCase) -> Finding | None:
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
             at = SegmentFacts(first.ns, 0, 0, first.packet)
-            return Finding(0.9, (*texts, *rate), way="to-plc", at=at)
+            return Finding(0.9, (*texts, *rate), "to-plc", at, is_remark=case.receiver is None)
     low, high = said.lowest_window, said.highest_window
     if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:
         falls = said.last_window * 3 < high or rate
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
-            return Finding(0.8, (text, *rate), way="to-plc", at=line.to_plc.writes[0])
-    return Finding(0.8, rate, way="to-plc", at=line.to_plc.writes[0]) if rate else None
+            at = line.to_plc.writes[0]
+            return Finding(0.8, (text, *rate), "to-plc", at, is_remark=case.receiver is None)
+    return Finding(0.8, rate, "to-plc", line.to_plc.writes[0]) if rate else None  # of a receiver
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
@@ -721,20 +699,8 @@ def _lives_at(line: LineFacts, ns: int) -> bool:
     return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
 
 
-def _of(
-    judge: Callable[[LineFacts, Receiver | None], Finding | None],
-) -> Callable[[LineCase], Finding | None]:
-    return lambda case: judge(case.line, case.receiver)
-
-
-def _without_receiver(
-    judge: Callable[[LineCase], Finding | None],
-) -> Callable[[LineCase], Finding | None]:
-    def weaker(case: LineCase) -> Finding | None:
-        said = judge(case)
-        return said if said is None or case.receiver is not None else replace(said, is_remark=True)
-
-    return weaker
+def _of_frames(row: CauseRule) -> Callable[[LineCase], Finding | None]:
+    return lambda case: row.judge(case.line, case.receiver)
 
 
 _NO_TIMES: Final = (Quality.CLOCK,)
@@ -746,7 +712,7 @@ _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
-    CauseRule("duplicate-ip", lambda case: double_address(case.line)),
+    CauseRule("duplicate-ip", lambda case: case.line.doubled and finding_of(case.line.doubled, ())),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("turned-away", _turned_away, ("address", "second-client")),
@@ -768,14 +734,11 @@ RULES: Final = (
     ),
     CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
     CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
-    CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("flood", _flood, (), ("plc-not-reading",), _NO_TIMES),
     CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
     CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
     CauseRule("capture-incomplete", _incomplete),
-    *(
-        CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by, (Quality.SESSION,))
-        for row in FRAME_JUDGES
-    ),
+    *(row._replace(judge=_of_frames(row), blind=(Quality.SESSION,)) for row in FRAME_JUDGES),
 )
 
 
@@ -795,17 +758,16 @@ def verdict_of(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict
     by_cause = {cause: said for cause, said in by_cause.items() if not said.is_remark}
     findings = weighed(by_cause, RULES, judge)
     if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
-        rest = [
-            replace(one, confidence=one.confidence / 2) for one in findings if one.cause != "duplicate-ip"
-        ]
-        findings = (*(one for one in findings if one.cause == "duplicate-ip"), *rest)
+        first = [one for one in findings if one.cause == "duplicate-ip"]
+        rest = [replace(one, confidence=one.confidence / 2) for one in findings if one not in first]
+        findings = (*first, *rest)
     not_judged = blind if _is_tcp(case) else {}
     return ((), [*remarks, *findings], not_judged) if case.is_foreign else (findings, remarks, not_judged)
 
 
 def weighed(
     by_cause: Mapping[str, Finding],
-    rules: Sequence[CauseRule | FrameRule],
+    rules: Sequence[CauseRule],
     judge: Callable[[Receiver], Mapping[str, Finding]],
 ) -> tuple[Finding, ...]:
     """Return the findings of what the rules say, the surest first.

@@ -20,10 +20,10 @@ from trcvtui.diagnosis.causes import LineCase, cases_of, verdict_of
 from trcvtui.diagnosis.host_causes import finding_of, host_findings
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.symptoms import Symptom, causes_of
+from trcvtui.diagnosis.symptoms import causes_of
 from trcvtui.errors import UserError, one_line
-from trcvtui.snapshots.doctor import Ends, Finding, Remedy
-from trcvtui.wording import count, json_text, times
+from trcvtui.snapshots.doctor import Ends, Finding
+from trcvtui.wording import count, json_text
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
@@ -38,26 +38,6 @@ IN_WORDS: Final = {
     NOTHING: "nothing could be judged",
 }
 NO_LINE: Final = 0  # the number of no conversation
-
-
-# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
-# `{instance}` in a remedy is the one that it is for.
-# fmt: off
-TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
-    "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-                (Remedy("keep EN_R at 1 until DONE"),
-                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
-    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
-    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
-                        (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
-                        ),
-    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
-    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
-    "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
-    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
-    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
-}
-# fmt: on
 _GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP then asks for in vain
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
@@ -82,18 +62,6 @@ class Verdict(Struct, forbid_unknown_fields=True):
         return FINDINGS if self.findings else PARTLY if self.not_judged else judged
 
 
-class JobTrouble(NamedTuple):
-    """What a program did wrong: first in which scan, when (UTC), how often."""
-
-    cause: str
-    instance: str
-    connect: str
-    scan: int
-    ns: int
-    times: int
-    mend: tuple[Remedy, ...] = ()  # in place of that of its cause
-
-
 class RecordedFacts(NamedTuple):
     """What a recording of ours knows beside its packets; `connects` as of KnownEnds.
 
@@ -105,11 +73,11 @@ class RecordedFacts(NamedTuple):
     receivers: tuple[Receiver, ...]
     connects: Mapping[tuple[int, str], str]
     harms: Mapping[str, Sequence[int]]
-    troubles: tuple[JobTrouble, ...]
+    troubles: tuple[Finding, ...]  # what its program did wrong: `at` first when (UTC), in which `scan`
     until_ns: int = 0
     lint: tuple[Finding, ...] = ()
     is_running: bool = False  # the run goes on
-    symptoms: tuple[Symptom, ...] = ()
+    symptoms: tuple[Finding, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
@@ -157,10 +125,12 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
         raise UserError(facts.troubles)
     if known is not None:
         facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
-        for line in facts.lines:
-            line.harms = known.harms.get(line.connect or "", ())
+        for each in facts.lines:
+            each.harms = known.harms.get(each.connect or "", ())
     cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
-    told = {} if known is None else _told_of(known.troubles, cases)
+    told: dict[int, list[Finding]] = {}
+    for line, one in (_with_line(each, cases) for each in (known.troubles if known is not None else ())):
+        told.setdefault(NO_LINE if line is None else line.number, []).append(one)
     is_running = known is not None and known.is_running
     verdicts = [verdict(case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
@@ -204,26 +174,14 @@ def _judge_hosts(
     return alone
 
 
-def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[Finding]]:
-    found: dict[int, list[Finding]] = {}
-    for one in troubles:
-        line = _line_of(one.connect, one.ns, cases)
-        sure, text, mends = TROUBLES[one.cause]
-        mends = one.mend or mends or remedy_of(one.cause)
-        mend = tuple([_for_instance(each, one.instance) for each in mends])
-        t_s = None if line is None else max(line.seconds(one.ns), 0.0)
-        texts = (f"{text} {times(one.times)}",)
-        made = Finding(sure, texts, instance=one.instance, mend=mend, cause=one.cause, scan=one.scan, t_s=t_s)
-        found.setdefault(NO_LINE if line is None else line.number, []).append(complete(made))
-    return found
-
-
-def _line_of(connect: str, ns: int, cases: Sequence[LineCase]) -> LineFacts | None:
-    """Return the conversation of a CONNECT at a time, or the last one before it, or the first one."""
-    lines = [case.line for case in cases if case.line.connect in (None, connect)]
+def _with_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
+    """Return the conversation of its CONNECT then, or the last one before it, or the first one; and both."""
+    ns = one.at[0] if one.at is not None else 0
+    lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
     line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
-    return line or (lines[0] if lines else None)
+    line = line or (lines[0] if lines else None)
+    return line, complete(replace(one, t_s=None if line is None else max(line.seconds(ns), 0.0)))
 
 
 def _judge_symptoms(
@@ -234,22 +192,18 @@ def _judge_symptoms(
     A symptom that nothing explains is a finding of its conversation. `told`: those without one so far.
     """
     alone, lint, new = [*told], dict[int, int](), list[tuple[LineFacts, Finding]]()
-    connects = {trouble.instance: trouble.connect for trouble in known.troubles}
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
-    places = [(case.line.connect, some, n) for case in cases for some in (of_line[case.line.number],)
-              for n in range(len(some))]  # fmt: skip
-    places += [(connects.get(row.instance, ""), alone, n) for n, row in enumerate(told)]
+    known_places = [(each.line.connect, of_line[each.line.number], n) for each in cases
+                    for n in range(len(of_line[each.line.number]))]  # fmt: skip
+    known_places += [(row.connect, alone, n) for n, row in enumerate(told)]
     for one in known.symptoms:
         causes = causes_of(one)
-        found = [
-            (some, n)
-            for connect, some, n in places
-            if some[n].cause in causes and connect in (None, one.connect)
-        ]
+        places = [each for each in known_places if each[0] in (None, one.connect)]
+        found = [(some, n) for _, some, n in places if some[n].cause in causes]
         if not found:  # what is wrong with the project shows without any traffic
             for number, each in enumerate(known.lint):
                 is_its = each.cause in causes and each.instance in ("", one.instance)
-                if is_its and (not (one.status and each.status) or one.status in each.status):
+                if is_its and (not (one.status and each.status) or one.status[0] in each.status):
                     if number not in lint:
                         lint[number] = len(alone)
                         alone.append(complete(each))
@@ -258,12 +212,7 @@ def _judge_symptoms(
             some[n] = _explaining(some[n], one)
         if found:
             continue
-        line, status = _line_of(one.connect, one.ns, cases), (one.status,) * bool(one.status)
-        t_s = None if line is None else max(line.seconds(one.ns), 0.0)
-        row = complete(Finding(
-            one.confidence, (one.text, *one.card), instance=one.instance, status=status, cause=one.cause,
-            mend=one.mend or remedy_of(one.cause), explains=(one.text,), scan=one.scan, t_s=t_s,
-        ))  # fmt: skip
+        line, row = _with_line(one, cases)
         if line is None:
             alone.append(row)
         else:
@@ -273,12 +222,12 @@ def _judge_symptoms(
     return alone
 
 
-def _explaining(found: Finding, one: Symptom) -> Finding:
-    found = replace(found, explains=(*found.explains, one.text))
-    if not one.is_of_session:
+def _explaining(found: Finding, one: Finding) -> Finding:
+    found = replace(found, explains=(*found.explains, *one.explains))
+    if not one.is_fact:
         return found
-    evidence = (*[each for each in one.card if each not in found.evidence], *found.evidence)
-    return replace(found, mend=one.mend, status=(one.status,), evidence=evidence)
+    evidence = (*[each for each in one.evidence[1:] if each not in found.evidence], *found.evidence)
+    return replace(found, mend=one.mend, status=one.status, evidence=evidence)
 
 
 def _surest_first(some: Iterable[Finding]) -> list[Finding]:
@@ -346,11 +295,6 @@ def verdict_on_project(project: Project) -> Verdict:
     return Verdict(None, _surest_first([*rows, *shown]), file=str(project.path))
 
 
-def _for_instance(mend: Remedy, instance: str) -> Remedy:
-    command, set_ = (part and part.replace("{instance}", instance) for part in (mend.command, mend.set))
-    return replace(mend, command=command, set=set_)
-
-
 def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
     """Return what a rule has found with what its cause says of it, and where its line shows it.
 
@@ -365,46 +309,30 @@ def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condi
     status = found.status or tuple([f"{words[one]:04X}" for one in leads_to if one in words])
     return replace(
         found, title=row.title, confidence=round(found.confidence, 2), t_s=t_s, packets=packets, filter=shown,
-        status=status, trial=None,
+        status=status, mend=found.mend or remedy_of(found.cause), trial=None,
     )  # fmt: skip
 
 
 def as_json(made: Verdict) -> dict[str, Any]:
     """Return a verdict as `--format json` has it: keys may be added, none is taken away or renamed."""
     findings = [
-        {
-            **_remark_as_json(one),
-            "confidence": one.confidence,
-            "status": one.status,
-            "explains": one.explains,
-            "mend": to_builtins(one.mend),
-        }
-        for one in made.findings
-    ]
+        {**_remark_as_json(one), "confidence": one.confidence, "status": one.status, "explains": one.explains,
+         "mend": to_builtins(one.mend)} for one in made.findings
+    ]  # fmt: skip
+    not_judged = [{"cause": cause, "quality": why} for cause, why in made.not_judged.items()]
     return {
-        "file": made.file,
-        "conversation": to_builtins(made.conversation),
-        "healthy": not findings,
-        "verdict": made.word,
-        "findings": findings,
-        "quality": made.quality,
-        "remarks": [*map(_remark_as_json, made.remarks)],
-        "not_judged": [{"cause": cause, "quality": why} for cause, why in made.not_judged.items()],
-    }
+        "file": made.file, "conversation": to_builtins(made.conversation), "healthy": not findings,
+        "verdict": made.word, "findings": findings, "quality": made.quality,
+        "remarks": [*map(_remark_as_json, made.remarks)], "not_judged": not_judged,
+    }  # fmt: skip
 
 
 def _remark_as_json(one: Finding) -> dict[str, Any]:
-    packet, instance = one.at[3] if one.at is not None else 0, one.instance or None
-    where = {"direction": one.way or None, "byte": one.byte, "packet": packet or None, "scan": one.scan}
-    return {
-        "cause": one.cause,
-        "title": one.title,
-        "t_s": one.t_s,
-        "where": {**where, "instance": instance},
-        "evidence": one.evidence,
-        "packets": one.packets,
-        "filter": one.filter,
-    }
+    packet = one.at[3] if one.at is not None else 0
+    where = {"direction": one.way or None, "byte": one.byte, "packet": packet or None, "scan": one.scan,
+             "instance": one.instance or None}  # fmt: skip
+    return {"cause": one.cause, "title": one.title, "t_s": one.t_s, "where": where, "evidence": one.evidence,
+            "packets": one.packets, "filter": one.filter}  # fmt: skip
 
 
 # -- all of them ---------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from msgspec import to_builtins
 from msgspec.structs import replace
@@ -36,12 +36,8 @@ MOST_TEXT: Final = 400
 TellScan = Callable[[int, int], None]  # is told the scan that passes next, and the last one
 
 
-class Recorded(Protocol):
-    """Runs a recording again (replay/job_facts.py), and returns what it knows; None: it cannot run."""
-
-    def __call__(
-        self, path: str, *, is_running: bool = False, tell: TellScan | None = None
-    ) -> RecordedFacts | None: ...
+# Runs a recording again (replay/job_facts.py), and returns what it knows; None: it cannot run.
+Recorded = Callable[..., RecordedFacts | None]
 
 
 def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None = None) -> DoctorSnapshot:
@@ -63,13 +59,12 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     )
 
 
-def _in_run(one: Finding, zero_ns: int = 0) -> Finding:
+def _in_run(one: Finding, zero_ns: int) -> Finding:
     """Return a finding with its time in the run and bounded texts, none of them twice."""
     t_ns = None if one.t_s is None else zero_ns + round(one.t_s * 1e9)
     evidence = tuple([text[:MOST_TEXT] for text in one.evidence])
-    return replace(
-        one, evidence=evidence, t_ns=t_ns, explains=tuple([t for t in one.explains if t not in evidence])
-    )
+    explains = tuple([text for text in one.explains if text not in evidence])
+    return replace(one, evidence=evidence, t_ns=t_ns, explains=explains)
 
 
 def _each_once(found: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -100,17 +95,29 @@ def _run_begins_ns(path: str) -> int:
 
 
 class DoctorInput:
-    """Takes all that is to be judged, and at the end of it writes what is found."""
+    """Takes what is asked of files, or null and a run's journal; writes what is found at the end of it."""
 
     trouble = ""
 
     def __init__(self, path: str, recorded: Recorded, load: Callable[[Path], Project]) -> None:
-        self._recorded, self._load = recorded, load
-        self._path, self._name, self._told_at, self._reads = path, "", 0, FilesRead()
+        self._path, self._recorded, self._load = path, recorded, load
+        self._name, self._told_at, self._reads, self._bytes = "", 0, FilesRead(), 0
         self._reads.how_far = self._tell_read
+        self._opened = ExitStack()
+        self._asked: Any = None
+        self._writer: RecordingWriter | None = None
 
     def take_block(self, block: bytes) -> None:
-        self._asked = json.loads(block)
+        if self._writer is not None:
+            self._bytes += len(block)
+            self._tell(f"gets the run: {self._bytes / 1e6:.1f} MB")
+            self._writer.take(entries_of([block], self._name))
+        elif (asked := json.loads(block)) is not None:
+            self._asked = asked
+        else:
+            handle, self._name = self._opened.enter_context(unnamed())
+            file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
+            self._writer = RecordingWriter(self._name, file=file)
 
     def go_on(self, until: int) -> bool:
         return False
@@ -139,30 +146,13 @@ class DoctorInput:
         self._tell(f"runs it again, scan {scan} of {last}: {scan / last:.0%}")
 
     def _found(self) -> DoctorSnapshot:
+        if self._writer is not None:
+            self._writer.close()
+            with self._opened:
+                return found_in_run(self._name, self._recorded, self._tell_scan)
         from trcvtui.diagnosis.lint import receivers_of
 
         files, plc, project, begins_ns, is_running = self._asked
         receivers = () if project is None else receivers_of(self._load(Path(project)))
         recorded = partial(self._recorded, is_running=is_running, tell=self._tell_scan)
         return found_in(files, DoctorQuestion(plc, receivers, recorded), begins_ns)
-
-
-class JudgedRun(DoctorInput):
-    """Takes the blocks of a run's journal, as `recording/black_box.py` keeps them."""
-
-    def __init__(self, path: str, recorded: Recorded, load: Callable[[Path], Project]) -> None:
-        super().__init__(path, recorded, load)
-        self._opened, self._bytes = ExitStack(), 0
-        handle, self._name = self._opened.enter_context(unnamed())
-        file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
-        self._writer = RecordingWriter(self._name, file=file)
-
-    def take_block(self, block: bytes) -> None:
-        self._bytes += len(block)
-        self._tell(f"gets the run: {self._bytes / 1e6:.1f} MB")
-        self._writer.take(entries_of([block], self._name))
-
-    def _found(self) -> DoctorSnapshot:
-        self._writer.close()
-        with self._opened:
-            return found_in_run(self._name, self._recorded, self._tell_scan)

@@ -19,7 +19,7 @@ from trcvtui.diagnosis.frame_readings import read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.message_joints import head_and_body, joined
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.remedies import NO_OFFER, RemedyOffer, finding_to_plc, frames_anew
+from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, frames_anew
 from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
 from trcvtui.diagnosis.text_forms import (
     SEND_BYTES,
@@ -39,15 +39,6 @@ SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
 MOST_FRAMES: Final = 8
 MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
-
-
-class FrameRule(NamedTuple):
-    """One row: as a CauseRule, with a judge that asks the receiver."""
-
-    cause: str
-    judge: Callable[[LineFacts, Receiver | None], Finding | None]
-    silenced_by: tuple[str, ...] = ()
-    weakened_by: tuple[str, ...] = ()
 
 
 class UsualSize(NamedTuple):
@@ -219,9 +210,8 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _means("frame-long")(line, receiver)) is not None:
             return replace(members, evidence=(text, more, *members.evidence))
-        return finding_to_plc(
-            wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual, line)
-        )
+        offer = _with_len(wanted, sizes.usual, line)
+        return finding_to_plc(wanted, sure, (text, more), _at(line.messages[0]), offer)
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -303,9 +293,8 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
         offer = _received_static(wanted, max(pairs.sizes))
         if len(pairs.sizes) > 1:
-            offer = RemedyOffer(
-                (Remedy(f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"),)
-            )
+            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"
+            offer = RemedyOffer((Remedy(text_of_two),))
         return finding_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
@@ -644,20 +633,20 @@ _EXPLAINS_DATA: Final = (
     "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
 FRAME_JUDGES: Final = (
-    FrameRule("plain-tcp", plain_tcp, _OTHER),
-    FrameRule("encoding", _encoding, _OTHER),
-    FrameRule("text", _text, _OTHER),
-    FrameRule("header", _header, (*_OTHER, *_FORMS)),
-    FrameRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
-    FrameRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
-    FrameRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
-    FrameRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
-    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
-    FrameRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
-    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
-    FrameRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
-    FrameRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
-    FrameRule("framing", _framing, (), ("line-errors",)),
-    FrameRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
-    FrameRule("odd-values", _odd, _EXPLAINS_DATA),
+    CauseRule("plain-tcp", plain_tcp, _OTHER),
+    CauseRule("encoding", _encoding, _OTHER),
+    CauseRule("text", _text, _OTHER),
+    CauseRule("header", _header, (*_OTHER, *_FORMS)),
+    CauseRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
+    CauseRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
+    CauseRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
+    CauseRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
+    CauseRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
+    CauseRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
+    CauseRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
+    CauseRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
+    CauseRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
+    CauseRule("framing", _framing, (), ("line-errors",)),
+    CauseRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
+    CauseRule("odd-values", _odd, _EXPLAINS_DATA),
 )

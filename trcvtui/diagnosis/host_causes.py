@@ -38,18 +38,14 @@ def is_service(line: LineFacts) -> bool:
     return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
 
 
-def _icmp_finding(
-    line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = ""
-) -> Finding:
+def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
     """Return what notes of ICMP prove of the way of their packets, in the words of the first one."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
     text, at = f"{first.note.text}, {times(len(some))}", SegmentFacts(first.ns, 0, 0, first.packet)
     icmp = "icmp" if len(first.note.said_by) == 4 else "icmpv6"
-    return Finding(
-        sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets, filter=icmp
-    )
+    return Finding(sure, (text, *texts), way, at, "", mends, False, sure > 0.9, packets, filter=icmp)
 
 
 def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
@@ -60,12 +56,12 @@ def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: st
         return None
     note = some[0].note
     if note.kind == "port":
-        said = _icmp_finding(line, some, 0.97, f"nothing listens on port {note.port}")
+        said = _by_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
     else:
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
         mend = f"ask who runs {router}: it forbids this" if note.kind == "admin" else no_way
-        said = replace(_icmp_finding(line, some, 0.97, mend=mend), leads_to=_NO_CALL)
+        said = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_NO_CALL)
     return _of_datagrams(line, receivers, some, said) if is_udp else said
 
 
@@ -95,7 +91,7 @@ def mtu(line: LineFacts) -> Finding | None:
     """Return that large packets do not get there, and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
-        return _icmp_finding(line, pieces, 0.95, mend=_IN_ONE_PIECE)
+        return _by_icmp(line, pieces, 0.95, mend=_IN_ONE_PIECE)
     for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = told[0].note.size if told else 0, said.stuck
@@ -103,10 +99,10 @@ def mtu(line: LineFacts) -> Finding | None:
         mend = f"let the way carry large packets, or set the MTU at both ends {to}; no cable does this"
         again = f"{stuck.size} bytes are sent again {times(said.stuck_often)}"
         if told and said.stuck_often >= 2 and stuck.size + 40 > size:
-            return _icmp_finding(line, told, 0.97, f"{again}, as large as before", mend=mend)
+            return _by_icmp(line, told, 0.97, f"{again}, as large as before", mend=mend)
         if told:  # one datagram after the other is a sender that does not hear it
             is_late = line.protocol == "udp" and len(told) > CERTAIN
-            return replace(_icmp_finding(line, told, 0.95 * is_late, mend=mend), is_remark=not is_late)
+            return replace(_by_icmp(line, told, 0.95 * is_late, mend=mend), is_remark=not is_late)
         if said.stuck_often >= 3 and stuck.size >= LARGE and _only_small_arrive(said):
             small = (
                 "smaller segments behind them arrive (SACK): large packets do not get there, small ones do"
@@ -126,11 +122,6 @@ def _only_small_arrive(said: DirectionFacts) -> bool:
 
 
 # -- addresses -----------------------------------------------------------------------------------------------
-
-
-def double_address(line: LineFacts) -> Finding | None:
-    """Return that an address of a conversation has two devices."""
-    return None if line.doubled is None else finding_of(line.doubled, ())
 
 
 def host_findings(

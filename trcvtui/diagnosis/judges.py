@@ -15,19 +15,30 @@ from trcvtui.recording.worker_process import AnswerOnItsWay
 if TYPE_CHECKING:
     from trcvtui.recording.black_box import BlackBox
 
-JUDGE_RUN: Final = ("doctor_mains", "run_main")
-JUDGE_FILES: Final = ("doctor_mains", "files_main")
+JUDGE: Final = ("job_facts", "judge_main")
+FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
     """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
 
-    judged, progress = b"", ""
+    judged, progress, looks_again = b"", "", True
     _answer: AnswerOnItsWay | None = None
 
     @property
     def is_judging(self) -> bool:
         return self._answer is not None
+
+    def judge(self) -> None:
+        if self._answer is None:
+            blocks = self._blocks()  # refused before a process begins
+            self._answer = AnswerOnItsWay(JUDGE)
+            for block in blocks:
+                self._answer.process.put(*block)
+            self._answer.process.finish()
+
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        raise NotImplementedError
 
     def go_on(self) -> None:
         if self._answer is not None:
@@ -43,34 +54,24 @@ class ProcessJudge:
 class RunJudge(ProcessJudge):
     """Judges what a black box keeps of a run that goes on."""
 
-    looks_again = True
-
     def __init__(self, box: BlackBox) -> None:
-        self.box = box
+        self._box, box.close_judge = box, self.close
 
-    def judge(self) -> None:
-        if self._answer is None:
-            self._answer = self.box.answer_of(JUDGE_RUN)
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        return [(b"null", 0), *self._box.blocks()]
 
 
 class FilesJudge(ProcessJudge):
     """Judges captures and recordings: `files` gives their names when it is asked."""
 
     def __init__(
-        self,
-        files: Callable[[], Sequence[str]],
-        plc: str | None = None,
-        project: Path | None = None,
-        looks_again: bool = False,
+        self, files: FileNames, plc: str | None = None, project: Path | None = None, looks_again: bool = False
     ) -> None:
         self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
         self.looks_again = looks_again
         self._files, self._plc = files, plc
         self._project = None if project is None else str(project)
 
-    def judge(self) -> None:
-        if self._answer is None:
-            self._answer = AnswerOnItsWay(JUDGE_FILES)
-            asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
-            self._answer.process.put(json.dumps(asked).encode())
-            self._answer.process.finish()
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
+        return [(json.dumps(asked).encode(), 0)]

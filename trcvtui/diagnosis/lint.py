@@ -353,9 +353,8 @@ def _keep_alive(project: Project) -> Iterator[Finding]:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
             usual = connect.keep_alive_default_s
             more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            yield Finding(
-                0.7, (text, *more), mend=(Remedy(f"0, which is {usual} s, or some minutes at most"),)
-            )
+            mend = Remedy(f"0, which is {usual} s, or some minutes at most")
+            yield Finding(0.7, (text, *more), mend=(mend,))
 
 
 def _adhoc_fixed(project: Project) -> Iterator[Finding]:

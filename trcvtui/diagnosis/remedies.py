@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.line_facts import SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.snapshots.doctor import Finding, Remedy
+
+
+class CauseRule(NamedTuple):
+    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
+
+    `blind`: what a capture may lack so that the row cannot judge.
+    """
+
+    cause: str
+    judge: Callable[..., Finding | None]  # is asked with a LineCase, in FRAME_JUDGES with line and receiver
+    silenced_by: tuple[str, ...] = ()
+    weakened_by: tuple[str, ...] = ()
+    blind: tuple[Quality, ...] = ()
 
 
 class RemedyOffer(NamedTuple):
@@ -24,13 +39,9 @@ NO_OFFER: Final = RemedyOffer()
 
 
 def finding_to_plc(
-    receiver: Receiver,
-    sure: float,
-    texts: tuple[str, ...],
-    at: SegmentFacts | None,
-    offer: RemedyOffer = NO_OFFER,
-    is_remark: bool = False,
-) -> Finding:
+    receiver: Receiver, sure: float, texts: tuple[str, ...], at: SegmentFacts | None,
+    offer: RemedyOffer = NO_OFFER, is_remark: bool = False,
+) -> Finding:  # fmt: skip
     """Return what speaks for a cause in what the partner says to a receiver."""
     return Finding(sure, texts, "to-plc", at, receiver.instance, offer.mend, is_remark, trial=offer)
 

@@ -71,7 +71,5 @@ def half_open(old: LineFacts, new: LineFacts) -> Finding:
         "the other end still answers for the old one, and the caller answers that with RST",
     )
     at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
-    is_fact = bool(new.listener.challenges)
-    return Finding(
-        0.95 if is_fact else 0.85, texts, "from-plc" if new.plc_calls else "to-plc", at, is_fact=is_fact
-    )
+    way, is_fact = "from-plc" if new.plc_calls else "to-plc", bool(new.listener.challenges)
+    return Finding(0.95 if is_fact else 0.85, texts, way, at, is_fact=is_fact)

@@ -208,9 +208,8 @@ def tls_refused(line: LineFacts) -> Finding | None:
         return Finding(0.8, (f"{who} ended the connection inside the TLS handshake",), at=end)
     sent = [len(body) for kind, body in asked if kind == _DATA]
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
-        return Finding(
-            0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end
-        )
+        text = f"{who} ended the connection with an encrypted alert in the handshake"
+        return Finding(0.75, (text,), at=end)
     if _is_answered_by_alert(asked, answer, line, hello):
         who = "the PLC end" if hello == "to-plc" else "the partner"
         text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"

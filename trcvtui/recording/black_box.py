@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -58,7 +58,7 @@ class BlackBox:
         self._since = 0  # bytes that have come since the last state was asked for
         self._state: AnswerOnItsWay | None = None
         self._state_from = 0  # scans before those of which it is
-        self._asked: dict[tuple[str, str], AnswerOnItsWay] = {}  # the last one of each kind
+        self.close_judge: Callable[[], object] = lambda: None
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -103,7 +103,9 @@ class BlackBox:
         self._block, self._entries, self._scans = BlockWriter(0), 0, 0
         if self._since > self._most // 2 and self._state is None:
             self._since = 0
-            self._state, self._state_from = self.answer_of(STATE), self._passed_scans
+            self._state, self._state_from = AnswerOnItsWay(STATE), self._passed_scans
+            self._put_all(self._state.process)
+            self._state.process.finish()
         while self._size > self._most:
             oldest = self._kept.popleft()
             self._passed += oldest.entries
@@ -141,16 +143,6 @@ class BlackBox:
                 return [found._replace(steps=found.steps + self._state_from)]
         return []
 
-    def answer_of(self, main: tuple[str, str]) -> AnswerOnItsWay:
-        """Return what a process makes of all that is kept; raise UserError."""
-        if self._why_off:
-            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
-        self._post()
-        self._asked[main] = answer = AnswerOnItsWay(main)
-        self._put_all(answer.process)
-        answer.process.finish()
-        return answer
-
     def _tell(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
 
@@ -162,12 +154,19 @@ class BlackBox:
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
             raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
-        self._post()
         writer = WriterProcess(path, RecordTo(path), waits=False)
         self._put_all(writer)
         return writer
 
     def _put_all(self, writer: WriterProcess) -> None:
+        for block in self.blocks():
+            writer.put(*block)
+
+    def blocks(self) -> list[tuple[bytes, int]]:
+        """Return all that is kept as blocks, each with the number of its entries; raise UserError."""
+        if self._why_off:
+            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
+        self._post()
         first = BlockWriter(0)
         if self._begins is not None:
             first.take(self._begins)
@@ -176,9 +175,7 @@ class BlackBox:
             for frame in self._frames:
                 if frame.scan > self._passed_scans:
                     first.take(frame._replace(steps=frame.steps - self._passed_scans))
-        writer.put(first.block())
-        for old in self._kept:
-            writer.put(old.block, old.entries)
+        return [(first.block(), 0), *((old.block, old.entries) for old in self._kept)]
 
     def save(self, path: Path) -> str:
         """Write what is kept into a new file; return what to tell; raise UserError."""
@@ -229,8 +226,9 @@ class BlackBox:
             self._recording = None
         for writer in self._ending:
             writer.close()
-        for other in self._asked.values():
-            other.close()
+        if self._state is not None:
+            self._state.close()
+        self.close_judge()
         self._ending.clear()
         self._kept.clear()
 

@@ -22,9 +22,19 @@ def finding(cause: str, confidence: float, **more: Any) -> Finding:
 
 
 AT_4 = 510_000_000, 4, 8, 1
+TITLE = "messages are shorter than a job waits for"
 LEN_20 = Remedy("LEN 20", "set TRCV_C_1 LEN=20", "instance.TRCV_C_1.LEN=20")
 FOUND = [
-    finding("frame-short", 0.9, instance="TRCV_C_1", way="to-plc", at=AT_4, t_ns=510_000_000, mend=(LEN_20,)),
+    finding(
+        "frame-short",
+        0.9,
+        instance="TRCV_C_1",
+        way="to-plc",
+        at=AT_4,
+        t_ns=510_000_000,
+        mend=(LEN_20,),
+        title=TITLE,
+    ),
     finding("shifted", 0.7, instance="TRCV_C_1", scan=60),
     finding("refused", 0.6, instance="OTHER"),
 ]

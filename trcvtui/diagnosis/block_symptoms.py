@@ -145,17 +145,15 @@ class BlockSymptoms:
         text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
         is_tls = is_session and Condition(edge.condition).name.startswith("TLS_")
         found = self._finding(
-            name, "tls-refused" if is_tls else "block-error", text, t_ns, card.causes, connect=connect,
-            scan=scan, status=(word,), mend=tuple([Remedy(text) for text in checks]),
+            name, "tls-refused" if is_tls else "block-error", text, t_ns, connect=connect, scan=scan,
+            evidence=(text, *card.causes), status=(word,), mend=tuple([Remedy(each) for each in checks]),
             is_fact=is_session and bool(card.do), leads_to=(Condition(edge.condition),),
         )  # fmt: skip
         return self._by_framing(found) if edge.condition in OVERRUNS else found
 
-    def _finding(
-        self, name: str, cause: str, text: str, t_ns: int, card: tuple[str, ...] = (), **more: Any
-    ) -> Finding:
+    def _finding(self, name: str, cause: str, text: str, t_ns: int, **more: Any) -> Finding:
         at, scan = (self._wall_ns + t_ns, 0, 0, 0), t_ns // self._bench.runtime.interval_ns + 1
-        made = Finding(FACT, (text, *card), "", at, name, cause=cause, explains=(text,), scan=scan)
+        made = Finding(FACT, (text,), "", at, name, cause=cause, explains=(text,), scan=scan)
         return replace(made, **more)
 
     def _by_framing(self, found: Finding) -> Finding:
@@ -206,8 +204,8 @@ class BlockSymptoms:
         here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
         text = f"{here}, and none came for {duration(quiet)}"
         sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
-        found = self._finding(shown.name, "job-waits", text, last, connect=shown.connect)
-        yield replace(found, confidence=sure, mend=self._begin_anew(shown))
+        more = {"connect": shown.connect, "confidence": sure, "mend": self._begin_anew(shown)}
+        yield self._finding(shown.name, "job-waits", text, last, **more)
 
     def _begin_anew(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
         """Return COM_RST for a job that wants another length than the next one will."""

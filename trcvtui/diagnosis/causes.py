@@ -17,7 +17,6 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.capture.quality import Quality
-from trcvtui.diagnosis.cause_words import remedy_of
 from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, is_session
 from trcvtui.diagnosis.host_causes import OF_DOUBLE, find_icmp_reports, finding_of, mtu
 from trcvtui.diagnosis.line_facts import (
@@ -468,11 +467,6 @@ def _probed_in_vain(case: LineCase) -> Finding | None:
     return odd
 
 
-def _half_open(case: LineCase) -> Finding | None:
-    new = case.group.restarts.get(case.line)
-    return None if new is None else half_open(case.line, new)
-
-
 def _no_keep_alive(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
@@ -721,7 +715,7 @@ RULES: Final = (
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
     CauseRule("line-errors", lambda case: line_errors(case.line)),
     CauseRule("closes-each-message", _closes, _REFUSED),
-    CauseRule("half-open", _half_open, blind=_NO_TIMES),
+    CauseRule("half-open", lambda case: half_open(case.line, case.group.restarts), blind=_NO_TIMES),
     CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES),
     CauseRule("no-keep-alive", _no_keep_alive, ("half-open",), blind=_NO_WAY_BACK),
     CauseRule("mtu", lambda case: mtu(case.line), blind=_NO_TIMES),
@@ -789,7 +783,6 @@ def weighed(
             is_tried = rule.cause not in after <= by_cause.keys()
             mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else said.trial.otherwise
         sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
-        mend = mend or remedy_of(rule.cause)
         found.append((said.confidence, replace(said, confidence=sure, cause=rule.cause, mend=mend)))
     found.sort(key=lambda each: (-each[1].confidence, -each[0]))
     return tuple([one for _, one in found])

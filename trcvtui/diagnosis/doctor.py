@@ -223,11 +223,9 @@ def _judge_symptoms(
 
 
 def _explaining(found: Finding, one: Finding) -> Finding:
-    found = replace(found, explains=(*found.explains, *one.explains))
-    if not one.is_fact:
-        return found
     evidence = (*[each for each in one.evidence[1:] if each not in found.evidence], *found.evidence)
-    return replace(found, mend=one.mend, status=one.status, evidence=evidence)
+    better = {"mend": one.mend, "status": one.status, "evidence": evidence} if one.is_fact else {}
+    return replace(found, explains=(*found.explains, *one.explains), **better)
 
 
 def _surest_first(some: Iterable[Finding]) -> list[Finding]:

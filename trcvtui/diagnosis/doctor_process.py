@@ -34,10 +34,7 @@ if TYPE_CHECKING:
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
 TellScan = Callable[[int, int], None]  # is told the scan that passes next, and the last one
-
-
-# Runs a recording again (replay/job_facts.py), and returns what it knows; None: it cannot run.
-Recorded = Callable[..., RecordedFacts | None]
+Recorded = Callable[..., RecordedFacts | None]  # runs a recording again (replay/job_facts.py)
 
 
 def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None = None) -> DoctorSnapshot:
@@ -46,7 +43,9 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     qualities, conversations = Counter[str](), 0
     for path in paths:
         verdicts, _, _ = judge(path, asked)
-        zero_ns = _first_packet_ns(path) - (_run_begins_ns(path) if begins_ns is None else begins_ns)
+        first_ns, run = _first_packet_ns(path), begin_of_run(path)
+        run_ns = first_ns if run is None else run.wall_ns
+        zero_ns = first_ns - (run_ns if begins_ns is None else begins_ns)
         for verdict in verdicts:
             conversations += verdict.conversation is not None
             qualities.update(verdict.quality)
@@ -87,11 +86,6 @@ def found_in_run(path: str, recorded: Recorded, tell: TellScan | None = None) ->
 def _first_packet_ns(path: str) -> int:
     with open_capture(path) as reader:
         return next((packet.ns for packet in reader), 0)
-
-
-def _run_begins_ns(path: str) -> int:
-    begins = begin_of_run(path)
-    return begins.wall_ns if begins is not None else _first_packet_ns(path)
 
 
 class DoctorInput:

@@ -67,11 +67,10 @@ def _only_receivers(project: Project) -> list[str]:
 
 
 def _counts(one: Finding, project: Project, partners: set[object]) -> bool:
-    (condition,) = one.leads_to or (None,)
-    if condition is None or condition in UNASKED:
+    if not one.leads_to or one.leads_to[0] in UNASKED:
         return False
     config = project.connect(one.connect)
     has_partner = config is not None and (
         f"@{config.name}" in partners or str(config.remote_port).startswith("@")
     )
-    return condition not in LINK_ERRORS or has_partner
+    return one.leads_to[0] not in LINK_ERRORS or has_partner

@@ -276,18 +276,14 @@ def _of_opener(
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
     calls = {f"@{connect.name}"}
     peers = [each for each in project.peers if not each.udp]
-    if connect.active and isinstance(connect.remote_port, str):
-        wanted = project.peer(connect.remote_port[1:])
-        if wanted is not None and wanted.active:
-            text = f"{connect.name} and {wanted.name} are both active: nobody listens"
+    if connect.active:
+        port, callers = connect.remote_port, [each for each in peers if each.end in calls]
+        named = [project.peer(port[1:])] if isinstance(port, str) else callers
+        for each in [each for each in named if each is not None and each.active][:1]:
+            text = f"{connect.name} and {each.name} are both active: nobody listens"
             yield Finding(0.95, (text,), mend=(Remedy("make one of them passive"),))
-    elif connect.active and any(each.active and each.end in calls for each in peers):
-        name = next(each.name for each in peers if each.active and each.end in calls)
-        text = f"{connect.name} and {name} are both active: nobody listens"
-        yield Finding(0.95, (text,), mend=(Remedy("make one of them passive"),))
     elif (
-        not connect.active
-        and connect.remote_port
+        connect.remote_port
         and len(project.connects) == 1
         and peers
         and not any(each.active for each in peers)
@@ -386,14 +382,9 @@ def _short_len(project: Project) -> Iterator[Finding]:
 
 
 LINT_RULES: Final[tuple[tuple[str, Callable[[Project], Iterator[Finding]]], ...]] = (
-    ("limits", _limits),
-    ("address", _address),
-    ("limits", _one_id_twice),
-    ("address", _one_port_twice),
-    ("no-keep-alive", _keep_alive),
-    ("adhoc-splits", _adhoc_fixed),
-    ("members-unwritten", _short_len),
-)
+    ("limits", _limits), ("address", _address), ("limits", _one_id_twice), ("address", _one_port_twice),
+    ("no-keep-alive", _keep_alive), ("adhoc-splits", _adhoc_fixed), ("members-unwritten", _short_len),
+)  # fmt: skip
 
 
 # -- the partner's sample bytes ------------------------------------------------------------------------------

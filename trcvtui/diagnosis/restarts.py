@@ -62,7 +62,9 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
     return is_silent and is_answer and old.first_ns < new.first_ns
 
 
-def half_open(old: LineFacts, new: LineFacts) -> Finding:
+def half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> Finding | None:
+    if (new := restarts.get(old)) is None:
+        return None
     who = "the PLC end" if new.plc_calls else "the partner"
     before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
     silence = duration(new.first_ns - max(before, default=old.first_ns))

@@ -169,7 +169,7 @@ class Controller:
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[ConversationSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
-        self.files_judge: Judge | None = None  # of what files, or packets, or the black box tell
+        self.files_judge: Judge | None = None  # of what files, packets, or the black box tell
         self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
@@ -262,7 +262,7 @@ class Controller:
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
                 return self._mend(command)
             case words.Doctor():
-                judge = self.judge or RunJudge(self._box())
+                judge = self.files_judge or RunJudge(self._box())
                 self._told = self._doctor.ask(judge, self.bench, *self._asked, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
@@ -341,13 +341,6 @@ class Controller:
         stem = self.bench.project.path.stem or "recording"
         self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
         return ""
-
-    @property
-    def judge(self) -> Judge | None:
-        """Return who judges the run, None where nobody keeps it."""
-        if self.files_judge is None and self.black_box is not None:
-            self.files_judge = RunJudge(self.black_box)
-        return self.files_judge
 
     def tell_recording(self, text: str, wrong: str) -> None:
         """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
@@ -499,7 +492,7 @@ class Controller:
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
         data_of, partial_of = (request.data, request.partial_of) if known else ((), ())
-        self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
+        self._answers.extend(self._doctor.go_on(self.files_judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:
             self.complain(internal)

@@ -280,14 +280,12 @@ def _firsts(asked: DescribedConnect) -> bytes:
 
 def narrow_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return what an S7-1200 alone has against a local T-selector (S7-1200 System Manual)."""
+    text = ""
     if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
-        return DescriptionFlaw(
-            Flaw.TSAP, "LocalTSelector", f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
-        )
-    if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
+        text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
+    elif any(not 0x20 <= byte < 0x7F for byte in local[2:]):
         text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
-        return DescriptionFlaw(Flaw.TSAP, "LocalTSelector", text)
-    return None
+    return DescriptionFlaw(Flaw.TSAP, "LocalTSelector", text) if text else None
 
 
 def _selector_length(description: Description, name: str) -> int:

@@ -50,7 +50,6 @@ class Explainer:
         if picture is None or not picture.doctor.findings:
             return "", DoLine("")
         from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
-        from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
             remedy = f"{one.mend[0].text}. " if one.mend else ""
@@ -61,7 +60,7 @@ class Explainer:
             lines = tuple([mend.command for mend in steps if mend.command and is_whole])
             needs_trial = not all(mend.tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
             do = DoLine(f"{remedy}`J` shows the evidence", lines, needs_trial)
-            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", do
+            return f"{one.title} ({one.cause}, {sure})", do
         return "", DoLine("")
 
     def offer(self) -> Offer | None:

@@ -260,8 +260,8 @@ def test_of_a_damaged_keyframe_one_line_is_told(tmp_path: Path, capsys: pytest.C
 
 
 def test_a_state_of_an_older_version_calls_a_flaw_a_finding() -> None:
-    old = namedtuple("Finding", DescriptionFlaw._fields, module=DescriptionFlaw.__module__)
-    state = state_of(old(Flaw.TSAP, "LocalTSelector", "it is empty"), Shared(()))
+    Finding = namedtuple("Finding", ["flaw", "field", "text"], module=DescriptionFlaw.__module__)
+    state = state_of(Finding(Flaw.TSAP, "LocalTSelector", "it is empty"), Shared(()))
     flaw = from_state(state, Shared(()), "R")
     assert type(flaw) is DescriptionFlaw and flaw.flaw is Flaw.TSAP and flaw.text == "it is empty"
 

@@ -45,7 +45,7 @@ LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 BY_BYTES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
 
 
-class Verdict(Struct, forbid_unknown_fields=True):
+class LineVerdict(Struct, forbid_unknown_fields=True):
     """What is said of one conversation; None: of all of a file, or of a project."""
 
     conversation: Ends | None
@@ -110,7 +110,7 @@ def receiver_of_type(layout: Layout, sender: str = "") -> Receiver:
 # -- one capture ---------------------------------------------------------------------------------------------
 
 
-def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], float]:
+def judge(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
     """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
     given = None if asked.plc is None else parse_plc(asked.plc)
     known = None if asked.recorded is None else asked.recorded(path)
@@ -139,9 +139,9 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     else:
         alone = _judge_hosts(facts, asked, given, cases, verdicts)
     if alone:
-        verdicts.append(Verdict(None, _surest_first(alone)))
+        verdicts.append(LineVerdict(None, _surest_first(alone)))
     if not verdicts:  # the run of a recording was judged all the same
-        verdicts.append(Verdict(None, [], is_judged=known is not None))
+        verdicts.append(LineVerdict(None, [], is_judged=known is not None))
     for made in verdicts:
         made.findings = [replace(one, ends=made.conversation) for one in made.findings]
         made.remarks = [replace(one, ends=made.conversation) for one in made.remarks]
@@ -151,10 +151,10 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
 
 def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
-    verdicts: Sequence[Verdict],
+    verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
     """Return the findings of hosts that no conversation has; write the remarks into one of their ends."""
-    alone, of_host = [], dict[bytes, list[tuple[LineFacts, Verdict]]]()
+    alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
             of_host.setdefault(host, []).append((case.line, made))
@@ -185,7 +185,7 @@ def _with_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | Non
 
 
 def _judge_symptoms(
-    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict], told: list[Finding]
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[LineVerdict], told: list[Finding]
 ) -> list[Finding]:
     """Write into each finding which symptoms it explains; return all findings that have no conversation.
 
@@ -243,7 +243,7 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
     return found
 
 
-def verdict(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> Verdict:
+def verdict(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
     """Return the verdict on one conversation; `told`: what the program did, too.
 
     In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
@@ -260,7 +260,7 @@ def verdict(case: LineCase, told: Sequence[Finding] = (), is_running: bool = Fal
     # What frames look like that the program has shifted is no cause of its own.
     like = LIKE_SHIFTED if any(one.cause == "shifted" for one in told) else ()
     rows = [complete(one, line, words) for one in found if one.cause not in like]
-    return Verdict(
+    return LineVerdict(
         Ends(line.plc, line.partner, line.protocol),
         _surest_first(_merged(told, rows)) if told else rows,
         sorted(line.qualities),
@@ -281,7 +281,7 @@ def _merged(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
     return [*alone, *found]
 
 
-def verdict_on_project(project: Project) -> Verdict:
+def verdict_on_project(project: Project) -> LineVerdict:
     """Return what is wrong with a project before it runs: by its text, and by a dry run of three seconds."""
     from trcvtui.diagnosis.dry_run import refusals
     from trcvtui.diagnosis.lint import lint
@@ -290,7 +290,7 @@ def verdict_on_project(project: Project) -> Verdict:
     shown = _judge_symptoms(known, [], [], [])
     told = {(one.cause, one.evidence) for one in shown}
     rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in told]
-    return Verdict(None, _surest_first([*rows, *shown]), file=str(project.path))
+    return LineVerdict(None, _surest_first([*rows, *shown]), file=str(project.path))
 
 
 def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
@@ -311,7 +311,7 @@ def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condi
     )  # fmt: skip
 
 
-def as_json(made: Verdict) -> dict[str, Any]:
+def as_json(made: LineVerdict) -> dict[str, Any]:
     """Return a verdict as `--format json` has it: keys may be added, none is taken away or renamed."""
     findings = [
         {**_remark_as_json(one), "confidence": one.confidence, "status": one.status, "explains": one.explains,
@@ -341,7 +341,7 @@ def doctor(
     asked: DoctorQuestion,
     form: str,
     jobs: int,
-    before: Iterable[Verdict] = (),
+    before: Iterable[LineVerdict] = (),
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
@@ -386,7 +386,7 @@ class _Total:
         self.hours = 0.0
         self.causes: Counter[str] = Counter()
 
-    def add(self, made: Verdict) -> None:
+    def add(self, made: LineVerdict) -> None:
         self.conversations += made.conversation is not None
         self.judged += made.is_judged
         self.causes.update({one.cause for one in made.findings})
@@ -399,7 +399,7 @@ class _Total:
         )
 
 
-Answer = tuple[list[Verdict], list[str], float]
+Answer = tuple[list[LineVerdict], list[str], float]
 
 
 def _answers(
@@ -425,7 +425,7 @@ def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
         return error
 
 
-def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, is_first: bool) -> bool:
+def _write(write: Callable[[str], object], made: Sequence[LineVerdict], form: str, is_first: bool) -> bool:
     if form == "text":
         write("".join(f"{one_line(text)}\n" for text in _texts(made)))
         return False
@@ -440,7 +440,7 @@ MARK: Final = "    "
 MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
-def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
+def _texts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
     groups: dict[object, tuple[Finding, list[str]]] = {}
     for made in verdicts:
         for one in made.findings:
@@ -471,7 +471,7 @@ def same_finding(one: Finding) -> tuple[object, ...]:
     return one.cause, *one.status, one.way, one.instance, min(ports, default=0)
 
 
-def _ends_text(made: Verdict) -> list[str]:
+def _ends_text(made: LineVerdict) -> list[str]:
     return [f"{made.conversation.protocol} {made.conversation}"] if made.conversation is not None else []
 
 
@@ -489,7 +489,7 @@ def _finding_texts(one: Finding) -> Iterator[str]:
     yield from (MARK + mend.line for mend in one.mend)
 
 
-def _notes(some: Sequence[Verdict]) -> Iterator[str]:
+def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:
     remarks = Counter(f"{one.cause}: {''.join(one.evidence[-1:])}" for made in some for one in made.remarks)
     yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
                 remarks.most_common(MOST_LINES))  # fmt: skip

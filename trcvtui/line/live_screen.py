@@ -18,12 +18,12 @@ from trcvtui.snapshots.bench import EngineTiming
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
+    from trcvtui.diagnosis.judges import FilesJudge
     from trcvtui.engine.controller import Controller
     from trcvtui.line.capture_player import CapturePlayer
     from trcvtui.line.live import LivePlan, LiveWatch
     from trcvtui.line.shadows import ShadowChoice, ShadowPlan
     from trcvtui.plc.ledger import StatusEdge
-    from trcvtui.recording.worker_process import FilesJudge
 
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
@@ -167,8 +167,8 @@ class _PipeServed(ServedShadows):
         self._live: LiveWatch | None = None
 
     def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
+        from trcvtui.diagnosis.judges import FilesJudge
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
-        from trcvtui.recording.worker_process import FilesJudge
 
         live = self._live = LiveWatch(self._plan, self._begin, self._leave)
         kept = KeptPackets()

@@ -74,11 +74,11 @@ class _TapServed(ServedShadows):
 
     def run(self, fd: int, asked: TapChoice, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
+        from trcvtui.diagnosis.judges import FilesJudge
         from trcvtui.line.live import KeptPackets
         from trcvtui.line.tap_observer import TapObserver, asked_plan
         from trcvtui.line.tapped import TapPackets
         from trcvtui.net.tap import events_of
-        from trcvtui.recording.worker_process import FilesJudge
 
         places, project, plc, dialect = asked
         plan = asked_plan(places, project, plc, dialect)

@@ -17,9 +17,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from tests.diagnosis.doctor_cases import verdicts_of
 from tests.diagnosis.mutations import JUMPED, MUTATIONS, Mutation, Subject, subject_of, write_capture
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 
 ROOT = Path(__file__).parents[2]
 GIVEN = Path(os.environ.get("TRCVTUI_CAPTURE_CORPUS", ROOT / "../shared/corpus/captures"))
@@ -74,7 +74,7 @@ def given_captures() -> list[Given]:
 
 def told_in(path: Path) -> tuple[Found, Found, list[dict[str, Any]]]:
     """Return all findings in a capture, all remarks, and its verdicts."""
-    verdicts = judge(str(path), DoctorQuestion())[0]
+    verdicts = verdicts_of(path)
     findings, remarks = [[one for each in verdicts for one in each[key]] for key in ("findings", "remarks")]
     return findings, remarks, verdicts
 

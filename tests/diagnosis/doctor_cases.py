@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import random
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from tests.recording.wire import ACK, FIN, PSH, RST, SYN, tcp, udp
 from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
+from trcvtui.diagnosis.doctor import DoctorQuestion, as_json, judge
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
+from trcvtui.wording import json_text
 
 MSS = 1460
 MS = 1_000_000
@@ -918,3 +923,11 @@ def healthy(seeds: range) -> Iterator[Built]:
     for seed in seeds:
         for make in HEALTHY:
             yield built("", make, make.__name__, seed)
+
+
+Verdicts = list[dict[str, Any]]  # as JSON has them
+
+
+def verdicts_of(path: Path, plc: str | None = None, receivers: tuple[Receiver, ...] = ()) -> Verdicts:
+    verdicts, _, _ = judge(str(path), DoctorQuestion(plc, receivers))
+    return [json.loads(json_text(as_json(one))) for one in verdicts]

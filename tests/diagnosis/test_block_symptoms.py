@@ -53,9 +53,10 @@ def test_an_error_counts_where_it_stands_or_comes_again(
     symptoms = BlockSymptoms(bench, 0)
     for scan, condition in enumerate(conditions, 1):
         symptoms.take(scan, scan * 10**7, shown(bench, condition, done=condition is Condition.RECEIVED))
-    texts = [one.text for one in symptoms.found(is_running=False)]
+    found_now = symptoms.found(is_running=False)
+    texts = [one.explains[0] for one in found_now]
     assert [text.split(" showed ")[1].split(":")[0] for text in texts] == found
-    assert all(one.status == "80A0" and one.mend for one in symptoms.found(is_running=False))
+    assert all(one.status == ("80A0",) and one.mend for one in found_now)
 
 
 def test_an_error_that_is_expected_is_none(bench: Bench) -> None:
@@ -71,4 +72,4 @@ def test_an_error_of_a_handshake_has_the_words_of_the_library(bench: Bench) -> N
     symptoms.take(1, 0, BenchNote(bench.project.instances[0].connect, ENDED, words))
     symptoms.take(1, 0, shown(bench, Condition.TLS_HANDSHAKE, HANDSHAKE))
     (found,) = symptoms.found(is_running=False)
-    assert found.text.endswith(words)
+    assert found.explains[0].endswith(words)

@@ -25,10 +25,11 @@ from tests.diagnosis.doctor_cases import (
     built,
     record,
     talk,
+    verdicts_of,
 )
 from tests.recording.wire import ACK, PLC, RST, SYN, capture, serial_line, tcp
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
+from trcvtui.diagnosis.doctor import DoctorQuestion
 from trcvtui.diagnosis.doctor import doctor as run_doctor
 from trcvtui.diagnosis.receiver import Receiver
 
@@ -39,7 +40,7 @@ def found_in(made: Built, folder: Path) -> list[dict[str, Any]]:
     """Return the findings of all conversations, the surest of each cause, the best first."""
     path = folder / "case.pcapng"
     path.write_bytes(made.file(80 if made.what == "cut" else 0))
-    verdicts, _, _ = judge(str(path), DoctorQuestion(made.plc, (made.receiver,) if made.receiver else ()))
+    verdicts = verdicts_of(path, made.plc, (made.receiver,) if made.receiver else ())
     assert all(one["healthy"] == (one["findings"] == []) for one in verdicts)
     best: dict[str, dict[str, Any]] = {}
     for finding in (finding for one in verdicts for finding in one["findings"]):
@@ -172,10 +173,10 @@ def test_with_a_type_the_end_that_receives_alone_is_the_plc(tmp_path: Path) -> N
     talk(r, wire, Telegrams(r, 20), 10, S, "alone")
     path = tmp_path / "c.pcapng"
     path.write_bytes(made.file())
-    (one,), _, _ = judge(str(path), DoctorQuestion(None, (Receiver("", "", 24),)))
+    (one,) = verdicts_of(path, receivers=(Receiver("", "", 24),))
     assert one["conversation"]["plc"].startswith("10.0.0.5:")
     assert one["findings"][0]["cause"] == "frame-short"
-    (one,), _, _ = judge(str(path), DoctorQuestion(None, (Receiver("", "", 20),)))
+    (one,) = verdicts_of(path, receivers=(Receiver("", "", 20),))
     assert one["healthy"]
 
 
@@ -193,7 +194,7 @@ def test_a_call_that_comes_again_after_its_refusal_counts_again(
     ]
     path = tmp_path / "c.pcapng"
     path.write_bytes(capture([packet for call in calls for packet in call], step_ns=250_000_000))
-    found = judge(str(path), DoctorQuestion())[0][0]["findings"]
+    found = verdicts_of(path)[0]["findings"]
     assert [(one["cause"], one["evidence"][1]) for one in found] == [("refused", "3 times in this capture")]
 
 

@@ -10,9 +10,20 @@ from typing import Any
 
 import pytest
 
-from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, cotp, record, static, talk
+from tests.diagnosis.doctor_cases import (
+    MS,
+    Built,
+    S,
+    Telegrams,
+    Wire,
+    begin,
+    cotp,
+    record,
+    static,
+    talk,
+    verdicts_of,
+)
 from tests.recording.wire import ACK, PSH
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.receiver import Receiver
 
 Say = Callable[[Random, Built], None]
@@ -24,7 +35,7 @@ def verdicts_on(say: Say, folder: Path, *receivers: Receiver) -> list[dict[str, 
     say(Random(58), made)
     path = folder / "case.pcapng"
     path.write_bytes(made.file())
-    return judge(str(path), DoctorQuestion(None, receivers))[0]
+    return verdicts_of(path, receivers=receivers)
 
 
 def causes(verdicts: list[dict[str, Any]], key: str = "findings") -> list[str]:

@@ -30,9 +30,9 @@ from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.handshake import why_it_failed
 from trcvtui.diagnosis.job import Sentence
-from trcvtui.diagnosis.symptoms import Symptom
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.layer import TlsError
+from trcvtui.snapshots.doctor import Finding
 
 pytestmark = NEEDS_OPENSSL
 OLD = "-tls1_1 -cipher ALL:@SECLEVEL=0"
@@ -56,7 +56,7 @@ HANDSHAKES = {
 }
 
 
-def symptom_of(folder: Path, connect: str, more: str, code: str) -> Symptom:
+def symptom_of(folder: Path, connect: str, more: str, code: str) -> Finding:
     with ExitStack() as opened:
         if connect is SERVER:
             desk = opened.enter_context(desk_of(folder, connect))
@@ -77,8 +77,8 @@ def test_each_handshake_has_its_own_cause_and_remedy(secure_bench: Path) -> None
     said = []
     for case, (connect, more, code) in HANDSHAKES.items():
         found = symptom_of(secure_bench, connect, more, code)
-        assert (found.cause, found.is_of_session) == ("tls-refused", True), case
-        texts = [f"- {text}" for text in found.card] + [f"> {mend.text}" for mend in found.mend]
+        assert (found.cause, found.is_fact) == ("tls-refused", True), case
+        texts = [f"- {text}" for text in found.evidence[1:]] + [f"> {mend.text}" for mend in found.mend]
         said.append((case, [re.sub(r"127\.0\.0\.1:\d+", "PARTNER", text) for text in texts]))
     golden.agree("doctor", "handshakes", said)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, talk
+from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, talk, verdicts_of
 from tests.diagnosis.make_host_captures import EXPECTED, ZIP
 from tests.recording.wire import ACK, PSH, RST, SYN, ip, tcp, udp
 from trcvtui.blocks.conditions import Condition
@@ -21,7 +21,6 @@ from trcvtui.capture.hosts import MOST_ADDRESSES, MOST_NOTES, HostNotes, note_of
 from trcvtui.capture.packets import MOST_FRAGMENTS, Fragment, Fragments
 from trcvtui.capture.pcap import ETHERNET, interface_block, packet_block, section_block
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.receiver import Receiver
 
 A, B, C = (bytes((2, 0, 0, 0, 0, n)) for n in (0x0A, 0x0B, 0x0C))
@@ -74,7 +73,7 @@ class Net:
 
     def judge(self, folder: Path, *receivers: Receiver, vlan: bytes = b"") -> list[dict[str, Any]]:
         (folder / "net.pcapng").write_bytes(self.file(vlan))
-        return judge(str(folder / "net.pcapng"), DoctorQuestion(None, receivers))[0]
+        return verdicts_of(folder / "net.pcapng", receivers=receivers)
 
 
 def found(verdicts: list[dict[str, Any]], key: str = "findings") -> list[str]:
@@ -577,4 +576,4 @@ def test_notes_of_one_conversation_are_bounded(tmp_path: Path) -> None:
 def test_captures_of_real_stacks_have_the_one_cause_that_was_made(name: str, tmp_path: Path) -> None:
     with zipfile.ZipFile(ZIP) as kept:
         path = kept.extract(f"{name}.pcapng", tmp_path)
-    assert {*found(judge(path, DoctorQuestion())[0])} == {*filter(None, [EXPECTED[name]])}
+    assert {*found(verdicts_of(Path(path)))} == {*filter(None, [EXPECTED[name]])}

@@ -18,6 +18,8 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.doctor_requests import BenchDoctor, found
 from trcvtui.cli.main import main
+from trcvtui.diagnosis.doctor_process import DoctorInput, found_in_run
+from trcvtui.diagnosis.judges import JUDGE, FilesJudge
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
@@ -26,11 +28,11 @@ from trcvtui.net.serial_line import SimSerialPort
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recorder import recorder_of
-from trcvtui.recording.worker_process import AnswerOnItsWay, FilesJudge
-from trcvtui.recording.writer import JUDGE_FILES
-from trcvtui.replay.doctor_process import DoctorInput, found_in_run
+from trcvtui.recording.worker_process import AnswerOnItsWay
 from trcvtui.replay.driver import SLICE_NS, opened
+from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.doctor import DoctorSnapshot
 from trcvtui.udt.layout.values import decode
 
 ENDS = 'LocalAddress = "127.0.0.1"\n', "LocalPort = 2000\n"
@@ -146,7 +148,7 @@ def after_ten_seconds(
     folder: Path,
     scans: int = 1000,
     values: dict[str, dict[str, object]] | None = None,
-) -> dict[str, Any]:
+) -> DoctorSnapshot:
     """Return what is found in a run of 10 s on the simulated network; `values` gets those of DATA then."""
     project_file, file = folder / "p.toml", folder / "run.pcapng"
     project_file.write_text(text)
@@ -167,7 +169,7 @@ def after_ten_seconds(
                 values[decl.name] = dict(zip(paths, shown, strict=True))
         recorder.close()  # as a box has it: the run goes on
         bench.close()
-    return found_in_run(str(file))
+    return found_in_run(str(file), recorded_facts)
 
 
 def _pass(bench: Bench, recorder: Any, scans: int) -> None:
@@ -180,8 +182,8 @@ def _pass(bench: Bench, recorder: Any, scans: int) -> None:
 def test_ten_seconds_of_traffic_name_the_cause(
     cause: str, text: str, lines: list[tuple[int, str]], tmp_path: Path
 ) -> None:
-    found = after_ten_seconds(text, lines, tmp_path)["findings"]
-    assert [one["cause"] for one in found][:1] == [cause], found
+    found = after_ten_seconds(text, lines, tmp_path).findings
+    assert [one.cause for one in found][:1] == [cause], found
 
 
 # Where no line of the bench mends it: what does.
@@ -211,17 +213,17 @@ def test_each_remedy_that_is_a_line_leaves_no_symptom(tmp_path: Path) -> None:
         before, after = tmp_path / f"{number}-before", tmp_path / f"{number}-after"
         before.mkdir()
         after.mkdir()
-        first = after_ten_seconds(text, lines, before)["findings"][0]
-        remedies = [mend["command"] for mend in first["mend"] if mend["command"]]
+        first = after_ten_seconds(text, lines, before).findings[0]
+        remedies = [mend.command for mend in first.mend if mend.command]
         if not remedies:
             advised.append(cause)
-            assert first["mend"], cause
+            assert first.mend, cause
             continue
         tried.append(cause)
         left = 1000 - sum(wait for wait, _ in lines)
         applied = [*lines, *[(left if not n else 5, line) for n, line in enumerate(remedies)]]
-        found = after_ten_seconds(text, applied, after, 3000)["findings"]
-        assert found == [], (cause, remedies, found)
+        found = after_ten_seconds(text, applied, after, 3000).findings
+        assert found == (), (cause, remedies, found)
     print(f"{len(tried)} causes with a remedy that was tried, {len(advised)} with advice alone")
     assert sorted(advised) == sorted(NO_LINE_MENDS)
 
@@ -229,7 +231,7 @@ def test_each_remedy_that_is_a_line_leaves_no_symptom(tmp_path: Path) -> None:
 def test_new_calls_on_the_same_ports_are_no_packets_that_got_lost(tmp_path: Path) -> None:
     """Numbers of a recording begin at 0 in each connection."""
     tsaps = plc(ISO, receiver("TRCV_C", 8, pins(CONT=True, EN_R=True)), OTHER_TSAP, "s7-1500")
-    assert {one["cause"] for one in after_ten_seconds(tsaps, [], tmp_path)["findings"]} == {"wrong-tsap"}
+    assert {one.cause for one in after_ten_seconds(tsaps, [], tmp_path).findings} == {"wrong-tsap"}
 
 
 def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,15 +239,15 @@ def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(SimSerialPort, "line_errors", lambda port: (0, 3 * next(asked), 0, 1))
     line = (CONFIGS / "twincat-line.toml").read_text(encoding="utf-8")
     text = line.replace('source = "sim"', 'source = "serial"\nport = "/dev/ttyS0"')
-    found = after_ten_seconds(text, [(100, "feed RX hex 02 41 42")], tmp_path)["findings"]
-    assert [one["cause"] for one in found] == ["line-errors"]
-    assert found[0]["evidence"] == ["27 errors of the line in 3 bytes: parity 27"]
+    found = after_ten_seconds(text, [(100, "feed RX hex 02 41 42")], tmp_path).findings
+    assert [one.cause for one in found] == ["line-errors"]
+    assert found[0].evidence == ("27 errors of the line in 3 bytes: parity 27",)
 
 
 def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_path: Path) -> None:
     peer = 'active = true\nremote = "@C1"\nreconnect = "T#1s"\n'
-    found = after_ten_seconds(sent(7, peer), [], tmp_path)["findings"]
-    assert {"refused", "address"} <= {one["cause"] for one in found}
+    found = after_ten_seconds(sent(7, peer), [], tmp_path).findings
+    assert {"refused", "address"} <= {one.cause for one in found}
 
 
 @pytest.mark.parametrize(
@@ -255,7 +257,7 @@ def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_p
 )
 def test_a_right_line_has_no_finding(text: str, lines: list[tuple[int, str]], tmp_path: Path) -> None:
     found = after_ten_seconds(text, lines, tmp_path)
-    assert (found["conversations"], found["findings"]) == (1, [])
+    assert (found.conversations, found.findings) == (1, ())
 
 
 def test_a_bench_that_runs_is_judged_by_its_pins_of_now(tmp_path: Path) -> None:
@@ -263,18 +265,18 @@ def test_a_bench_that_runs_is_judged_by_its_pins_of_now(tmp_path: Path) -> None:
     says = 'every = "T#300ms"\nsays = ["hex 0100 0200 0300 0400 0500 0600 split=5 gap=T#40ms"]'
     text = received(5, says, ADHOC=True).replace("OF BYTE", "OF INT")
     (tmp_path / "before").mkdir()
-    before = after_ten_seconds(text, [], tmp_path / "before", 500)["findings"]
-    assert [one["cause"] for one in before] == ["adhoc-splits"]
-    remedy = str(before[0]["mend"][0]["command"])
-    assert after_ten_seconds(text, [(500, remedy)], tmp_path, 575)["findings"] == []
+    before = after_ten_seconds(text, [], tmp_path / "before", 500).findings
+    assert [one.cause for one in before] == ["adhoc-splits"]
+    remedy = str(before[0].mend[0].command)
+    assert after_ten_seconds(text, [(500, remedy)], tmp_path, 575).findings == ()
 
 
 def test_the_checkweigher_of_the_readme_is_found_to_pack_its_struct(tmp_path: Path) -> None:
     text = (CONFIGS / "checkweigher.toml").read_text(encoding="utf-8")
     report = "peer Device send hex 01 00 00 00 20 40 64 00 00 00"
     lines = [(10, "set TRCV_C_1 CONT=1 EN_R=1"), (10, "peer Device connect"), *[(50, report)] * 8]
-    found = after_ten_seconds(text.replace('"types', f'"{CONFIGS}/types'), lines, tmp_path)["findings"]
-    assert found[0]["cause"] == "padding"
+    found = after_ten_seconds(text.replace('"types', f'"{CONFIGS}/types'), lines, tmp_path).findings
+    assert found[0].cause == "padding"
 
 
 @pytest.mark.parametrize(
@@ -300,15 +302,15 @@ def test_after_the_remedies_of_a_story_its_values_are_right(
     for number in range(4):
         (tmp_path / str(number)).mkdir()
         values: dict[str, dict[str, object]] = {}
-        found = after_ten_seconds(text, lines, tmp_path / str(number), scans, values)["findings"]
-        remedies = [mend["command"] for one in found[:1] for mend in one["mend"] if mend["command"]]
+        found = after_ten_seconds(text, lines, tmp_path / str(number), scans, values).findings
+        remedies = [mend.command for one in found[:1] for mend in one.mend if mend.command]
         if not remedies:
             break
         lines += [
             (5 if n else scans - sum(wait for wait, _ in lines), line) for n, line in enumerate(remedies)
         ]
         scans += 3600
-    assert lines and found == []
+    assert lines and found == ()
     assert {path: values[data][path] for path in right} == right
 
 
@@ -437,7 +439,7 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     told: list[str] = []
     monkeypatch.setattr(DoctorInput, "_tell", lambda _, text, at_once=False: told.append(text))
-    judged = DoctorInput(str(tmp_path / "answer"))
+    judged = DoctorInput(str(tmp_path / "answer"), recorded_facts, load_bench)
     judged.take_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
     assert told[0].startswith("runs it again, scan 0 of ")
@@ -445,7 +447,7 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
 
 
 def test_a_process_that_ends_half_way_has_found_nothing() -> None:
-    answer = AnswerOnItsWay(JUDGE_FILES)
+    answer = AnswerOnItsWay(JUDGE)
     line = "reads a.pcap: 4%"
     for written, told in (
         (line.encode()[:9], ""),

@@ -14,10 +14,9 @@ from typing import Any
 import pytest
 
 from tests.bench.bench_lines import do
-from tests.diagnosis.doctor_cases import MS, Built, Wire, begin, cotp, static
+from tests.diagnosis.doctor_cases import MS, Built, Wire, begin, cotp, static, verdicts_of
 from tests.recording.wire import udp
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.message_joints import length_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.serial import warnings_of
@@ -79,7 +78,7 @@ def found_with(
             wire.wait(pause)
     path = folder / "case.pcapng"
     path.write_bytes(made.file())
-    (verdict,) = judge(str(path), DoctorQuestion(None, (receiver,)))[0]
+    (verdict,) = verdicts_of(path, receivers=(receiver,))
     return verdict
 
 
@@ -259,7 +258,7 @@ def in_two(bodies: list[bytes], head: Callable[[bytes], bytes], folder: Path) ->
             wire.wait(pause * MS)
     path = folder / "two.pcapng"
     path.write_bytes(made.file())
-    (verdict,) = judge(str(path), DoctorQuestion(None, (static(128, adhoc=True, room=128),)))[0]
+    (verdict,) = verdicts_of(path, receivers=(static(128, adhoc=True, room=128),))
     return verdict
 
 

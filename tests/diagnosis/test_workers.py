@@ -18,7 +18,7 @@ import pytest
 from tests.diagnosis.doctor_cases import Built, healthy_fixed, resets
 from trcvtui.cli.main import main
 from trcvtui.diagnosis import workers
-from trcvtui.diagnosis.doctor import Answer, DoctorQuestion, answer_form, try_to_judge
+from trcvtui.diagnosis.doctor import Answer, DoctorQuestion, try_to_judge
 from trcvtui.diagnosis.workers import answers_of_cluster, answers_of_processes
 from trcvtui.errors import UserError
 
@@ -155,7 +155,7 @@ def test_a_file_that_kills_all_workers_of_a_cluster_is_reported_and_no_other_is_
     deadly = tmp_path / "deadly.pcapng"
     deadly.touch()
     paths = [*captures(tmp_path, 3), str(deadly)]
-    answers = dict(answers_of_cluster(paths, QUESTION, judge_or_die, cluster.address, answer_form()))
+    answers = dict(answers_of_cluster(paths, QUESTION, judge_or_die, cluster.address, Answer))
     assert isinstance(answers[str(deadly)], UserError)
     assert sum(not isinstance(answer, UserError) for answer in answers.values()) == 3
 

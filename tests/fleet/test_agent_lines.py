@@ -16,7 +16,7 @@ from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.line.live_screen import capture_main
 from trcvtui.scenario.scenario import load_bench
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot, RemedySnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
 
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
 PEER = 'CONT = true\nEN_R = true\n[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\n'
@@ -31,11 +31,10 @@ def written(folder: Path, text: str, name: str = "line.toml") -> Path:
     return path
 
 
-def found(cause: str, instance: str = "", connect: str = "C1") -> FindingSnapshot:
-    mends = (RemedySnapshot("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
-    return FindingSnapshot(
-        cause, 0.9, connect, instance, "", "", None, 7, None, (f"before it stands {HEX}",), mends
-    )
+def found(cause: str, instance: str = "", connect: str = "C1") -> Finding:
+    mend = (Remedy("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
+    evidence = (f"before it stands {HEX}",)
+    return Finding(0.9, evidence, instance=instance, mend=mend, cause=cause, scan=7, connect=connect)
 
 
 # -- findings --------------------------------------------------------------------------------------------
@@ -47,7 +46,7 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
     seen = SeenBench("b00", project.dialect.label)
     seen.take(driver.shown(), 1000.0)
 
-    def told(looks: int, *findings: FindingSnapshot, with_payload: bool = False) -> list[dict[str, object]]:
+    def told(looks: int, *findings: Finding, with_payload: bool = False) -> list[dict[str, object]]:
         some = seen.findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
         return [{"kind": event.kind, **event.cause} for _, event in some]
 

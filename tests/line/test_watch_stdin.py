@@ -24,6 +24,7 @@ from tests.line.test_watch import Record, Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, SYN, answer, capture, handshake, tcp, udp
 from trcvtui.capture.pcap import STATISTICS, CaptureReader, block
 from trcvtui.cli.main import main
+from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.errors import UserError
 from trcvtui.line import live
 from trcvtui.line.capture_player import CapturePlayer
@@ -34,7 +35,6 @@ from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
-from trcvtui.recording.worker_process import FilesJudge
 
 __all__ = ["watch"]
 LINE = """

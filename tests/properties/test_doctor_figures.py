@@ -11,8 +11,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.diagnosis.doctor_cases import LATE, Built, faults, healthy, in_noise, in_the_middle, two_faults
-from trcvtui.diagnosis.doctor import DoctorQuestion, judge
+from tests.diagnosis.doctor_cases import (
+    LATE,
+    Built,
+    faults,
+    healthy,
+    in_noise,
+    in_the_middle,
+    two_faults,
+    verdicts_of,
+)
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ
 OF_THREE = 0.99 if IS_SOAK else 0.96  # of few captures one is two percent
@@ -22,7 +30,7 @@ SEEDS = range(60_000, 60_040 if IS_SOAK else 60_002)
 def findings_at(made: Built, path: Path, host: int = 5) -> list[tuple[float, str]]:
     """Return how sure which causes are, of the lines of one PLC end, the surest first."""
     path.write_bytes(made.file(80 if made.what == "cut" else 0))
-    verdicts, _, _ = judge(str(path), DoctorQuestion(made.plc, (made.receiver,) if made.receiver else ()))
+    verdicts = verdicts_of(path, made.plc, (made.receiver,) if made.receiver else ())
     best: dict[str, float] = {}
     for one in verdicts:
         if _is_of(one, host):

@@ -2,45 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
 from trcvtui.tui.doctor import DoctorScreen, FindingList
 
 
-def finding(cause: str, confidence: float, **more: Any) -> dict[str, Any]:
-    where = {"direction": None, "byte": None, "packet": None, "scan": None, "instance": None}
-    where |= {key: more.pop(key) for key in tuple(more) if key in where}
-    return {
-        "cause": cause,
-        "confidence": confidence,
-        "t_s": None,
-        "t_ns": None,
-        "ends": None,
-        "where": where,
-        "evidence": [f"it is {cause}"],
-        "mend": [],
-        "title": "",
-        "status": [],
-        "packets": [],
-        "filter": "",
-        **more,
-    }
+def finding(cause: str, confidence: float, **more: Any) -> Finding:
+    return Finding(confidence, (f"it is {cause}",), cause=cause, **more)
 
 
-LEN_20 = {"text": "LEN 20", "command": "set TRCV_C_1 LEN=20", "set": "instance.TRCV_C_1.LEN=20"}
+AT_4 = 510_000_000, 4, 8, 1
+TITLE = "messages are shorter than a job waits for"
+LEN_20 = Remedy("LEN 20", "set TRCV_C_1 LEN=20", "instance.TRCV_C_1.LEN=20")
 FOUND = [
     finding(
-        "frame-short", 0.9, instance="TRCV_C_1", direction="to-plc", byte=4, t_ns=510_000_000, mend=[LEN_20]
+        "frame-short",
+        0.9,
+        instance="TRCV_C_1",
+        way="to-plc",
+        at=AT_4,
+        t_ns=510_000_000,
+        mend=(LEN_20,),
+        title=TITLE,
     ),
     finding("shifted", 0.7, instance="TRCV_C_1", scan=60),
     finding("refused", 0.6, instance="OTHER"),
@@ -58,9 +51,8 @@ class FixedJudge:
     is_judging = is_recording = False
     progress = ""
 
-    def __init__(self, *findings: dict[str, Any], trouble: str = "") -> None:
-        more = {"remarks": [], "qualities": [], "trouble": trouble}
-        self.judged = json.dumps({"conversations": 1, "findings": findings, **more}).encode()
+    def __init__(self, *findings: Finding, trouble: str = "") -> None:
+        self.judged = msgspec.json.encode(DoctorSnapshot(0, 0, 1, findings, trouble))
         self.looks = 0
 
     def judge(self) -> None:
@@ -83,7 +75,7 @@ async def card(
     judge: FixedJudge | None, size: tuple[int, int] = (100, 30)
 ) -> AsyncIterator[tuple[Newcomer, DoctorScreen]]:
     async with opened("four_bytes_short", size, 80) as newcomer:
-        newcomer.bench.console.black_box = judge  # type: ignore[assignment]
+        newcomer.bench.console.files_judge = judge
         await newcomer.press("J")
         await newcomer.look(1)
         screen = newcomer.app.screen
@@ -157,9 +149,9 @@ async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
         assert "healthy: 1 conversation looked at, up to scan 80; 1 finding of others: a" in read(newcomer)
 
 
-def seen_finding(cause: str, instance: str, **more: Any) -> FindingSnapshot:
+def seen_finding(cause: str, instance: str, **more: Any) -> Finding:
     why = ("PLC has 8 bytes, a job wants 12, in 40 of 40 messages",) * 20
-    return FindingSnapshot(cause, 0.9, "C1", instance, "", "to-plc", 510_000_000, None, 4, why, (), **more)
+    return Finding(0.9, why, "to-plc", AT_4, instance, cause=cause, connect="C1", t_ns=AT_4[0], **more)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), (140, 45)])
@@ -209,7 +201,7 @@ async def test_the_doctor_rests_when_the_card_is_closed() -> None:
 
 async def test_a_line_at_the_prompt_is_answered_when_it_has_looked() -> None:
     async with opened("four_bytes_short", (100, 30), 80) as newcomer:
-        newcomer.bench.console.black_box = FixedJudge(*FOUND)  # type: ignore[assignment]
+        newcomer.bench.console.files_judge = FixedJudge(*FOUND)
         await newcomer.press("colon")
         for letter in "doctor C1":
             await newcomer.press("space" if letter == " " else letter)

@@ -1,14 +1,14 @@
 """The doctor of a bench: when it looks, what it has found, whose that is, which line waits for it.
 
-Rule: a process judges (replay/doctor_process.py); its bounded answer is read in a gap between scans.
+Rule: a process judges (diagnosis/doctor_process.py); its bounded answer is read in a gap between scans.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
+import msgspec
 from msgspec.structs import replace
 
 from trcvtui import clock
@@ -17,7 +17,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import Answer
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot, RemedySnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Ends, Finding
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
@@ -120,59 +120,35 @@ def found(
 ) -> DoctorSnapshot:
     """Return what a judge has answered."""
     try:
-        answered: dict[str, Any] = json.loads(content)
-    except ValueError:
-        return DoctorSnapshot(looks, scan, 0, (), "the doctor's process has ended")
+        told = msgspec.json.decode(content, type=DoctorSnapshot)
+    except msgspec.MsgspecError:
+        return DoctorSnapshot(looks, scan, trouble="the doctor's process has ended")
 
-    def made(one: dict[str, Any]) -> FindingSnapshot:
-        where, ends = one["where"], one["ends"] or {}
-        instance = where["instance"] or ""
-        decl = project.instance(instance)
-        return FindingSnapshot(
-            one["cause"],
-            one.get("confidence", 0.0),
-            decl.connect if decl is not None else _connect_of(ends, project, connections),
-            instance,
-            " <- ".join(filter(None, (ends.get("plc"), ends.get("partner")))),
-            where["direction"] or "",
-            one["t_ns"],
-            where["scan"],
-            where["byte"],
-            tuple(one["evidence"]),
-            tuple(
-                [
-                    RemedySnapshot(
-                        mend["text"], mend["command"] or "", mend["set"] or "", mend.get("tried", False)
-                    )
-                    for mend in one.get("mend", ())
-                ]
-            ),
-            one["title"],
-            tuple(one.get("status", ())),
-            tuple(one["packets"]),
-            one["filter"],
-            tuple([text for text in one.get("explains", ()) if text not in one["evidence"]]),
-        )
+    def owned(one: Finding) -> Finding:
+        decl = project.instance(one.instance)
+        connect = decl.connect if decl is not None else _connect_of(one.ends, connections)
+        return replace(one, connect=connect)
 
-    findings, remarks = (tuple(map(made, answered[kind])) for kind in ("findings", "remarks"))
-    seen, qualities = answered["conversations"], tuple(answered["qualities"])
-    return DoctorSnapshot(looks, scan, seen, findings, answered["trouble"], "", remarks, qualities)
+    findings, remarks = (tuple(map(owned, some)) for some in (told.findings, told.remarks))
+    return replace(told, looks=looks, scan=scan, findings=findings, remarks=remarks)
 
 
-def _connect_of(ends: dict[str, str], project: Project, connections: Sequence[ConnectionSnapshot]) -> str:
+def _connect_of(ends: Ends | None, connections: Sequence[ConnectionSnapshot]) -> str:
+    if ends is None:
+        return ""
     tests: tuple[Callable[[ConnectionSnapshot], bool], ...] = (
-        lambda link: ends.get("plc") == link.local or ends.get("partner") == link.remote,
+        lambda link: ends.plc == link.local or ends.partner == link.remote,
         lambda link: (
-            _port(ends.get("partner" if link.active else "plc"))
+            _port(ends.partner if link.active else ends.plc)
             == _port(link.remote if link.active else link.local)
         ),
         lambda link: len(connections) == 1,
     )
-    return next((link.name for fits in tests for link in connections if ends and fits(link)), "")
+    return next((link.name for fits in tests for link in connections if fits(link)), "")
 
 
-def _port(end: str | None) -> str:
-    return (end or "").rpartition(":")[2]
+def _port(end: str) -> str:
+    return end.rpartition(":")[2]
 
 
 def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
@@ -187,9 +163,7 @@ def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str
     return wrong, told
 
 
-def findings_of(
-    name: str, findings: Iterable[FindingSnapshot], project: Project
-) -> tuple[FindingSnapshot, ...]:
+def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
     """Return those of an instance or a CONNECT, "": of all; what belongs to none alone is told of all."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
@@ -202,12 +176,9 @@ def findings_of(
     )
 
 
-def finding_lines(one: FindingSnapshot) -> list[str]:
+def finding_lines(one: Finding) -> list[str]:
     whose = one.instance or one.connect
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]
     lines += [f"  explains: {text}" for text in one.explains]
-    for mend in one.mends:
-        label = "mend" if mend.is_tried else "mend, as advice"
-        lines.append(f"  {label}: {mend.text}" + (f"  [{mend.command}]" if mend.command else ""))
-    return lines
+    return lines + [f"  {mend.line}" for mend in one.mend]

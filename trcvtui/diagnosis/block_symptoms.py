@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
-from typing import Final
+from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import BUSY, DONE, Condition
@@ -21,13 +23,13 @@ from trcvtui.diagnosis.advice import advice_on
 from trcvtui.diagnosis.evidence import NOTHING_KNOWN, evidence_then
 from trcvtui.diagnosis.readings.framing_advice import advise
 from trcvtui.diagnosis.readings.proposal import FramingAdvice
-from trcvtui.diagnosis.sign import Remedy
-from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS, Symptom
+from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
 LINKED: Final = (BUSY | DONE | {Condition.CONNECTED, Condition.ESTABLISHED}) - {Condition.NOTHING_TO_RESET}
@@ -107,7 +109,7 @@ class BlockSymptoms:
             for (name, condition), record in self._errors.items()
         )
 
-    def found(self, is_running: bool) -> tuple[Symptom, ...]:
+    def found(self, is_running: bool) -> tuple[Finding, ...]:
         """Return the symptoms of the run, of one that goes on what is not over."""
         snapshot = self._bench.runtime.snapshot()
         found = [*self._standing_errors(is_running)]
@@ -117,7 +119,7 @@ class BlockSymptoms:
                 found += [*self._unconnected(shown), *self._unfinished(shown)]
         return tuple(found)
 
-    def _standing_errors(self, is_running: bool) -> Iterator[Symptom]:
+    def _standing_errors(self, is_running: bool) -> Iterator[Finding]:
         newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_ns)}
         for (name, _), record in self._errors.items():
             is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
@@ -126,7 +128,7 @@ class BlockSymptoms:
             if record is newest[name] or record.times > 1:  # else another ERROR took its place
                 yield self._symptom(record)
 
-    def _symptom(self, record: _ErrorRecord) -> Symptom:
+    def _symptom(self, record: _ErrorRecord) -> Finding:
         bench, edge, scan, t_ns = self._bench, record.edge, record.line.scan, record.line.t_ns
         name, word = edge.instance, f"{edge.outputs.status:04X}"
         row = bench.project.dialect.row(edge.outputs.status, edge.block)
@@ -142,14 +144,19 @@ class BlockSymptoms:
         said = self._handshakes.get(connect, "") if is_session else ""
         text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
         is_tls = is_session and Condition(edge.condition).name.startswith("TLS_")
-        found = Symptom(
-            "tls-refused" if is_tls else "block-error", name, connect, text,
-            scan, self._wall_ns + t_ns, FACT, Condition(edge.condition), word, card.causes,
-            tuple([Remedy(text) for text in checks]), is_session and bool(card.do),
+        found = self._finding(
+            name, "tls-refused" if is_tls else "block-error", text, t_ns, connect=connect, scan=scan,
+            evidence=(text, *card.causes), status=(word,), mend=tuple([Remedy(each) for each in checks]),
+            is_fact=is_session and bool(card.do), leads_to=(Condition(edge.condition),),
         )  # fmt: skip
         return self._by_framing(found) if edge.condition in OVERRUNS else found
 
-    def _by_framing(self, found: Symptom) -> Symptom:
+    def _finding(self, name: str, cause: str, text: str, t_ns: int, **more: Any) -> Finding:
+        at, scan = (self._wall_ns + t_ns, 0, 0, 0), t_ns // self._bench.runtime.interval_ns + 1
+        made = Finding(FACT, (text,), "", at, name, cause=cause, explains=(text,), scan=scan)
+        return replace(made, **more)
+
+    def _by_framing(self, found: Finding) -> Finding:
         """Return how the bytes of its line part into frames, where an instance cuts them anywhere."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
@@ -161,7 +168,8 @@ class BlockSymptoms:
             return found
         mend = Remedy(best.title, f"framing {found.instance} apply {advice.proposals.index(best) + 1}")
         texts = (f"{best.frames} of {best.of_frames} frames have the {best.title}", *best.evidence)
-        return found._replace(cause="framing", confidence=FRAMING, card=texts, mend=(mend,))
+        evidence = (*found.explains, *texts)
+        return replace(found, cause="framing", confidence=FRAMING, evidence=evidence, mend=(mend,))
 
     def _connect_of(self, name: str) -> str:
         """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""
@@ -172,7 +180,7 @@ class BlockSymptoms:
         feeds = project.instance(source)
         return feeds.connect if feeds is not None else own
 
-    def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
+    def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Finding]:
         """Yield that a connection was asked for and does not stand, where no ERROR says so."""
         config = self._bench.project.connect(shown.connect)
         is_stream = config is not None and not config.is_datagram
@@ -181,10 +189,9 @@ class BlockSymptoms:
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:
             text = f"{shown.name} has asked for a connection for {duration(now - since)}, and none stands"
-            scan = since // self._bench.runtime.interval_ns + 1
-            yield Symptom("not-connected", shown.name, shown.connect, text, scan, self._wall_ns + since, FACT)
+            yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
-    def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
+    def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
         """Yield that a job holds bytes, and none came for longer than between two messages."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives or not 0 < shown.have < shown.need or last is None:
@@ -196,10 +203,9 @@ class BlockSymptoms:
             return
         here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
         text = f"{here}, and none came for {duration(quiet)}"
-        scan = last // self._bench.runtime.interval_ns + 1
         sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
-        found = Symptom("job-waits", shown.name, shown.connect, text, scan, self._wall_ns + last, sure)
-        yield found._replace(mend=self._begin_anew(shown))
+        more = {"connect": shown.connect, "confidence": sure, "mend": self._begin_anew(shown)}
+        yield self._finding(shown.name, "job-waits", text, last, **more)
 
     def _begin_anew(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
         """Return COM_RST for a job that wants another length than the next one will."""

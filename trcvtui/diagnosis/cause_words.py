@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.diagnosis.sign import Remedy
+from trcvtui.snapshots.doctor import Remedy
 
 
 class CauseWords(NamedTuple):

@@ -14,10 +14,11 @@ from itertools import pairwise
 from statistics import median
 from typing import Final, NamedTuple
 
+from msgspec.structs import replace
+
 from trcvtui.capture.quality import Quality
-from trcvtui.diagnosis.cause_words import remedy_of
-from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
-from trcvtui.diagnosis.host_causes import OF_DOUBLE, double_address, find_icmp_reports, mtu
+from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, is_session
+from trcvtui.diagnosis.host_causes import OF_DOUBLE, find_icmp_reports, finding_of, mtu
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -28,9 +29,10 @@ from trcvtui.diagnosis.line_facts import (
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
+from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
 from trcvtui.diagnosis.restarts import half_open, restarts_of
 from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
-from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
 UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
@@ -142,34 +144,6 @@ class LineCase(NamedTuple):
     is_foreign: bool = False  # of another program: it has no port of the project
 
 
-class LineFinding(NamedTuple):
-    cause: str
-    confidence: float
-    said: Sign
-    mend: tuple[Remedy, ...]
-
-
-class LineVerdict(NamedTuple):
-    """What is found, the surest first; what is worth knowing; what the capture cannot show, and why."""
-
-    findings: tuple[LineFinding, ...]
-    remarks: tuple[LineFinding, ...]
-    not_judged: tuple[tuple[str, Quality], ...]
-
-
-class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
-
-    `blind`: what a capture may lack so that the row cannot judge.
-    """
-
-    cause: str
-    judge: Callable[[LineCase], Sign | None]
-    silenced_by: tuple[str, ...] = ()
-    weakened_by: tuple[str, ...] = ()
-    blind: tuple[Quality, ...] = ()
-
-
 # -- building a connection -----------------------------------------------------------------------------------
 
 
@@ -177,7 +151,7 @@ def _is_tcp(case: LineCase) -> bool:
     return case.line.protocol == "tcp"
 
 
-def _refused(case: LineCase) -> Sign | None:
+def _refused(case: LineCase) -> Finding | None:
     line = case.line
     reset = line.listener.reset
     by_icmp = find_icmp_reports(line, case.receivers, "port")
@@ -189,13 +163,8 @@ def _refused(case: LineCase) -> Sign | None:
         return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
-    return Sign(
-        0.97,
-        (text, f"{times(case.group.refusals)} in this capture"),
-        way="to-plc" if line.plc_calls else "from-plc",
-        at=reset,
-        is_fact=True,
-    )
+    texts = (text, f"{times(case.group.refusals)} in this capture")
+    return Finding(0.97, texts, "to-plc" if line.plc_calls else "from-plc", reset, is_fact=True)
 
 
 def _is_turned_away(line: LineFacts) -> bool:
@@ -205,7 +174,7 @@ def _is_turned_away(line: LineFacts) -> bool:
     return is_theirs and is_silent and begun is not None and end is not None and end.ns - begun < AT_ONCE_NS
 
 
-def _turned_away(case: LineCase) -> Sign | None:
+def _turned_away(case: LineCase) -> Finding | None:
     line, end, often = case.line, case.line.end, case.group.turned_away
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
@@ -214,10 +183,10 @@ def _turned_away(case: LineCase) -> Sign | None:
         return None
     text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
-    return Sign(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), way="to-plc", at=at)
+    return Finding(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), "to-plc", at)
 
 
-def _filtered(case: LineCase) -> Sign | None:
+def _filtered(case: LineCase) -> Finding | None:
     line, syns = case.line, case.line.caller.syns
     by_icmp = find_icmp_reports(line, case.receivers, "host", "admin")
     if by_icmp is not None:
@@ -232,11 +201,11 @@ def _filtered(case: LineCase) -> Sign | None:
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
-        return Sign(0.6, (text, "a connection between the same ends died before it"), way=_to_listener(line))
-    return Sign(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
+        return Finding(0.6, (text, "a connection between the same ends died before it"), _to_listener(line))
+    return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
 
 
-def _second_client(case: LineCase) -> Sign | None:
+def _second_client(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin or line.plc_calls:
         return None
@@ -248,11 +217,10 @@ def _second_client(case: LineCase) -> Sign | None:
     if not line.is_built:
         reset = line.listener.reset
         if reset is not None:
-            return Sign(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
+            return Finding(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
         if _filtered(case) is not None:
-            return Sign(
-                0.85, (since, f"{count(len(line.caller.syns), 'SYN')} without an answer"), way="to-plc"
-            )
+            text = f"{count(len(line.caller.syns), 'SYN')} without an answer"
+            return Finding(0.85, (since, text), "to-plc")
         return None
     ended = line.end
     if ended is not None and ended.by_plc and not line.from_plc.segments:
@@ -261,39 +229,39 @@ def _second_client(case: LineCase) -> Sign | None:
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
             text = f"{word} from the PLC end after {duration(ended.ns - begun)}, it had said nothing"
-            return Sign(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
+            return Finding(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
     said = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
         text = f"it stands without a byte for {duration(still)}"
-        return Sign(0.75 if ended is None else 0.6, (since, text), way="to-plc")
+        return Finding(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
         text = f"{count(said, 'segment')} of this client in {duration(line.lasted_ns)}, and no answer"
-        return Sign(0.7, (since, text), way="to-plc")
+        return Finding(0.7, (since, text), way="to-plc")
     return None
 
 
-def _address(case: LineCase) -> Sign | None:
+def _address(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
     has_stood = case.group.has_stood or case.reverse.has_stood
     if not line.is_built and case.reverse.lines and not has_stood:
         texts = ("both ends call each other, and neither listens: both are active",)
-        return Sign(0.93, texts, at=next(iter(line.caller.syns), None))
+        return Finding(0.93, texts, at=next(iter(line.caller.syns), None))
     receiver = case.receiver
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
     if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
         is_said = "active" if receiver.active else "passive"
         who = "the PLC end" if line.plc_calls else "the partner"
         text = f"{receiver.connect} is {is_said} in the project, and {who} calls"
-        return Sign(0.85, (text,), instance=receiver.instance)
+        return Finding(0.85, (text,), instance=receiver.instance)
     if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
         ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
         if ports and line.plc_end[1] not in ports and _refused(case) is not None:
             text = f"the partner calls port {line.plc_end[1]}, the project listens on {ports[0]}"
-            return Sign(0.98, (text,), way="to-plc")
+            return Finding(0.98, (text,), way="to-plc")
     return None
 
 
@@ -317,7 +285,7 @@ def _is_short(writes: Sequence[SegmentFacts]) -> bool:
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
-def _closes(case: LineCase) -> Sign | None:
+def _closes(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
     ended, alike, stood = case.group.ended, case.group.one_message, len(case.group.built)
@@ -327,7 +295,7 @@ def _closes(case: LineCase) -> Sign | None:
     end = alike[0].end
     texts = (f"the partner ended {len(alike)} of {count(stood, 'connection')} after one message",)
     at = SegmentFacts(end.ns, 0, 0, end.packet) if end is not None else None
-    return Sign(sure, texts, way="to-plc", at=at)
+    return Finding(sure, texts, way="to-plc", at=at)
 
 
 def _is_ordinary(line: LineFacts) -> bool:
@@ -336,7 +304,7 @@ def _is_ordinary(line: LineFacts) -> bool:
     return is_caller and bool(line.to_plc.bytes and line.from_plc.bytes) and not line.listener.unacked
 
 
-def _storm(case: LineCase) -> Sign | None:
+def _storm(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
     built, ended = case.group.in_turn, case.group.ended
@@ -361,10 +329,10 @@ def _storm(case: LineCase) -> Sign | None:
     share = by_plc / len(ended)
     by = "the PLC end" if share >= 0.9 else "the partner" if share <= 0.1 else ""
     mend = (Remedy(f"find out why {by} closes the connections"),) if by else ()
-    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
+    return Finding(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
 
-def _resets(case: LineCase) -> Sign | None:
+def _resets(case: LineCase) -> Finding | None:
     line, end = case.line, case.line.end
     if end is None or not end.is_reset or not line.is_built or not _is_tcp(case):
         return None
@@ -375,8 +343,8 @@ def _resets(case: LineCase) -> Sign | None:
     way = "from-plc" if end.by_plc else "to-plc"
     at = SegmentFacts(end.ns, line.to_plc.bytes, 0, end.packet)
 
-    def said(confidence: float, *texts: str, is_remark: bool = False) -> Sign:
-        return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
+    def said(confidence: float, *texts: str, is_remark: bool = False) -> Finding:
+        return Finding(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None):
@@ -458,7 +426,7 @@ def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] 
     return None
 
 
-def _dead_link(case: LineCase) -> Sign | None:
+def _dead_link(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built:
         return None
@@ -474,11 +442,11 @@ def _dead_link(case: LineCase) -> Sign | None:
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
-        return Sign(sure, tuple(texts), way=way, at=at) if sure else None
+        return Finding(sure, tuple(texts), way=way, at=at) if sure else None
     return _probed_in_vain(case)
 
 
-def _probed_in_vain(case: LineCase) -> Sign | None:
+def _probed_in_vain(case: LineCase) -> Finding | None:
     line, odd = case.line, None
     ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
     for said, who, way in ways if line.is_wire else ():
@@ -489,22 +457,17 @@ def _probed_in_vain(case: LineCase) -> Sign | None:
         if n >= (2 if gives_up or is_gone else 3):
             texts = [f"the last {n} keep-alive probes of {who} have no answer"]
             texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * is_gone
-            return Sign(0.92, tuple(texts), way=way, at=since)
+            return Finding(0.92, tuple(texts), way=way, at=since)
         lacking = said.keep_alives - said.keep_alives_answered
         if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
-            return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
+            return Finding(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
         if n and case.last_ns - since.ns >= SECOND:
             text = f"the last keep-alive probe of {who} has no answer in {duration(case.last_ns - since.ns)}"
-            odd = Sign(0.0, (text,), way=way, at=since, is_remark=True)
+            odd = Finding(0.0, (text,), way=way, at=since, is_remark=True)
     return odd
 
 
-def _half_open(case: LineCase) -> Sign | None:
-    new = case.group.restarts.get(case.line)
-    return None if new is None else half_open(case.line, new)
-
-
-def _no_keep_alive(case: LineCase) -> Sign | None:
+def _no_keep_alive(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
@@ -522,10 +485,10 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
         is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
         if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
             texts.append("then RST: one end had forgotten the connection")
-            return Sign(0.93, tuple(texts), at=at)
+            return Finding(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
             texts.append("then bytes that were not acknowledged")
-            return Sign(0.93, tuple(texts), at=at)
+            return Finding(0.93, tuple(texts), at=at)
     if end is None:
         lines = case.group.lines
         after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
@@ -535,7 +498,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
                 f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
-            return Sign(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
+            return Finding(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
     return _left_behind(case)
 
 
@@ -550,7 +513,7 @@ def _is_beside(case: LineCase, ns: int) -> bool:
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
 
-def _left_behind(case: LineCase) -> Sign | None:
+def _left_behind(case: LineCase) -> Finding | None:
     line = case.line
     for idle in line.idles:
         since = idle.until_ns - idle.size_ns
@@ -563,7 +526,7 @@ def _left_behind(case: LineCase) -> Sign | None:
                 f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
             )
-            return Sign(0.85, texts, at=SegmentFacts(since, 0, 0, idle.packet))
+            return Finding(0.85, texts, at=SegmentFacts(since, 0, 0, idle.packet))
     return None
 
 
@@ -578,7 +541,7 @@ def _closed(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWind
     return len(said.closed), longest, said.closed[0]
 
 
-def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
+def _not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     line = case.line
     said = line.from_plc if by_plc else line.to_plc
     found = _closed(line, said)
@@ -594,10 +557,10 @@ def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
     packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
-    return Sign(sure, texts, way=way, at=SegmentFacts(first.ns, 0, 0, first.packet), packets=packets)
+    return Finding(sure, texts, way=way, at=SegmentFacts(first.ns, 0, 0, first.packet), packets=packets)
 
 
-def _flood(case: LineCase) -> Sign | None:
+def _flood(case: LineCase) -> Finding | None:
     line, said = case.line, case.line.from_plc
     found, rate = _closed(line, said), _too_fast(case)
     if found is not None and (found[0] >= 3 or (found[0] >= 2 and rate)):
@@ -606,14 +569,15 @@ def _flood(case: LineCase) -> Sign | None:
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
             at = SegmentFacts(first.ns, 0, 0, first.packet)
-            return Sign(0.9, (*texts, *rate), way="to-plc", at=at)
+            return Finding(0.9, (*texts, *rate), "to-plc", at, is_remark=case.receiver is None)
     low, high = said.lowest_window, said.highest_window
     if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:
         falls = said.last_window * 3 < high or rate
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
-            return Sign(0.8, (text, *rate), way="to-plc", at=line.to_plc.writes[0])
-    return Sign(0.8, rate, way="to-plc", at=line.to_plc.writes[0]) if rate else None
+            at = line.to_plc.writes[0]
+            return Finding(0.8, (text, *rate), "to-plc", at, is_remark=case.receiver is None)
+    return Finding(0.8, rate, "to-plc", line.to_plc.writes[0]) if rate else None  # of a receiver
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
@@ -632,7 +596,7 @@ def _too_fast(case: LineCase) -> tuple[str, ...]:
     return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
 
 
-def _slow_ack(case: LineCase) -> Sign | None:
+def _slow_ack(case: LineCase) -> Finding | None:
     line = case.line
     if not line.is_wire:
         return None
@@ -653,7 +617,7 @@ def _slow_ack(case: LineCase) -> Sign | None:
             "and the next one left with it",
         )
         sure = 0.92 if len(slow) > 4 else 0.75
-        return Sign(sure, texts, way=way, at=slow[0].write, packets=packets)
+        return Finding(sure, texts, way=way, at=slow[0].write, packets=packets)
     return None
 
 
@@ -668,11 +632,11 @@ def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[Late
     return len(others) > 2 and 0.75 * usual <= median(others) <= 1.33 * usual
 
 
-def _loss(case: LineCase) -> Sign | None:
+def _loss(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case):
         return None
-    best: Sign | None = None
+    best: Finding | None = None
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = said.resent + said.late
         if _no_keep_alive(case) is not None:
@@ -687,20 +651,20 @@ def _loss(case: LineCase) -> Sign | None:
             waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
             texts = (text, *([waited] if said.longest_wait_ns else []))
-            found = Sign(sure, texts, way=way, at=at, packets=packets)
+            found = Finding(sure, texts, way=way, at=at, packets=packets)
         elif said.spurious >= 3 and said.spurious * 20 > said.segments:
             lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
             packets = said.packets_of("spurious")
-            found = Sign(0.7, (lost,), way=way, at=said.first_of("spurious"), packets=packets)
+            found = Finding(0.7, (lost,), way=way, at=said.first_of("spurious"), packets=packets)
         elif odd:
-            found = Sign(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
+            found = Finding(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
         else:
             continue
         best = found if best is None or found.confidence > best.confidence else best
     return best
 
 
-def _incomplete(case: LineCase) -> Sign | None:
+def _incomplete(case: LineCase) -> Finding | None:
     if Quality.GAPS not in case.line.qualities:
         return None
     texts, at = [], None
@@ -709,7 +673,7 @@ def _incomplete(case: LineCase) -> Sign | None:
         texts += [f"{size} {way}: missing in the capture only"] if said.missing else []
         at = at or said.first_of("missing")
     texts = texts or ["its sequence numbers jump further than any window"]
-    return Sign(0.0, tuple(texts), at=at, is_remark=True)
+    return Finding(0.0, tuple(texts), at=at, is_remark=True)
 
 
 # -- the rows ------------------------------------------------------------------------------------------------
@@ -729,20 +693,8 @@ def _lives_at(line: LineFacts, ns: int) -> bool:
     return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
 
 
-def _of(
-    judge: Callable[[LineFacts, Receiver | None], Sign | None],
-) -> Callable[[LineCase], Sign | None]:
-    return lambda case: judge(case.line, case.receiver)
-
-
-def _without_receiver(
-    judge: Callable[[LineCase], Sign | None],
-) -> Callable[[LineCase], Sign | None]:
-    def weaker(case: LineCase) -> Sign | None:
-        said = judge(case)
-        return said if said is None or case.receiver is not None else said._replace(is_remark=True)
-
-    return weaker
+def _of_frames(row: CauseRule) -> Callable[[LineCase], Finding | None]:
+    return lambda case: row.judge(case.line, case.receiver)
 
 
 _NO_TIMES: Final = (Quality.CLOCK,)
@@ -754,7 +706,7 @@ _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
-    CauseRule("duplicate-ip", lambda case: double_address(case.line)),
+    CauseRule("duplicate-ip", lambda case: case.line.doubled and finding_of(case.line.doubled, ())),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("turned-away", _turned_away, ("address", "second-client")),
@@ -763,7 +715,7 @@ RULES: Final = (
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
     CauseRule("line-errors", lambda case: line_errors(case.line)),
     CauseRule("closes-each-message", _closes, _REFUSED),
-    CauseRule("half-open", _half_open, blind=_NO_TIMES),
+    CauseRule("half-open", lambda case: half_open(case.line, case.group.restarts), blind=_NO_TIMES),
     CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES),
     CauseRule("no-keep-alive", _no_keep_alive, ("half-open",), blind=_NO_WAY_BACK),
     CauseRule("mtu", lambda case: mtu(case.line), blind=_NO_TIMES),
@@ -776,60 +728,48 @@ RULES: Final = (
     ),
     CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
     CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
-    CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("flood", _flood, (), ("plc-not-reading",), _NO_TIMES),
     CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
     CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
     CauseRule("capture-incomplete", _incomplete),
-    *(
-        CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by, (Quality.SESSION,))
-        for row in FRAME_JUDGES
-    ),
+    *(row._replace(judge=_of_frames(row), blind=(Quality.SESSION,)) for row in FRAME_JUDGES),
 )
 
 
-def verdict_of(case: LineCase) -> LineVerdict:
-    blind = [(rule.cause, each) for rule in RULES for each in rule.blind if each in case.line.qualities]
-    seen = {rule.cause: rule for rule in RULES if rule.cause not in dict(blind)}
+def verdict_of(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
+    """Return what is found, the surest first; what is worth knowing; what cannot be judged, and why."""
+    blind = {rule.cause: each for rule in RULES for each in rule.blind if each in case.line.qualities}
+    seen = {rule.cause: rule for rule in RULES if rule.cause not in blind}
 
-    def judge(receiver: Receiver | None) -> dict[str, Sign]:
+    def judge(receiver: Receiver | None) -> dict[str, Finding]:
         told = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
         return {cause: said for cause, said in told.items() if said is not None}
 
     by_cause = judge(case.receiver)
     if "duplicate-ip" in by_cause:
         by_cause = {cause: said for cause, said in by_cause.items() if cause not in OF_DOUBLE}
-    remarks = [
-        LineFinding(cause, 0.0, by_cause.pop(cause), ())
-        for cause in tuple(by_cause)
-        if by_cause[cause].is_remark
-    ]
-    causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
+    remarks = [replace(said, cause=cause) for cause, said in by_cause.items() if said.is_remark]
+    by_cause = {cause: said for cause, said in by_cause.items() if not said.is_remark}
     findings = weighed(by_cause, RULES, judge)
     if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
-        rest = [
-            one._replace(confidence=one.confidence / 2) for one in findings if one.cause != "duplicate-ip"
-        ]
-        findings = (*(one for one in findings if one.cause == "duplicate-ip"), *rest)
-    if case.is_foreign:
-        remarks += [LineFinding(one.cause, 0.0, one.said, ()) for one in findings]
-    return LineVerdict(
-        () if case.is_foreign else findings,
-        tuple(remarks),
-        tuple((cause, dict(blind)[cause]) for cause in causes),
-    )
+        first = [one for one in findings if one.cause == "duplicate-ip"]
+        rest = [replace(one, confidence=one.confidence / 2) for one in findings if one not in first]
+        findings = (*first, *rest)
+    not_judged = blind if _is_tcp(case) else {}
+    return ((), [*remarks, *findings], not_judged) if case.is_foreign else (findings, remarks, not_judged)
 
 
 def weighed(
-    by_cause: Mapping[str, Sign],
-    rules: Sequence[CauseRule | FrameRule],
-    judge: Callable[[Receiver], Mapping[str, Sign]],
-) -> tuple[LineFinding, ...]:
+    by_cause: Mapping[str, Finding],
+    rules: Sequence[CauseRule],
+    judge: Callable[[Receiver], Mapping[str, Finding]],
+) -> tuple[Finding, ...]:
     """Return the findings of what the rules say, the surest first.
 
     What one offers is tried: `judge` says what would be found with another receiver. What leaves the cause
     there, or brings another one, is not offered.
     """
-    found: list[LineFinding] = []
+    found: list[tuple[float, Finding]] = []  # how sure its rule is, too
     for rule in rules:
         said = by_cause.get(rule.cause)
         if said is None or any(cause in by_cause for cause in rule.silenced_by):
@@ -838,13 +778,14 @@ def weighed(
         if by_cause.get("resets", said).confidence > SURE and rule.cause in ("resets", "reconnect-storm"):
             share = 1.0 if rule.cause == "resets" else 0.5  # what cuts a message comes before how often
         mend, is_tried = said.mend, said.is_fact
-        if said.cured is not None:
-            after = {cause for cause, one in judge(said.cured).items() if not one.is_remark}
+        if isinstance(said.trial, RemedyOffer) and said.trial.cured is not None:
+            after = {cause for cause, one in judge(said.trial.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
-            mend = tuple([one._replace(is_tried=True) for one in mend]) if is_tried else said.otherwise
+            mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else said.trial.otherwise
         sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
-        found.append(LineFinding(rule.cause, sure, said, mend or remedy_of(rule.cause)))
-    return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))
+        found.append((said.confidence, replace(said, confidence=sure, cause=rule.cause, mend=mend)))
+    found.sort(key=lambda each: (-each[1].confidence, -each[0]))
+    return tuple([one for _, one in found])
 
 
 def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:

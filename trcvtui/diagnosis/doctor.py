@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from msgspec import Meta, defstruct
+from msgspec import Struct, to_builtins
+from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
@@ -15,14 +16,14 @@ from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import KnownEnds, PlcEnd, fits_nothing, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
-from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
-from trcvtui.diagnosis.host_causes import host_findings, sign_of
+from trcvtui.diagnosis.causes import LineCase, cases_of, verdict_of
+from trcvtui.diagnosis.host_causes import finding_of, host_findings
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Remedy, Sign
-from trcvtui.diagnosis.symptoms import Symptom, causes_of
+from trcvtui.diagnosis.symptoms import causes_of
 from trcvtui.errors import UserError, one_line
-from trcvtui.wording import count, json_text, times
+from trcvtui.snapshots.doctor import Ends, Finding
+from trcvtui.wording import count, json_text
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
@@ -37,44 +38,28 @@ IN_WORDS: Final = {
     NOTHING: "nothing could be judged",
 }
 NO_LINE: Final = 0  # the number of no conversation
-
-
-# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
-# `{instance}` in a remedy is the one that it is for.
-# fmt: off
-TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
-    "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-                (Remedy("keep EN_R at 1 until DONE"),
-                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
-    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
-    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
-                        (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
-                        ),
-    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
-    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
-    "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
-    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
-    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
-}
-# fmt: on
 _GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP then asks for in vain
 OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 BY_BYTES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
-Verdict = dict[str, Any]
 
 
-class JobTrouble(NamedTuple):
-    """What a program did wrong: first in which scan, when (UTC), how often."""
+class LineVerdict(Struct, forbid_unknown_fields=True):
+    """What is said of one conversation; None: of all of a file, or of a project."""
 
-    cause: str
-    instance: str
-    connect: str
-    scan: int
-    ns: int
-    times: int
-    mend: tuple[Remedy, ...] = ()  # in place of that of its cause
+    conversation: Ends | None
+    findings: list[Finding]
+    quality: list[Quality] = []
+    remarks: list[Finding] = []
+    not_judged: dict[str, Quality] = {}
+    is_judged: bool = True
+    file: str = ""
+
+    @property
+    def word(self) -> str:
+        judged = HEALTHY_WORD if self.is_judged else NOTHING
+        return FINDINGS if self.findings else PARTLY if self.not_judged else judged
 
 
 class RecordedFacts(NamedTuple):
@@ -88,11 +73,11 @@ class RecordedFacts(NamedTuple):
     receivers: tuple[Receiver, ...]
     connects: Mapping[tuple[int, str], str]
     harms: Mapping[str, Sequence[int]]
-    troubles: tuple[JobTrouble, ...]
+    troubles: tuple[Finding, ...]  # what its program did wrong: `at` first when (UTC), in which `scan`
     until_ns: int = 0
-    lint: tuple[LineFinding, ...] = ()
+    lint: tuple[Finding, ...] = ()
     is_running: bool = False  # the run goes on
-    symptoms: tuple[Symptom, ...] = ()
+    symptoms: tuple[Finding, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
@@ -125,7 +110,7 @@ def receiver_of_type(layout: Layout, sender: str = "") -> Receiver:
 # -- one capture ---------------------------------------------------------------------------------------------
 
 
-def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], float]:
+def judge(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
     """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
     given = None if asked.plc is None else parse_plc(asked.plc)
     known = None if asked.recorded is None else asked.recorded(path)
@@ -140,132 +125,112 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
         raise UserError(facts.troubles)
     if known is not None:
         facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
-        for line in facts.lines:
-            line.harms = known.harms.get(line.connect or "", ())
+        for each in facts.lines:
+            each.harms = known.harms.get(each.connect or "", ())
     cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
-    told = {} if known is None else _told_of(known.troubles, cases)
+    told: dict[int, list[Finding]] = {}
+    for line, one in (_with_line(each, cases) for each in (known.troubles if known is not None else ())):
+        told.setdefault(NO_LINE if line is None else line.number, []).append(one)
     is_running = known is not None and known.is_running
-    verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
+    verdicts = [verdict(case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
     if known is not None:
         alone = _judge_symptoms(known, cases, verdicts, alone)
     else:
         alone = _judge_hosts(facts, asked, given, cases, verdicts)
     if alone:
-        verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
+        verdicts.append(LineVerdict(None, _surest_first(alone)))
     if not verdicts:  # the run of a recording was judged all the same
-        word = NOTHING if known is None else HEALTHY_WORD
-        verdicts.append({**_verdict(path, None, (), None), "verdict": word})
+        verdicts.append(LineVerdict(None, [], is_judged=known is not None))
+    for made in verdicts:
+        made.findings = [replace(one, ends=made.conversation) for one in made.findings]
+        made.remarks = [replace(one, ends=made.conversation) for one in made.remarks]
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
     return verdicts, [*capture_notes(facts.found, list(facts.troubles), with_hosts=False)], hours
 
 
 def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
-    verdicts: Sequence[Verdict],
-) -> list[dict[str, Any]]:  # fmt: skip
+    verdicts: Sequence[LineVerdict],
+) -> list[Finding]:  # fmt: skip
     """Return the findings of hosts that no conversation has; write the remarks into one of their ends."""
-    alone, of_host = [], dict[bytes, list[tuple[LineFacts, Verdict]]]()
+    alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
             of_host.setdefault(host, []).append((case.line, made))
     for one, is_ours in host_findings(facts, asked.receivers, b"" if given is None else given.address):
         rows = of_host.get(one.ends[0], [])
-        if any(line.gone and row["cause"] in _GONE for line, made in rows for row in made["findings"]):
+        if any(line.gone and row.cause in _GONE for line, made in rows for row in made.findings):
             continue  # its conversation says so
-        said = sign_of(one, asked.receivers)
-        found = LineFinding(one.cause, one.sure, said, said.mend)
+        found = finding_of(one, asked.receivers)
         if not is_ours:
             line, made = (rows or [(cases[0].line, verdicts[0])])[0]
-            made["remarks"].append(_remark_row(line, found))
+            made.remarks.append(complete(found, line))
             continue
         its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
         words = next((each.words for each in its), {})
         t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9 if one.packets else None
-        alone.append({**finding_row(None, found, words), "t_s": t_s, "filter": said.filter})
+        alone.append(complete(replace(found, t_s=t_s), words=words))
     return alone
 
 
-def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
-    found: dict[int, list[dict[str, Any]]] = {}
-    for one in troubles:
-        line = _line_of(one.connect, one.ns, cases)
-        sure, text, mends = TROUBLES[one.cause]
-        mends = one.mend or mends or remedy_of(one.cause)
-        mend = tuple([_for_instance(each, one.instance) for each in mends])
-        said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
-        made = finding_row(None, LineFinding(one.cause, sure, said, mend))
-        made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
-        made["where"]["scan"] = one.scan
-        found.setdefault(NO_LINE if line is None else line.number, []).append(made)
-    return found
-
-
-def _line_of(connect: str, ns: int, cases: Sequence[LineCase]) -> LineFacts | None:
-    """Return the conversation of a CONNECT at a time, or the last one before it, or the first one."""
-    lines = [case.line for case in cases if case.line.connect in (None, connect)]
+def _with_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
+    """Return the conversation of its CONNECT then, or the last one before it, or the first one; and both."""
+    ns = one.at[0] if one.at is not None else 0
+    lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
     line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
-    return line or (lines[0] if lines else None)
+    line = line or (lines[0] if lines else None)
+    return line, complete(replace(one, t_s=None if line is None else max(line.seconds(ns), 0.0)))
 
 
 def _judge_symptoms(
-    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict], told: list[dict[str, Any]]
-) -> list[dict[str, Any]]:
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[LineVerdict], told: list[Finding]
+) -> list[Finding]:
     """Write into each finding which symptoms it explains; return all findings that have no conversation.
 
     A symptom that nothing explains is a finding of its conversation. `told`: those without one so far.
     """
-    rows = [
-        (case.line.connect, row)
-        for case, made in zip(cases, verdicts, strict=True)
-        for row in made["findings"]
-    ]
-    connects = {trouble.instance: trouble.connect for trouble in known.troubles}
-    rows += [(connects.get(row["where"]["instance"], ""), row) for row in told]
-    alone, lint = [*told], [(each, finding_row(None, each)) for each in known.lint]
+    alone, lint, new = [*told], dict[int, int](), list[tuple[LineFacts, Finding]]()
+    of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
+    known_places = [(each.line.connect, of_line[each.line.number], n) for each in cases
+                    for n in range(len(of_line[each.line.number]))]  # fmt: skip
+    known_places += [(row.connect, alone, n) for n, row in enumerate(told)]
     for one in known.symptoms:
         causes = causes_of(one)
-        found = [row for connect, row in rows if row["cause"] in causes and connect in (None, one.connect)]
+        places = [each for each in known_places if each[0] in (None, one.connect)]
+        found = [(some, n) for _, some, n in places if some[n].cause in causes]
         if not found:  # what is wrong with the project shows without any traffic
-            found = [
-                row
-                for each, row in lint
-                if each.cause in causes
-                and each.said.instance in (None, one.instance)
-                and (not (one.status and each.said.status) or int(one.status, 16) in each.said.status)
-            ]
-            alone += [row for row in found if row not in alone]
-        for row in found:
-            row["explains"].append(one.text)
-            if one.is_of_session:
-                row["mend"], row["status"] = _mend_rows(one.mend), [one.status]
-                row["evidence"][:0] = [each for each in one.card if each not in row["evidence"]]
+            for number, each in enumerate(known.lint):
+                is_its = each.cause in causes and each.instance in ("", one.instance)
+                if is_its and (not (one.status and each.status) or one.status[0] in each.status):
+                    if number not in lint:
+                        lint[number] = len(alone)
+                        alone.append(complete(each))
+                    found.append((alone, lint[number]))
+        for some, n in found:
+            some[n] = _explaining(some[n], one)
         if found:
             continue
-        line = _line_of(one.connect, one.ns, cases)
-        said = Sign(one.confidence, (one.text, *one.card), instance=one.instance)
-        row = finding_row(
-            None, LineFinding(one.cause, one.confidence, said, one.mend or remedy_of(one.cause))
-        )
-        row["status"], row["explains"], row["where"]["scan"] = (
-            [one.status] * bool(one.status),
-            [one.text],
-            one.scan,
-        )
+        line, row = _with_line(one, cases)
         if line is None:
             alone.append(row)
-            continue
-        row["t_s"] = max(line.seconds(one.ns), 0.0)
-        number = next(n for n, case in enumerate(cases) if case.line is line)
-        verdicts[number] = _with_findings(verdicts[number], [row])
+        else:
+            new.append((line, row))
+    for line, row in new:
+        of_line[line.number][:] = _surest_first([*of_line[line.number], row])
     return alone
 
 
-def _with_findings(made: Verdict, more: Sequence[dict[str, Any]]) -> Verdict:
-    """Return a verdict with further findings; of two that are as sure, the one that was there comes first."""
-    found = sorted((*made["findings"], *more), key=lambda one: -one["confidence"])
-    return {**made, "healthy": False, "verdict": FINDINGS, "findings": found}
+def _explaining(found: Finding, one: Finding) -> Finding:
+    evidence = (*[each for each in one.evidence[1:] if each not in found.evidence], *found.evidence)
+    better = {"mend": one.mend, "status": one.status, "evidence": evidence} if one.is_fact else {}
+    return replace(found, explains=(*found.explains, *one.explains), **better)
+
+
+def _surest_first(some: Iterable[Finding]) -> list[Finding]:
+    """Return findings in their order; of two that are as sure, the one that was there comes first."""
+    return sorted(some, key=lambda one: -one.confidence)
 
 
 def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
@@ -278,122 +243,94 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
     return found
 
 
-def verdict(
-    path: str, case: LineCase, told: Sequence[dict[str, Any]] = (), is_running: bool = False
-) -> Verdict:
-    """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too.
+def verdict(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
+    """Return the verdict on one conversation; `told`: what the program did, too.
 
     In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
     the messages of one when another one goes on.
     """
     line = case.line
-    ends = {"plc": line.plc, "partner": line.partner, "protocol": line.protocol}
-    judged = verdict_of(case)
+    found, remarks, not_judged = verdict_of(case)
     words = case.receiver.words if case.receiver is not None else {}
-    found = judged.findings
     if is_running:
         is_over = case.group.stands_again, line.end is not None and case.group.goes_on
         found = tuple([one for one in found if not is_over[one.cause not in OF_ENDS]])
-    made = _verdict(path, ends, found, line, words)
-    made["quality"] = sorted(line.qualities)
-    made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
-    made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
-    if judged.not_judged and made["healthy"]:
-        made["verdict"] = PARTLY
     causes = {one.cause for one in found}
-    told = [one for one in told if BY_BYTES.get(one["cause"]) not in causes]
-    if told:
-        # What frames look like that the program has shifted is no cause of its own.
-        like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
-        made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
-        return _with_findings({**made, "findings": []}, _merged(told, made["findings"]))
-    return made
+    told = [one for one in told if BY_BYTES.get(one.cause) not in causes]
+    # What frames look like that the program has shifted is no cause of its own.
+    like = LIKE_SHIFTED if any(one.cause == "shifted" for one in told) else ()
+    rows = [complete(one, line, words) for one in found if one.cause not in like]
+    return LineVerdict(
+        Ends(line.plc, line.partner, line.protocol),
+        _surest_first(_merged(told, rows)) if told else rows,
+        sorted(line.qualities),
+        [complete(one, line) for one in remarks],
+        not_judged,
+    )
 
 
-def _merged(told: Sequence[dict[str, Any]], found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _merged(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
     """Return one finding for a cause that both the program and the packets show: that of the packets."""
-    same = {one["cause"]: one for one in found}
-    alone = [one for one in told if one["cause"] not in same]
+    alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in told:
-        if (other := same.get(one["cause"])) is not None:
-            other["evidence"] += one["evidence"]
-            other["where"]["scan"] = one["where"]["scan"]
+        if (number := number_of.get(one.cause)) is None:
+            alone.append(one)
+        else:
+            evidence = (*found[number].evidence, *one.evidence)
+            found[number] = replace(found[number], evidence=evidence, scan=one.scan)
     return [*alone, *found]
 
 
-def _verdict(
-    path: str,
-    ends: dict[str, str] | None,
-    found: Sequence[LineFinding],
-    line: LineFacts | None,
-    words: Mapping[Condition, int] | None = None,
-) -> Verdict:
-    findings = [finding_row(line, one, words) for one in found]
-    empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
-    word = FINDINGS if findings else HEALTHY_WORD
-    said = {"healthy": not findings, "verdict": word, "findings": findings}
-    return {"file": path, "conversation": ends, **said, **empty}
-
-
-def verdict_on_project(project: Project) -> Verdict:
+def verdict_on_project(project: Project) -> LineVerdict:
     """Return what is wrong with a project before it runs: by its text, and by a dry run of three seconds."""
     from trcvtui.diagnosis.dry_run import refusals
     from trcvtui.diagnosis.lint import lint
 
     known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=refusals(project))
     shown = _judge_symptoms(known, [], [], [])
-    told = {(row["cause"], *row["evidence"]) for row in shown}
-    rows = [finding_row(None, one) for one in known.lint if (one.cause, *one.said.evidence) not in told]
-    made = _verdict(str(project.path), None, (), None)
-    return _with_findings(made, [*rows, *shown]) if rows or shown else made
+    told = {(one.cause, one.evidence) for one in shown}
+    rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in told]
+    return LineVerdict(None, _surest_first([*rows, *shown]), file=str(project.path))
 
 
-def _for_instance(mend: Remedy, instance: str) -> Remedy:
-    command, set_ = (part and part.replace("{instance}", instance) for part in (mend.command, mend.set))
-    return mend._replace(command=command, set=set_)
+def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
+    """Return what a rule has found with what its cause says of it, and where its line shows it.
+
+    `words`: the STATUS of each condition, where its block is known.
+    """
+    at, row, t_s, packets, shown = found.at, CAUSES[found.cause], found.t_s, found.packets, found.filter
+    if line is not None:
+        t_s = line.seconds(at[0]) if at is not None else None
+        packets = packets or (at[3] if at is not None and at[3] else line.first_packet,)
+        shown = line.filter_of(shown or row.filter, found.cause in OF_GROUP)
+    leads_to = row.leads_to if found.leads_to is None else found.leads_to
+    status = found.status or tuple([f"{words[one]:04X}" for one in leads_to if one in words])
+    return replace(
+        found, title=row.title, confidence=round(found.confidence, 2), t_s=t_s, packets=packets, filter=shown,
+        status=status, mend=found.mend or remedy_of(found.cause), trial=None,
+    )  # fmt: skip
 
 
-def finding_row(
-    line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
-) -> dict[str, Any]:
-    """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
-    leads_to = CAUSES[found.cause].leads_to if found.said.leads_to is None else found.said.leads_to
-    status = found.said.status or [(words or {}).get(one) for one in leads_to]
+def as_json(made: LineVerdict) -> dict[str, Any]:
+    """Return a verdict as `--format json` has it: keys may be added, none is taken away or renamed."""
+    findings = [
+        {**_remark_as_json(one), "confidence": one.confidence, "status": one.status, "explains": one.explains,
+         "mend": to_builtins(one.mend)} for one in made.findings
+    ]  # fmt: skip
+    not_judged = [{"cause": cause, "quality": why} for cause, why in made.not_judged.items()]
     return {
-        **_remark_row(line, found),
-        "confidence": round(found.confidence, 2),
-        "status": [f"{one:04X}" for one in status if one is not None],
-        "explains": [],
-        "mend": _mend_rows(found.mend),
-    }
+        "file": made.file, "conversation": to_builtins(made.conversation), "healthy": not findings,
+        "verdict": made.word, "findings": findings, "quality": made.quality,
+        "remarks": [*map(_remark_as_json, made.remarks)], "not_judged": not_judged,
+    }  # fmt: skip
 
 
-def _mend_rows(mend: Sequence[Remedy]) -> list[dict[str, Any]]:
-    return [{"text": one.text, "command": one.command, "set": one.set, "tried": one.is_tried} for one in mend]
-
-
-def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
-    said, words = found.said, CAUSES[found.cause]
-    at, packets = said.at, said.packets
-    if line is not None and not packets:
-        packets = (at.packet if at is not None and at.packet else line.first_packet,)
-    return {
-        "cause": found.cause,
-        "title": words.title,
-        "t_s": line.seconds(at.ns) if line is not None and at is not None else None,
-        "where": {
-            "direction": said.way,
-            "byte": at.at if at is not None and at.size else None,
-            "packet": at.packet or None if at is not None else None,
-            "scan": None,
-            "instance": said.instance,
-        },
-        "evidence": list(said.evidence),
-        "packets": [*packets],
-        "filter": ""
-        if line is None
-        else line.filter_of(said.filter or words.filter, found.cause in OF_GROUP),
-    }
+def _remark_as_json(one: Finding) -> dict[str, Any]:
+    packet = one.at[3] if one.at is not None else 0
+    where = {"direction": one.way or None, "byte": one.byte, "packet": packet or None, "scan": one.scan,
+             "instance": one.instance or None}  # fmt: skip
+    return {"cause": one.cause, "title": one.title, "t_s": one.t_s, "where": where, "evidence": one.evidence,
+            "packets": one.packets, "filter": one.filter}  # fmt: skip
 
 
 # -- all of them ---------------------------------------------------------------------------------------------
@@ -404,7 +341,7 @@ def doctor(
     asked: DoctorQuestion,
     form: str,
     jobs: int,
-    before: Iterable[Verdict] = (),
+    before: Iterable[LineVerdict] = (),
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
@@ -426,7 +363,7 @@ def doctor(
         total.files += 1
         total.hours += hours
         for made in verdicts:
-            made["file"] = (names or {}).get(path, path)
+            made.file = (names or {}).get(path, path)
             total.add(made)
         is_first = _write(write, verdicts, form, is_first)
         for note in notes:
@@ -449,10 +386,10 @@ class _Total:
         self.hours = 0.0
         self.causes: Counter[str] = Counter()
 
-    def add(self, made: Verdict) -> None:
-        self.conversations += made["conversation"] is not None
-        self.judged += made["verdict"] != NOTHING
-        self.causes.update({one["cause"] for one in made["findings"]})
+    def add(self, made: LineVerdict) -> None:
+        self.conversations += made.conversation is not None
+        self.judged += made.is_judged
+        self.causes.update({one.cause for one in made.findings})
 
     def text(self) -> str:
         found = ", ".join(f"{cause} {times}" for cause, times in self.causes.most_common())
@@ -462,27 +399,7 @@ class _Total:
         )
 
 
-Answer = tuple[list[Verdict], list[str], float]
-
-
-def answer_form() -> Any:
-    """Return the type of an Answer with each key of a verdict, by which one of another machine is read."""
-
-    def form(**fields: Any) -> Any:
-        return defstruct("Form", fields.items(), forbid_unknown_fields=True)
-
-    text, number = str | None, int | None
-    where = form(direction=text, byte=number, packet=number, scan=number, instance=text)
-    row = {"cause": str, "title": str, "t_s": float | None, "where": where, "evidence": list[str],
-           "packets": list[int], "filter": str}  # fmt: skip
-    mend: Any = form(text=str, command=text, set=text, tried=bool)
-    finding: Any = form(**row, confidence=float, status=list[str], explains=list[str], mend=list[mend])
-    remark: Any = form(**{**row, "evidence": Annotated[list[str], Meta(min_length=1)]})
-    ends: Any = form(plc=str, partner=str, protocol=str)
-    unjudged: Any = form(cause=str, quality=str)
-    made: Any = form(file=str, conversation=ends | None, healthy=bool, verdict=str, findings=list[finding],
-                     quality=list[str], remarks=list[remark], not_judged=list[unjudged])  # fmt: skip
-    return tuple[list[made], list[str], float]
+Answer = tuple[list[LineVerdict], list[str], float]
 
 
 def _answers(
@@ -497,7 +414,7 @@ def _answers(
     if scheduler is None:
         yield from answers_of_processes(paths, asked, try_to_judge, jobs)
     else:
-        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler, answer_form())
+        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler, Answer)
 
 
 def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
@@ -508,30 +425,29 @@ def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
         return error
 
 
-def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, is_first: bool) -> bool:
+def _write(write: Callable[[str], object], made: Sequence[LineVerdict], form: str, is_first: bool) -> bool:
     if form == "text":
         write("".join(f"{one_line(text)}\n" for text in _texts(made)))
         return False
     for one in made:
         before = "" if form == "jsonl" else "[\n" if is_first else ",\n"
-        write(before + json_text(one) + ("\n" if form == "jsonl" else ""))
+        write(before + json_text(as_json(one)) + ("\n" if form == "jsonl" else ""))
         is_first = False
     return is_first
 
 
 MARK: Final = "    "
-ADVICE: Final = "mend, as advice"  # a remedy that was not tried on the evidence
 MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
-def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    groups: dict[object, tuple[dict[str, Any], list[str]]] = {}
+def _texts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
+    groups: dict[object, tuple[Finding, list[str]]] = {}
     for made in verdicts:
-        for one in made["findings"]:
-            same = groups.setdefault(same_finding(one, made["conversation"]), (one, []))
-            same[1].extend(_ends_text(made["conversation"]))
-    file, before = verdicts[0]["file"] if verdicts else "", None
-    for one, lines in sorted(groups.values(), key=lambda each: -each[0]["confidence"]):
+        for one in made.findings:
+            same = groups.setdefault(same_finding(one), (one, []))
+            same[1].extend(_ends_text(made))
+    file, before = verdicts[0].file if verdicts else "", None
+    for one, lines in sorted(groups.values(), key=lambda each: -each[0].confidence):
         what = count(len(lines), "conversation") if len(lines) > 1 else "".join(lines)
         if lines != before:
             yield ": ".join(filter(None, (file, what)))
@@ -541,52 +457,49 @@ def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
             more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
             yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
     for verdict, words in IN_WORDS.items():
-        some = [made for made in verdicts if made["verdict"] == verdict]
-        ends = "".join(_ends_text(some[0]["conversation"])) if len(some) == 1 else ""
+        some = [made for made in verdicts if made.word == verdict]
+        ends = "".join(_ends_text(some[0])) if len(some) == 1 else ""
         what = count(len(some), "conversation") if len(some) > 1 else ends
         yield from [": ".join(filter(None, (file, what, words)))] if some else []
     yield from _notes(verdicts)
 
 
-def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
+def same_finding(one: Finding) -> tuple[object, ...]:
     """Return what equal findings of several conversations share: cause, STATUS, whose, which port."""
-    where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
-    ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
-    return one["cause"], *one.get("status", ()), where["direction"], where["instance"], min(ports, default=0)
+    ends = (one.ends.plc, one.ends.partner) if one.ends is not None else ()
+    ports = [int(port) for port in (each.rpartition(":")[2] for each in ends) if port.isdecimal()]
+    return one.cause, *one.status, one.way, one.instance, min(ports, default=0)
 
 
-def _ends_text(ends: dict[str, str] | None) -> list[str]:
-    return [f"{ends['protocol']} {ends['plc']} <- {ends['partner']}"] if ends is not None else []
+def _ends_text(made: LineVerdict) -> list[str]:
+    return [f"{made.conversation.protocol} {made.conversation}"] if made.conversation is not None else []
 
 
-def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
-    when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
-    way = one["where"]["direction"]
-    place = "".join(f", {each}" for each in (way and way.replace("-", " "), one["where"]["instance"]) if each)
-    yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
-    yield from (MARK + text for text in one["evidence"])
-    yield from (f"{MARK}explains: {text}" for text in one["explains"] if text not in one["evidence"])
-    if one["status"]:
-        yield f"{MARK}STATUS {', '.join(one['status'])}"
-    packets = ", ".join(map(str, one["packets"]))
-    seen = filter(None, (f"packets {packets}" if packets else "", one["filter"]))
-    yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one["filter"] else []
-    for mend in one["mend"]:
-        label = "mend" if mend["tried"] else ADVICE
-        yield f"{MARK}{label}: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+def _finding_texts(one: Finding) -> Iterator[str]:
+    when = "" if one.t_s is None else f" at {one.t_s:.3f} s"
+    place = "".join(f", {each}" for each in (one.way.replace("-", " "), one.instance) if each)
+    yield f"  {one.cause} ({one.confidence:.0%} sure){when}{place}: {one.title}"
+    yield from (MARK + text for text in one.evidence)
+    yield from (f"{MARK}explains: {text}" for text in one.explains if text not in one.evidence)
+    if one.status:
+        yield f"{MARK}STATUS {', '.join(one.status)}"
+    packets = ", ".join(map(str, one.packets))
+    seen = filter(None, (f"packets {packets}" if packets else "", one.filter))
+    yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one.filter else []
+    yield from (MARK + mend.line for mend in one.mend)
 
 
-def _notes(some: Sequence[Verdict]) -> Iterator[str]:
-    remarks = Counter(f"{one['cause']}: {one['evidence'][-1]}" for made in some for one in made["remarks"])
+def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:
+    remarks = Counter(f"{one.cause}: {''.join(one.evidence[-1:])}" for made in some for one in made.remarks)
     yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
                 remarks.most_common(MOST_LINES))  # fmt: skip
-    qualities = Counter(each for made in some for each in made["quality"] if each != Quality.ENDS_EARLY)
+    qualities = Counter(each for made in some for each in made.quality if each != Quality.ENDS_EARLY)
     if qualities:
         told = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
         yield f"  quality: {', '.join(told)}"
     blind: dict[str, list[str]] = {}
-    for each in (each for made in some for each in made["not_judged"]):
-        causes = blind.setdefault(each["quality"], [])
-        causes += [] if each["cause"] in causes else [each["cause"]]
+    for cause, why in (each for made in some for each in made.not_judged.items()):
+        causes = blind.setdefault(why, [])
+        causes += [] if cause in causes else [cause]
     for quality, causes in blind.items():
         yield f"  cannot be judged with {quality}: {', '.join(causes)}"

@@ -10,7 +10,8 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import parse_script
 from trcvtui.commands.words import Set
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
-from trcvtui.diagnosis.symptoms import LINK_ERRORS, Symptom
+from trcvtui.diagnosis.symptoms import LINK_ERRORS
+from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import SECOND
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ CONNECTED_NS: Final = SECOND  # what can be connected is, and EN_R rises
 UNASKED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
 
 
-def refusals(project: Project) -> tuple[Symptom, ...]:
+def refusals(project: Project) -> tuple[Finding, ...]:
     """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
 
     An ERROR of the link counts where the partner is in the project: nothing else listens on this network.
@@ -65,11 +66,11 @@ def _only_receivers(project: Project) -> list[str]:
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 
 
-def _counts(one: Symptom, project: Project, partners: set[object]) -> bool:
-    if one.condition is None or one.condition in UNASKED:
+def _counts(one: Finding, project: Project, partners: set[object]) -> bool:
+    if not one.leads_to or one.leads_to[0] in UNASKED:
         return False
     config = project.connect(one.connect)
     has_partner = config is not None and (
         f"@{config.name}" in partners or str(config.remote_port).startswith("@")
     )
-    return one.condition not in LINK_ERRORS or has_partner
+    return one.leads_to[0] not in LINK_ERRORS or has_partner

@@ -12,13 +12,15 @@ from itertools import pairwise
 from math import gcd
 from typing import Final, NamedTuple
 
+from msgspec.structs import replace
+
 from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
-from trcvtui.diagnosis.frame_readings import FrameReading, read
+from trcvtui.diagnosis.frame_readings import read
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.message_joints import head_and_body, joined
 from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, frames_anew
 from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
-from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
 from trcvtui.diagnosis.text_forms import (
     SEND_BYTES,
     as_text,
@@ -28,6 +30,7 @@ from trcvtui.diagnosis.text_forms import (
     text_of,
     utf_8_of,
 )
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
 
@@ -36,15 +39,6 @@ SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
 MOST_FRAMES: Final = 8
 MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
-
-
-class FrameRule(NamedTuple):
-    """One row: as a CauseRule, with a judge that asks the receiver."""
-
-    cause: str
-    judge: Callable[[LineFacts, Receiver | None], Sign | None]
-    silenced_by: tuple[str, ...] = ()
-    weakened_by: tuple[str, ...] = ()
 
 
 class UsualSize(NamedTuple):
@@ -130,7 +124,7 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if not receiver.room or size <= receiver.room:
         left = unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (length._replace(text=f"LEN {size}{then}"), *frames_anew(receiver))
+        return (replace(length, text=f"LEN {size}{then}"), *frames_anew(receiver))
     more = _room_mends(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
     return (*mends, *frames_anew(receiver)) if more[0].set else mends
@@ -171,7 +165,7 @@ def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (Remedy(f"DATA of {size} bytes: {array}", f"set data {change}", path),)
 
 
-def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -198,10 +192,10 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
     offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual, line)
-    return sign_to_plc(wanted, sure, (text,), _at(last), offer)
+    return finding_to_plc(wanted, sure, (text,), _at(last), offer)
 
 
-def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     found = _static(line, receiver)
     if found is not None:
         wanted, sizes = found
@@ -215,10 +209,9 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _means("frame-long")(line, receiver)) is not None:
-            return members._replace(evidence=(text, more, *members.evidence))
-        return sign_to_plc(
-            wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual, line)
-        )
+            return replace(members, evidence=(text, more, *members.evidence))
+        offer = _with_len(wanted, sizes.usual, line)
+        return finding_to_plc(wanted, sure, (text, more), _at(line.messages[0]), offer)
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -228,10 +221,10 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    return sign_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most, line))
+    return finding_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most, line))
 
 
-def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -255,10 +248,10 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
     offer = string_offer(wanted, _contents(line)) or RemedyOffer((mend, *room) if name else (), cured)
-    return sign_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
+    return finding_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
 
 
-def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -287,10 +280,10 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         name = "the greeting" if is_first else "these messages"
         take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
-    return sign_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
+    return finding_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
 
 
-def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     wanted = _ready(line, receiver, AD_HOC)
     messages = judged_messages(line)
     if wanted is None or len(messages) < FEW:
@@ -300,10 +293,9 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
         offer = _received_static(wanted, max(pairs.sizes))
         if len(pairs.sizes) > 1:
-            offer = RemedyOffer(
-                (Remedy(f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"),)
-            )
-        return sign_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
+            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"
+            offer = RemedyOffer((Remedy(text_of_two),))
+        return finding_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
         return None
@@ -316,7 +308,7 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
     offer = _received_static(wanted, sizes.usual)
-    return sign_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
+    return finding_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
 
 
 def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
@@ -331,7 +323,7 @@ def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
     return RemedyOffer((mend, length, *frames_anew(receiver)) if name else (), cured)
 
 
-def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
         return None
     known = _ready(line, receiver, AD_HOC)
@@ -365,11 +357,11 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     at = next(write for write in writes if write.size in several)
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     if known is None:
-        return Sign(sure, (text,), "to-plc", at, is_remark=True)
-    return sign_to_plc(known, sure, (text,), at, _one_a_job(known, base))
+        return Finding(sure, (text,), "to-plc", at, is_remark=True)
+    return finding_to_plc(known, sure, (text,), at, _one_a_job(known, base))
 
 
-def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether a delimiter or a length parts the messages of one segment."""
     content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
     known = [one for one in some if one.at + one.size <= len(content)]
@@ -381,17 +373,17 @@ def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Sign | Non
     at = next(one for one, number in zip(known, found.numbers, strict=True) if number > 1)
     texts = f"{several} of {len(parts)} segments hold up to {max(found.numbers)} messages", found.proof
     if receiver is None:
-        return Sign(0.7, texts, "to-plc", at, is_remark=True)
-    return sign_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
+        return Finding(0.7, texts, "to-plc", at, is_remark=True)
+    return finding_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
 
 
-def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:
+def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Finding | None:
     soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
     if len(soon) < FEW or len(soon) * 5 < len(writes):
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    return sign_to_plc(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
+    return finding_to_plc(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
 
 
 def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
@@ -449,7 +441,7 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     return bool(fixed) and hits * 10 >= 9 * len(fixed) * len(inner)
 
 
-def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     wanted = _ready(line, receiver, DATAGRAM)
     if wanted is None:
         return None
@@ -459,10 +451,10 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return sign_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most, line))
+    return finding_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most, line))
 
 
-def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW:
         return None
     content = bytes(line.to_plc.content)
@@ -480,7 +472,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return sign_to_plc(receiver, 0.9, tuple(texts), _at(line.messages[0]))
+            return finding_to_plc(receiver, 0.9, tuple(texts), _at(line.messages[0]))
     return None
 
 
@@ -520,11 +512,11 @@ def _contents(line: LineFacts) -> list[bytes]:
     return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]
 
 
-_READ: Final[dict[tuple[object, ...], FrameReading | None]] = {}
+_READ: Final[dict[tuple[object, ...], Finding | None]] = {}
 MOST_READ: Final = 256
 
 
-def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
+def _reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _is_read(line, receiver):
         return None
@@ -537,10 +529,10 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> FrameReading | None:
             _READ.clear()
         _READ[key] = read(frames, receiver, receiver.type, receiver.rules)
     found = _READ[key]
-    return found and found._replace(said=found.said._replace(at=_at(line.messages[0])))
+    return found and replace(found, at=_at(line.messages[0]))
 
 
-def _text(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _text(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether text comes where numbers are declared."""
     if receiver is None or not _is_read(line, receiver) or not has_numbers_alone(receiver):
         return None
@@ -550,33 +542,32 @@ def _text(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     numbers = f"{receiver.type_name or 'DATA'} has numbers"
     offer = as_text(receiver, found, max(map(len, messages)))
-    return sign_to_plc(receiver, 0.93, (found.said, numbers), _at(line.messages[0]), offer)
+    return finding_to_plc(receiver, 0.93, (found.said, numbers), _at(line.messages[0]), offer)
 
 
-def _encoding(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _encoding(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or not _is_read(line, receiver):
         return None
     said = utf_8_of(_contents(line), receiver.need)
     if not said:
         return None
-    return sign_to_plc(receiver, 0.95, (said,), _at(line.messages[0]), RemedyOffer((SEND_BYTES,)))
+    return finding_to_plc(receiver, 0.95, (said,), _at(line.messages[0]), RemedyOffer((SEND_BYTES,)))
 
 
-def _header(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if (found := _means("header")(line, receiver)) is not None:
         return found
     if receiver is None or not _is_read(line, receiver):
         return None
     said = string_of_bytes(receiver, _contents(line))
-    return (
-        sign_to_plc(receiver, 0.0, (said,), _at(line.messages[0]))._replace(is_remark=True) if said else None
-    )
+    at = _at(line.messages[0])
+    return finding_to_plc(receiver, 0.0, (said,), at, is_remark=True) if said else None
 
 
-def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
-    def judge(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
+    def judge(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         found = _reading(line, receiver)
-        return found.said if found is not None and found.cause == cause else None
+        return found if found is not None and found.cause == cause else None
 
     return judge
 
@@ -584,7 +575,7 @@ def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
 # -- symptoms of DATA: causes above explain them -------------------------------------------------------------
 
 
-def _unwritten(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Say which members frames do not write; where they end between two members, that may be wanted."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
@@ -598,13 +589,11 @@ def _unwritten(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
-    sign = sign_to_plc(
-        receiver, 0.85, (text,), _at(line.messages[0]), RemedyOffer(_type_mends(receiver, size))
-    )
-    return sign._replace(is_remark=not left.is_cut)
+    offer = RemedyOffer(_type_mends(receiver, size))
+    return finding_to_plc(receiver, 0.85, (text,), _at(line.messages[0]), offer, not left.is_cut)
 
 
-def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def _odd(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.type is None:
         return None
     if not line.messages or is_session(line) or line.to_plc.cut:
@@ -622,7 +611,7 @@ def _odd(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     sure = 0.8 if len(frames) >= FEW else 0.6
     offer = string_offer(receiver, _contents(line)) or NO_OFFER
-    return sign_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]), offer)
+    return finding_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]), offer)
 
 
 def _at(message: LineMessage) -> SegmentFacts:
@@ -644,20 +633,20 @@ _EXPLAINS_DATA: Final = (
     "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
 FRAME_JUDGES: Final = (
-    FrameRule("plain-tcp", plain_tcp, _OTHER),
-    FrameRule("encoding", _encoding, _OTHER),
-    FrameRule("text", _text, _OTHER),
-    FrameRule("header", _header, (*_OTHER, *_FORMS)),
-    FrameRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
-    FrameRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
-    FrameRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
-    FrameRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
-    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
-    FrameRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
-    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
-    FrameRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
-    FrameRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
-    FrameRule("framing", _framing, (), ("line-errors",)),
-    FrameRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
-    FrameRule("odd-values", _odd, _EXPLAINS_DATA),
+    CauseRule("plain-tcp", plain_tcp, _OTHER),
+    CauseRule("encoding", _encoding, _OTHER),
+    CauseRule("text", _text, _OTHER),
+    CauseRule("header", _header, (*_OTHER, *_FORMS)),
+    CauseRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
+    CauseRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
+    CauseRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
+    CauseRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
+    CauseRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
+    CauseRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
+    CauseRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
+    CauseRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
+    CauseRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
+    CauseRule("framing", _framing, (), ("line-errors",)),
+    CauseRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
+    CauseRule("odd-values", _odd, _EXPLAINS_DATA),
 )

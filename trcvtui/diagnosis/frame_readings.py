@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
+
+from msgspec.structs import replace
 
 from trcvtui.diagnosis.data_values import layout_of, odd_values
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import NO_OFFER, Remedy, RemedyOffer, Sign, frames_anew, sign_to_plc
+from trcvtui.diagnosis.remedies import NO_OFFER, RemedyOffer, finding_to_plc, frames_anew
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
@@ -26,14 +29,7 @@ NOT_KNOWN: Final = "not known"
 UNSURE: Final = 0.8  # where bytes are left that nothing explains
 
 
-class FrameReading(NamedTuple):
-    """The cause that a reading is, and what speaks for it."""
-
-    cause: str
-    said: Sign
-
-
-def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> FrameReading | None:
+def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
     from trcvtui.udt.compare.fit import fit, without_near_drifts
 
     if len(frames) < 2 and len(frames[0]) != receiver.need:
@@ -60,7 +56,7 @@ def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRule
     if len(sides) > 1 and any(NOT_KNOWN in side for side in sides):
         sure = min(sure, UNSURE)
     texts = (said, *(reason.text for reason in best.reasons[:2]))
-    return FrameReading(cause, sign_to_plc(receiver, sure, texts, None, offer))
+    return replace(finding_to_plc(receiver, sure, texts, None, offer), cause=cause)
 
 
 def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
@@ -69,9 +65,7 @@ def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
     return min(near, key=lambda one: (one.cause.front > 0) + (not _is_read_so(one, rules)), default=None)
 
 
-def _read_by_size(
-    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
-) -> FrameReading | None:
+def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
     """Read the only message in another layout that has exactly its size and values that machines send."""
     from trcvtui.udt.compare.fit import fit
 
@@ -91,8 +85,7 @@ def _read_by_size(
         f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
     )
     offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
-    said = sign_to_plc(receiver, 0.7, (f"{text} has {size}",), None, offer)
-    return FrameReading("padding", said)
+    return replace(finding_to_plc(receiver, 0.7, (f"{text} has {size}",), None, offer), cause="padding")
 
 
 def _is_read_so(one: Fit, rules: LayoutRules) -> bool:

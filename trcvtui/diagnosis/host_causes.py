@@ -6,11 +6,13 @@ from collections.abc import Iterator, Sequence
 from ipaddress import ip_address
 from typing import Final
 
+from msgspec.structs import replace
+
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.hosts import NOT_THERE, HostFact, TimedNote
 from trcvtui.diagnosis.line_facts import LARGE, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
 CERTAIN: Final = 2  # answers of ICMP to datagrams; one may be chance
@@ -36,17 +38,17 @@ def is_service(line: LineFacts) -> bool:
     return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
 
 
-def _sign(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Sign:
+def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
     """Return what notes of ICMP prove of the way of their packets, in the words of the first one."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
     text, at = f"{first.note.text}, {times(len(some))}", SegmentFacts(first.ns, 0, 0, first.packet)
     icmp = "icmp" if len(first.note.said_by) == 4 else "icmpv6"
-    return Sign(sure, (text, *texts), way, at, mend=mends, is_fact=sure > 0.9, packets=packets, filter=icmp)
+    return Finding(sure, (text, *texts), way, at, "", mends, False, sure > 0.9, packets, filter=icmp)
 
 
-def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Sign | None:
+def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
     """Return that a host refuses packets to its own port, or a router or filter those to another host."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
@@ -54,18 +56,18 @@ def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: st
         return None
     note = some[0].note
     if note.kind == "port":
-        said = _sign(line, some, 0.97, f"nothing listens on port {note.port}")
+        said = _by_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
     else:
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
         mend = f"ask who runs {router}: it forbids this" if note.kind == "admin" else no_way
-        said = _sign(line, some, 0.97, mend=mend)._replace(leads_to=_NO_CALL)
+        said = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_NO_CALL)
     return _of_datagrams(line, receivers, some, said) if is_udp else said
 
 
 def _of_datagrams(
-    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], said: Sign
-) -> Sign | None:
+    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], said: Finding
+) -> Finding | None:
     note = some[0].note
     is_to_plc = (note.target, note.port) == line.plc_end
     end = line.from_plc if is_to_plc else line.to_plc
@@ -74,23 +76,22 @@ def _of_datagrams(
     takes = {one.local_port for one in receivers if one.is_datagram and is_to_plc} - {0}
     if takes and note.port not in takes:
         texts, mend = (f"the project receives on {min(takes)}",), f"send to port {min(takes)}"
-        said = said._replace(evidence=(*said.evidence, *texts), mend=(Remedy(mend),))
+        said = replace(said, evidence=(*said.evidence, *texts), mend=(Remedy(mend),))
     is_noise = note.port not in takes and is_service(line)
     is_sure = len(some) >= CERTAIN
     is_remark = is_noise or not (receivers or is_sure)
-    return said._replace(
-        confidence=0.97 if is_sure else 0.6, is_remark=is_remark, is_fact=is_sure, leads_to=()
-    )
+    sure = 0.97 if is_sure else 0.6
+    return replace(said, confidence=sure, is_remark=is_remark, is_fact=is_sure, leads_to=())
 
 
 # -- packets that are too large ------------------------------------------------------------------------------
 
 
-def mtu(line: LineFacts) -> Sign | None:
+def mtu(line: LineFacts) -> Finding | None:
     """Return that large packets do not get there, and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
-        return _sign(line, pieces, 0.95, mend=_IN_ONE_PIECE)
+        return _by_icmp(line, pieces, 0.95, mend=_IN_ONE_PIECE)
     for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = told[0].note.size if told else 0, said.stuck
@@ -98,17 +99,17 @@ def mtu(line: LineFacts) -> Sign | None:
         mend = f"let the way carry large packets, or set the MTU at both ends {to}; no cable does this"
         again = f"{stuck.size} bytes are sent again {times(said.stuck_often)}"
         if told and said.stuck_often >= 2 and stuck.size + 40 > size:
-            return _sign(line, told, 0.97, f"{again}, as large as before", mend=mend)
+            return _by_icmp(line, told, 0.97, f"{again}, as large as before", mend=mend)
         if told:  # one datagram after the other is a sender that does not hear it
             is_late = line.protocol == "udp" and len(told) > CERTAIN
-            return _sign(line, told, 0.95 * is_late, mend=mend)._replace(is_remark=not is_late)
+            return replace(_by_icmp(line, told, 0.95 * is_late, mend=mend), is_remark=not is_late)
         if said.stuck_often >= 3 and stuck.size >= LARGE and _only_small_arrive(said):
             small = (
                 "smaller segments behind them arrive (SACK): large packets do not get there, small ones do"
             )
             way = "from-plc" if said is line.from_plc else "to-plc"
             texts = f"{again}, and never acknowledged", small
-            return Sign(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=said.packets_of("resent"))
+            return Finding(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=said.packets_of("resent"))
     return None
 
 
@@ -121,11 +122,6 @@ def _only_small_arrive(said: DirectionFacts) -> bool:
 
 
 # -- addresses -----------------------------------------------------------------------------------------------
-
-
-def double_address(line: LineFacts) -> Sign | None:
-    """Return that an address of a conversation has two devices."""
-    return None if line.doubled is None else sign_of(line.doubled, ())
 
 
 def host_findings(
@@ -143,7 +139,7 @@ def host_findings(
             yield one, is_alone or bool(known & {*one.ends})
 
 
-def sign_of(fact: HostFact, receivers: Sequence[Receiver]) -> Sign:
+def finding_of(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
     texts, mend = [fact.text], _IN_ONE_PIECE
     if fact.cause == "duplicate-ip":
         mend = f"give one of both devices with {ip_address(fact.ends[0])} another address"
@@ -153,9 +149,9 @@ def sign_of(fact: HostFact, receivers: Sequence[Receiver]) -> Sign:
     packet = fact.packets[-1 if fact.cause == "duplicate-ip" else 0] if fact.packets else 0
     at = SegmentFacts(fact.ns, 0, 0, packet) if packet else None
     shown = "ip.flags.mf == 1 || ip.frag_offset > 0" if fact.cause == "mtu" else "arp"
-    return Sign(
+    return Finding(
         fact.sure, tuple(texts), at=at, mend=(Remedy(mend),), is_fact=fact.sure > 0.9, packets=fact.packets,
-        filter=shown,
+        filter=shown, cause=fact.cause,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from ipaddress import ip_address
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from msgspec.structs import replace
 
@@ -15,18 +15,18 @@ from trcvtui.commands import words
 from trcvtui.commands.peer import read_routines
 from trcvtui.commands.table import parse_script, written_data
 from trcvtui.diagnosis.cause_words import TOLD
-from trcvtui.diagnosis.causes import LineFinding, weighed
+from trcvtui.diagnosis.causes import weighed
 from trcvtui.diagnosis.data_values import unwritten_members
 from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
 from trcvtui.net.connection.description_check import meaning
 from trcvtui.net.connection.resources import TakenId
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.results import ANY_ADDRESS, octets
 from trcvtui.project.project import SERIAL
+from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.udt.types import Struct
 
 if TYPE_CHECKING:
@@ -168,33 +168,25 @@ def _marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, bytes]
 # -- the rows ------------------------------------------------------------------------------------------------
 
 
-class LintRule(NamedTuple):
-    """One row: the cause, and what is said of each place where it stands."""
-
-    cause: str
-    judge: Callable[[Project], Iterator[Sign]]
-
-
 def lint(
     project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
-) -> tuple[LineFinding, ...]:
+) -> tuple[Finding, ...]:
     """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
     started = replace(_as_started(project, now=pins)[0], start="", program="")
-    signs = [(rule.cause, said) for rule in LINT_RULES for said in rule.judge(started)]
+    found = [replace(one, cause=cause) for cause, judge in LINT_RULES for one in judge(started)]
     written = _written_pins(project)
-    signs += [("limits", said) for said in _two_receivers(started, written)]
+    found += _two_receivers(started, written)
     if not has_run:  # else a command may have set CONT
-        signs[:0] = [("not-connected-request", said) for said in _without_cont(started, written)]
-    found = [LineFinding(cause, said.confidence, said, said.mend) for cause, said in signs]
+        found[:0] = _without_cont(started, written)
     found += _of_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
-def _limits(project: Project) -> Iterator[Sign]:
+def _limits(project: Project) -> Iterator[Finding]:
     used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
     if len(used) > project.connection_limit:
         text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
-        yield Sign(0.95, (text,), mend=(Remedy("fewer CONNECTs, or a model with more connections"),))
+        yield Finding(0.95, (text,), mend=(Remedy("fewer CONNECTs, or a model with more connections"),))
     priorities = {task.name: task.priority for task in project.tasks}
     for decl in project.instances:
         inputs = dict(decl.inputs)
@@ -207,35 +199,35 @@ def _limits(project: Project) -> Iterator[Sign]:
         if data is not None and length > data.size and length not in project.rules.area.adhoc_lens:
             text = f"LEN of {decl.name} is {length}, DATA {data.name} has {data.size} bytes"
             mend = Remedy(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
-            yield Sign(0.95, (text,), instance=decl.name, mend=(mend,))
+            yield Finding(0.95, (text,), instance=decl.name, mend=(mend,))
         elif length > most:
             text = f"LEN of {decl.name} is {length}, the most is {most}"
-            yield Sign(0.95, (text,), instance=decl.name, mend=(Remedy(f"LEN {most} or less"),))
+            yield Finding(0.95, (text,), instance=decl.name, mend=(Remedy(f"LEN {most} or less"),))
     for connect in project.connects:
         on = [each for each in project.instances if each.connect == connect.name]
         if len({priorities.get(each.task) for each in on}) > 1:
             names = ", ".join(each.name for each in on)
             text = f"{names} work on {connect.name} from tasks of different priority"
-            yield Sign(0.85, (text,), mend=(Remedy("call all blocks of a CONNECT from one task"),))
+            yield Finding(0.85, (text,), mend=(Remedy("call all blocks of a CONNECT from one task"),))
 
 
-def _address(project: Project) -> Iterator[Sign]:
+def _address(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
         if connect.active and connect.remote_port == 0:
             text = f"{connect.name} is active and has no RemotePort"
-            yield Sign(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
+            yield Finding(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
         yield from _of_peers(project, connect)
 
 
-def _status(project: Project, block: str, condition: Condition) -> tuple[int, ...]:
+def _status(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
     """Return the STATUS of a block for that, () where its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
-    return (project.rules.word(block, condition),) if condition in known else ()
+    return (f"{project.rules.word(block, condition):04X}",) if condition in known else ()
 
 
-def _one_id_twice(project: Project) -> Iterator[Sign]:
+def _one_id_twice(project: Project) -> Iterator[Finding]:
     first: dict[int, ConnectConfig] = {}
     mend = (Remedy("give each of them an ID of its own: one ID is one connection"),)
     for config in project.connects:
@@ -245,11 +237,11 @@ def _one_id_twice(project: Project) -> Iterator[Sign]:
         other = first.setdefault(identity, config)
         if other is not config:
             how = TakenId.BUILDING if config.description == other.description else TakenId.OTHER
-            said = Sign(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
+            said = Finding(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
             yield _of_opener(project, config, (SetUpStage.IDENTITY, how), said)
 
 
-def _one_port_twice(project: Project) -> Iterator[Sign]:
+def _one_port_twice(project: Project) -> Iterator[Finding]:
     """Yield two with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them a LocalPort of its own")
@@ -264,48 +256,46 @@ def _one_port_twice(project: Project) -> Iterator[Sign]:
             text = f"{other.name} and {config.name} have one local port, {local.address}:{port}"
             unsure = f"this bench takes both; some CPUs refuse one, {project.dialect.name} perhaps"
             is_taken = other.local.port == local.port == port and not all(calls)
-            said = Sign(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
+            said = Finding(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
             late = other if calls == (True, False) else config  # one that calls binds after one that listens
             yield _of_opener(project, late, (SetUpStage.BIND, "EADDRINUSE"), said)
 
 
-def _of_opener(project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Sign) -> Sign:
+def _of_opener(
+    project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Finding
+) -> Finding:
     """Return what is said of the block that builds a CONNECT, with the STATUS that it shows for it."""
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.builds or row.runs_as is Condition.ESTABLISHING):
             status = _status(project, decl.block, project.rules.course.of_set_up(*wrong))
-            return said._replace(instance=decl.name, status=status)
-    return said._replace(confidence=0.5)  # no block builds it
+            return replace(said, instance=decl.name, status=status)
+    return replace(said, confidence=0.5)  # no block builds it
 
 
-def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
+def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
     calls = {f"@{connect.name}"}
     peers = [each for each in project.peers if not each.udp]
-    if connect.active and isinstance(connect.remote_port, str):
-        wanted = project.peer(connect.remote_port[1:])
-        if wanted is not None and wanted.active:
-            text = f"{connect.name} and {wanted.name} are both active: nobody listens"
-            yield Sign(0.95, (text,), mend=(Remedy("make one of them passive"),))
-    elif connect.active and any(each.active and each.end in calls for each in peers):
-        name = next(each.name for each in peers if each.active and each.end in calls)
-        text = f"{connect.name} and {name} are both active: nobody listens"
-        yield Sign(0.95, (text,), mend=(Remedy("make one of them passive"),))
+    if connect.active:
+        port, callers = connect.remote_port, [each for each in peers if each.end in calls]
+        named = [project.peer(port[1:])] if isinstance(port, str) else callers
+        for each in [each for each in named if each is not None and each.active][:1]:
+            text = f"{connect.name} and {each.name} are both active: nobody listens"
+            yield Finding(0.95, (text,), mend=(Remedy("make one of them passive"),))
     elif (
-        not connect.active
-        and connect.remote_port
+        connect.remote_port
         and len(project.connects) == 1
         and peers
         and not any(each.active for each in peers)
     ):
         text = f"{connect.name} and {peers[0].name} are both passive: nobody calls"
-        yield Sign(0.9, (text,), mend=(Remedy("make one of them active"),))
+        yield Finding(0.9, (text,), mend=(Remedy("make one of them active"),))
     for name, text in (("LocalAddress", connect.local.address), ("RemoteAddress", connect.remote_address)):
         try:
             ip_address(text)
         except ValueError:
             if not connect.remote_name or name == "LocalAddress":
-                yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Remedy("four numbers"),))
+                yield Finding(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Remedy("four numbers"),))
 
 
 WrittenPins = dict[tuple[str, str], set[PinValue]]
@@ -324,7 +314,7 @@ def _written_pins(project: Project) -> WrittenPins:
     return found
 
 
-def _without_cont(project: Project, written: WrittenPins) -> Iterator[Sign]:
+def _without_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
     """Yield what asks for data and never gets the CONT that it needs for a connection."""
     for decl in project.instances:
         pins = {pin.name for pin in project.pins(decl.block)}
@@ -332,13 +322,14 @@ def _without_cont(project: Project, written: WrittenPins) -> Iterator[Sign]:
         holds = any(written.get((decl.name, "CONT"), ()))
         if "CONT" not in pins or not asks or holds or project.rules.course.request_connects:
             continue
-        name, word = decl.name, project.rules.word(decl.block, Condition.NO_JOB)
-        text = f"{asks[0]} is 1, and nothing sets CONT: {name} stays in {word:04X}"
+        name, word = decl.name, f"{project.rules.word(decl.block, Condition.NO_JOB):04X}"
+        text = f"{asks[0]} is 1, and nothing sets CONT: {name} stays in {word}"
         mend = Remedy("CONT 1: it builds the connection", f"set {name} CONT=1", f"instance.{name}.CONT=true")
-        yield Sign(0.95, (text,), instance=name, mend=(mend,), status=(word,))
+        cause = "not-connected-request"
+        yield Finding(0.95, (text,), instance=name, mend=(mend,), status=(word,), cause=cause)
 
 
-def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Sign]:
+def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Finding]:
     """Yield who has EN_R at 1, always, on a CONNECT of another such receiver."""
     first: dict[tuple[str, str], InstanceDecl] = {}
     for decl in project.instances:
@@ -348,20 +339,21 @@ def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Sign]:
             text = f"{other.name} and {decl.name} both receive on {decl.connect}: only one gets data"
             status = _status(project, decl.block, Condition.CONNECT_IN_USE)
             mend = Remedy("keep EN_R at 1 at one of them", f"set {decl.name} EN_R=0")
-            yield Sign(0.85, (text,), instance=decl.name, mend=(mend,), status=status)
+            yield Finding(0.85, (text,), instance=decl.name, mend=(mend,), status=status, cause="limits")
 
 
-def _keep_alive(project: Project) -> Iterator[Sign]:
+def _keep_alive(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
         asked = connect.keep_alive_interval_s
         if asked > LONG_KEEP_ALIVE_S:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
             usual = connect.keep_alive_default_s
             more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            yield Sign(0.7, (text, *more), mend=(Remedy(f"0, which is {usual} s, or some minutes at most"),))
+            mend = Remedy(f"0, which is {usual} s, or some minutes at most")
+            yield Finding(0.7, (text, *more), mend=(mend,))
 
 
-def _adhoc_fixed(project: Project) -> Iterator[Sign]:
+def _adhoc_fixed(project: Project) -> Iterator[Finding]:
     for receiver in receivers_of(project):
         is_stream = not receiver.is_datagram and not receiver.is_whole
         if receiver.adhoc and isinstance(receiver.type, Struct) and is_stream:
@@ -370,10 +362,10 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
             name = receiver.instance
             off = receiver.static.strip() or f"LEN={receiver.need}"
             mend = Remedy(f"{off}: a job ends with the whole type", f"set {name} {off}", None)
-            yield Sign(0.6, (text, more), instance=name, mend=(mend,))
+            yield Finding(0.6, (text, more), instance=name, mend=(mend,))
 
 
-def _short_len(project: Project) -> Iterator[Sign]:
+def _short_len(project: Project) -> Iterator[Finding]:
     for receiver in receivers_of(project):
         data = project.data_decl(receiver.data) if receiver.data else None
         if data is None or receiver.adhoc or not receiver.need or receiver.is_datagram:
@@ -386,24 +378,19 @@ def _short_len(project: Project) -> Iterator[Sign]:
             )
             whole = f"LEN={data.size if 0 in project.rules.area.adhoc_lens else 0}"
             mend = Remedy(f"{whole}: all of DATA", f"set {name} {whole}", f"instance.{name}.{whole}")
-            yield Sign(0.6, (text,), instance=name, mend=(mend,))
+            yield Finding(0.6, (text,), instance=name, mend=(mend,))
 
 
-LINT_RULES: Final = (
-    LintRule("limits", _limits),
-    LintRule("address", _address),
-    LintRule("limits", _one_id_twice),
-    LintRule("address", _one_port_twice),
-    LintRule("no-keep-alive", _keep_alive),
-    LintRule("adhoc-splits", _adhoc_fixed),
-    LintRule("members-unwritten", _short_len),
-)
+LINT_RULES: Final[tuple[tuple[str, Callable[[Project], Iterator[Finding]]], ...]] = (
+    ("limits", _limits), ("address", _address), ("limits", _one_id_twice), ("address", _one_port_twice),
+    ("no-keep-alive", _keep_alive), ("adhoc-splits", _adhoc_fixed), ("members-unwritten", _short_len),
+)  # fmt: skip
 
 
 # -- the partner's sample bytes ------------------------------------------------------------------------------
 
 
-def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[LineFinding]:
+def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[Finding]:
     routines = read_routines(project)
     for receiver in receivers_of(project, pins=pins):
         peer = _peer_of(project, receiver)
@@ -425,13 +412,12 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
             now = max(at, now) + max(routine.every_ns, 1_000_000_000)
         line = line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
 
-        def judge(one: Receiver, line: LineFacts = line) -> dict[str, Sign]:
+        def judge(one: Receiver, line: LineFacts = line) -> dict[str, Finding]:
             told = {row.cause: row.judge(line, one) for row in FRAME_JUDGES}
             return {cause: said for cause, said in told.items() if said is not None and not said.is_remark}
 
         for found in weighed(judge(receiver), FRAME_JUDGES, judge):
-            evidence = (f"{peer.name} says:", *found.said.evidence)
-            yield found._replace(said=found.said._replace(at=None, evidence=evidence))
+            yield replace(found, at=None, evidence=(f"{peer.name} says:", *found.evidence))
 
 
 def _peer_of(project: Project, receiver: Receiver) -> PeerDecl | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts
-from trcvtui.diagnosis.sign import Sign
+from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import SECOND, duration
 
 SOON_NS: Final = 10 * SECOND
@@ -62,7 +62,9 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
     return is_silent and is_answer and old.first_ns < new.first_ns
 
 
-def half_open(old: LineFacts, new: LineFacts) -> Sign:
+def half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> Finding | None:
+    if (new := restarts.get(old)) is None:
+        return None
     who = "the PLC end" if new.plc_calls else "the partner"
     before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
     silence = duration(new.first_ns - max(before, default=old.first_ns))
@@ -71,7 +73,5 @@ def half_open(old: LineFacts, new: LineFacts) -> Sign:
         "the other end still answers for the old one, and the caller answers that with RST",
     )
     at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
-    is_fact = bool(new.listener.challenges)
-    return Sign(
-        0.95 if is_fact else 0.85, texts, "from-plc" if new.plc_calls else "to-plc", at, is_fact=is_fact
-    )
+    way, is_fact = "from-plc" if new.plc_calls else "to-plc", bool(new.listener.challenges)
+    return Finding(0.95 if is_fact else 0.85, texts, way, at, is_fact=is_fact)

@@ -7,7 +7,7 @@ from typing import Final
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Sign
+from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import count
 
 _ALERTS: Final = {
@@ -114,7 +114,7 @@ def _tsaps(packet: bytes) -> str:
     return ", ".join(texts)
 
 
-def wrong_tsap(line: LineFacts) -> Sign | None:
+def wrong_tsap(line: LineFacts) -> Finding | None:
     """Judge whether the listener refuses the TSAPs of the caller."""
     asked = _cotp(line.caller.content)
     if line.protocol != "tcp" or asked is None or asked[0] != _CR:
@@ -125,17 +125,17 @@ def wrong_tsap(line: LineFacts) -> Sign | None:
     if told is not None and told[0] == _DR:
         reason = told[1][10] if len(told[1]) > 10 else 0
         texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
-        return Sign(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
+        return Finding(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
     end = line.end
     if not line.listener.writes and end is not None and line.caller.segments <= 2:
         is_listener = end.by_plc != bool(line.plc_calls)
         if is_listener:
             texts.append(f"answered by {end.kind.upper()} alone")
-            return Sign(0.75, tuple(texts), way=way, at=SegmentFacts(end.ns, 0, 0, end.packet))
+            return Finding(0.75, tuple(texts), way=way, at=SegmentFacts(end.ns, 0, 0, end.packet))
     return None
 
 
-def plain_tcp(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+def plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether the partner speaks plain TCP at a CONNECT of ISO-on-TCP."""
     content = line.to_plc.content
     if receiver is None or not receiver.is_whole or line.protocol != "tcp" or not line.has_begin:
@@ -148,8 +148,8 @@ def plain_tcp(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         "plain TCP",
         f"the CONNECT {receiver.connect} speaks ISO-on-TCP (RFC 1006)",
     )
-    at, instance = _first(line.to_plc), receiver.instance or None
-    return Sign(0.97, texts, "to-plc", at, instance, is_fact=True, is_remark=is_http(line))
+    at = _first(line.to_plc)
+    return Finding(0.97, texts, "to-plc", at, receiver.instance, is_fact=True, is_remark=is_http(line))
 
 
 def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
@@ -164,7 +164,7 @@ def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     return found
 
 
-def tls_refused(line: LineFacts) -> Sign | None:
+def tls_refused(line: LineFacts) -> Finding | None:
     """Judge whether the TLS handshake failed: with an alert, or with an end in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
@@ -190,9 +190,9 @@ def tls_refused(line: LineFacts) -> Sign | None:
                 means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
                 text = f"TLS alert {body[1]} ({name}) from {who}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
-                return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
+                return Finding(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):
-                return Sign(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
+                return Finding(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
     if hello is None or line.end is None:
         return None
     answer = told["from-plc" if hello == "to-plc" else "to-plc"]
@@ -201,18 +201,19 @@ def tls_refused(line: LineFacts) -> Sign | None:
     who = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
         what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"
-        return Sign(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
+        return Finding(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
     data = sum(kind == _DATA and len(body) > 40 for records in told.values() for kind, body in records)
     asked = told[hello]
     if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
-        return Sign(0.8, (f"{who} ended the connection inside the TLS handshake",), way=None, at=end)
+        return Finding(0.8, (f"{who} ended the connection inside the TLS handshake",), at=end)
     sent = [len(body) for kind, body in asked if kind == _DATA]
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
-        return Sign(0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end)
+        text = f"{who} ended the connection with an encrypted alert in the handshake"
+        return Finding(0.75, (text,), at=end)
     if _is_answered_by_alert(asked, answer, line, hello):
         who = "the PLC end" if hello == "to-plc" else "the partner"
         text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
-        return Sign(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
+        return Finding(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
     return None
 
 
@@ -238,7 +239,7 @@ def _is_answered_by_alert(
     return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
 
 
-def line_errors(line: LineFacts) -> Sign | None:
+def line_errors(line: LineFacts) -> Finding | None:
     """Judge whether the driver of a serial line has told errors."""
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         told = said.line_errors
@@ -247,5 +248,5 @@ def line_errors(line: LineFacts) -> Sign | None:
             kinds = ", ".join(f"{kind} {often}" for kind, often in told.most_common())
             text = f"{count(amount, 'error')} of the line in {count(said.bytes, 'byte')}: {kinds}"
             sure = 0.95 if amount > 2 else 0.8
-            return Sign(sure, (text,), way=way, at=said.first_of("line error"), is_fact=True)
+            return Finding(sure, (text,), way=way, at=said.first_of("line error"), is_fact=True)
     return None

@@ -1,15 +1,18 @@
 """Symptoms: what a block showed that is not as it should be, and which causes explain it.
 
+A symptom is the finding that it is where nothing explains it: `at` when first (UTC), `leads_to` the condition
+of an ERROR, `evidence` its text, then sentences of the STATUS card. It is a fact where the block knows what
+the handshake said: its remedy is the better one.
 Rule: a symptom that no cause explains is a finding of its own, so that a run with an ERROR is never healthy.
 """
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.cause_words import CAUSES
-from trcvtui.diagnosis.sign import Remedy
+from trcvtui.snapshots.doctor import Finding
 
 C = Condition
 LINK_CAUSES: Final = frozenset({
@@ -61,30 +64,10 @@ _EXPLAINED: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
 )  # fmt: skip
 
 
-class Symptom(NamedTuple):
-    """What an instance showed: `cause` is the row of cause_words.py where nothing explains it.
-
-    `ns`: when first, UTC. `condition`: that of an ERROR, with its STATUS in hex. `card`: sentences of the
-    STATUS card.
-    """
-
-    cause: str
-    instance: str
-    connect: str
-    text: str
-    scan: int
-    ns: int
-    confidence: float
-    condition: Condition | None = None
-    status: str = ""
-    card: tuple[str, ...] = ()
-    mend: tuple[Remedy, ...] = ()
-    is_of_session: bool = False  # the block knows what the handshake said: its remedy is the better one
-
-
-def causes_of(symptom: Symptom) -> frozenset[str]:
+def causes_of(symptom: Finding) -> frozenset[str]:
     """Return the causes that explain a symptom where they are found on its line."""
-    if symptom.condition is None:
+    if not symptom.leads_to:
         return LINK_CAUSES if symptom.cause == "not-connected" else FRAME_CAUSES | LINK_CAUSES
-    leading = {cause for cause, row in CAUSES.items() if symptom.condition in row.leads_to}
-    return frozenset(leading.union(*(causes for errors, causes in _EXPLAINED if symptom.condition in errors)))
+    (condition,) = symptom.leads_to
+    leading = {cause for cause, row in CAUSES.items() if condition in row.leads_to}
+    return frozenset(leading.union(*(causes for errors, causes in _EXPLAINED if condition in errors)))

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Remedy, RemedyOffer, frames_anew
+from trcvtui.diagnosis.remedies import RemedyOffer, frames_anew
+from trcvtui.snapshots.doctor import Remedy
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.types import Array, Elementary, StringType, Type
 

@@ -155,7 +155,7 @@ def _of_workers(
                     yield path, mistake(path, "no answer in what its worker sent", "one of our version")
                 continue
             if answer is not None or problems:
-                yield path, UserError(problems) if problems else msgspec.to_builtins(answer)
+                yield path, UserError(problems) if problems else answer
             elif worker in been_at or worker not in workers:  # so it would be asked for ever
                 here.append(path)
             else:

@@ -25,6 +25,7 @@ from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
+from trcvtui.diagnosis.judges import RunJudge
 from trcvtui.engine.project_edits import ProjectEdits, moved
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
@@ -168,7 +169,7 @@ class Controller:
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[ConversationSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
-        self.files_judge: Judge | None = None  # of what files, or packets, tell
+        self.files_judge: Judge | None = None  # of what files, packets, or the black box tell
         self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
@@ -261,7 +262,8 @@ class Controller:
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
                 return self._mend(command)
             case words.Doctor():
-                self._told = self._doctor.ask(self.judge or self._box(), self.bench, *self._asked, command)
+                judge = self.files_judge or RunJudge(self._box())
+                self._told = self._doctor.ask(judge, self.bench, *self._asked, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
@@ -339,11 +341,6 @@ class Controller:
         stem = self.bench.project.path.stem or "recording"
         self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
         return ""
-
-    @property
-    def judge(self) -> Judge | None:
-        """Return who judges the run, None where nobody keeps it."""
-        return self.files_judge or self.black_box
 
     def tell_recording(self, text: str, wrong: str) -> None:
         """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
@@ -495,7 +492,7 @@ class Controller:
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
         data_of, partial_of = (request.data, request.partial_of) if known else ((), ())
-        self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
+        self._answers.extend(self._doctor.go_on(self.files_judge, self.bench, request.doctor))
         internal = self.bench.containment.take_newest()
         if internal:
             self.complain(internal)

@@ -110,11 +110,13 @@ class Engine:
         self._screens = screens
         self._controller = Controller(bench)
         self._recorder = recorder
-        self._controller.black_box = recorder.box if recorder is not None else None
-        if recorder is not None and recorder.box is None:
-            from trcvtui.recording.worker_process import FilesJudge, newest_in
+        if recorder is not None:
+            from trcvtui.diagnosis.judges import FilesJudge, RunJudge
+            from trcvtui.recording.files import newest_in
 
-            self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
+            judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
+            self._controller.black_box = box = recorder.box
+            self._controller.files_judge = judge if box is None else RunJudge(box)
         self._made_at = self._worked_at = 0  # when, for pictures
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)

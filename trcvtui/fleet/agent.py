@@ -26,8 +26,7 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.worker_process import newest_in
+from trcvtui.recording.files import RecordTo, newest_in
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line

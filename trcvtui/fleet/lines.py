@@ -14,7 +14,7 @@ from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.scenario.runner import cause_record
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600
@@ -239,18 +239,14 @@ class SeenBench:
         return self.lines.setdefault(name, SeenLine(name))
 
 
-def _finding_record(one: FindingSnapshot, with_payload: bool) -> dict[str, object]:
+def _finding_record(one: Finding, with_payload: bool) -> dict[str, object]:
     """Return a finding as an event has it; its evidence may have bytes of the payload."""
-    text, command, *_ = one.mends[0] if one.mends else ("", "")
-    told = f"{one.confidence:.0%} sure; {text}" if text else f"{one.confidence:.0%} sure"
-    made: dict[str, object] = {"cause": one.cause, "confidence": one.confidence, "text": told}
-    if command:
-        made["command"] = command
-    if one.scan is not None:
-        made["scan"] = one.scan
-    if with_payload and one.evidence:
-        made["evidence"] = one.evidence[0]
-    return made
+    mend = one.mend[0] if one.mend else Remedy("")
+    told = "; ".join(filter(None, (f"{one.confidence:.0%} sure", mend.text)))
+    evidence = one.evidence[0] if with_payload and one.evidence else None
+    more = {"command": mend.command, "scan": one.scan, "evidence": evidence}
+    known = {name: value for name, value in more.items() if value is not None}
+    return {"cause": one.cause, "confidence": one.confidence, "text": told, **known}
 
 
 def _counted(link: ConnectionSnapshot) -> tuple[str, int, int, int]:

@@ -84,9 +84,9 @@ def watch_main(channel: Channel, paths: Sequence[str], asked: ShadowChoice) -> N
 
 def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     """Return the run of the shadows; raise UserError."""
+    from trcvtui.diagnosis.judges import FilesJudge
     from trcvtui.recording.recorder import RunRecorder
     from trcvtui.recording.recording import Recording, RecordingWriter
-    from trcvtui.recording.worker_process import FilesJudge
     from trcvtui.replay.time_line import CaptureRun, TimeLine
 
     plan, found, troubles = plan_capture(paths, *asked)

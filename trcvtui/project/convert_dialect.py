@@ -16,7 +16,14 @@ from trcvtui.dialects.dialect import Dialect, SwitchValue, format_value, read_sw
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import Description
-from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, as_param, meaning, narrow_tsap
+from trcvtui.net.connection.description_check import (
+    DescriptionFlaw,
+    Flaw,
+    Protocol,
+    as_param,
+    meaning,
+    narrow_tsap,
+)
 from trcvtui.net.layer import tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
@@ -152,7 +159,7 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
         return replace(config, description=found)
     text = f"{description.structure.name}: {dialect.name} takes {', '.join(taken)} only"
     notes.append(f"{config.name}: {text}")
-    return replace(config, flaw=Finding(Flaw.STRUCTURE, "", text), session=None)
+    return replace(config, flaw=DescriptionFlaw(Flaw.STRUCTURE, "", text), session=None)
 
 
 def _described(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:

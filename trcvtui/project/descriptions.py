@@ -35,7 +35,7 @@ from trcvtui.net.connection.description import (
 from trcvtui.net.connection.description_check import (
     CHECKS_NAME,
     DescribedConnect,
-    Finding,
+    DescriptionFlaw,
     Flaw,
     Meaning,
     Protocol,
@@ -177,7 +177,7 @@ def is_secure(description: Description) -> bool:
 
 def secure(
     description: Description, says: Meaning, known: Certificates, is_unverified: bool
-) -> TlsSettings | Finding:
+) -> TlsSettings | DescriptionFlaw:
     """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
     On the passive end it is the other way round. 0: every certificate that is here to be trusted; of the
@@ -191,7 +191,7 @@ def secure(
     ):
         if number and (number not in known or (needs_key and not known[number].key)):
             kind = "certificate with a key" if needs_key else "certificate"
-            return Finding(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
+            return DescriptionFlaw(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
     shows = known.get(own)
     from trcvtui.net.layers.tls import TlsSettings  # with the TLS library: only a secure one waits
 
@@ -352,7 +352,7 @@ class WrittenDescription(Struct, frozen=True):
 
     description: Description
     reference: str | None = None
-    flaw: Finding | None = None
+    flaw: DescriptionFlaw | None = None
     is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 takes a free port, as in any dialect
 
 
@@ -421,7 +421,7 @@ def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> Writt
     structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
-        flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
+        flaw = DescriptionFlaw(Flaw.NO_DESCRIPTION, "", text)
         return WrittenDescription(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
     return WrittenDescription(Description(structure, raw), reference)
 
@@ -484,7 +484,7 @@ def config_fields(
         narrow_tsaps=rules.policy.narrow_tsaps,
     )
     local_port, remote_port = _ports(written, says, bench)
-    of_session = session if isinstance(session, Finding) else None
+    of_session = session if isinstance(session, DescriptionFlaw) else None
     return {
         "active": says.is_active,
         "local": Endpoint(ANY_ADDRESS if any_local else address, local_port),
@@ -492,7 +492,7 @@ def config_fields(
         "remote_port": remote_port,
         "keep_alive_interval_s": bench.keep_alive,
         "keep_alive_default_s": rules.policy.keep_alive_s,
-        "session": None if isinstance(session, Finding) else session,
+        "session": None if isinstance(session, DescriptionFlaw) else session,
         "description": written.description,
         "flaw": written.flaw or judge(asked) or name_flaw or of_session,
         "any_local": any_local,
@@ -512,22 +512,23 @@ def _ports(written: WrittenDescription, says: Meaning, bench: BenchKeys) -> tupl
 
 def _remote_address(
     written: WrittenDescription, says: Meaning, bench: BenchKeys
-) -> tuple[str, Finding | None]:
+) -> tuple[str, DescriptionFlaw | None]:
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
     if bench.dns_answer is None:  # the network's own names, at each attempt
         return says.remote_address, None
     if bench.dns_answer == NO_SERVER:
-        return says.remote_address, Finding(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
+        flaw = DescriptionFlaw(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
+        return says.remote_address, flaw
     if octets(bench.dns_answer) == (0, 0, 0, 0):
         text = f"the DNS server does not know {says.remote_name}"
-        return says.remote_address, Finding(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
+        return says.remote_address, DescriptionFlaw(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
     return bench.dns_answer, None
 
 
 def _session(
     description: Description, says: Meaning, bench: BenchKeys, rules: Rules, certificates: Certificates
-) -> LayerSettings | Finding | None:
+) -> LayerSettings | DescriptionFlaw | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:

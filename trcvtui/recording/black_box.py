@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -29,8 +29,8 @@ from trcvtui.recording.journal import (
     RunBegins,
     value_of,
 )
-from trcvtui.recording.worker_process import AnswerOnItsWay, ProcessJudge
-from trcvtui.recording.writer import JUDGE_RUN, POST_NS, STATE, WriterProcess
+from trcvtui.recording.worker_process import AnswerOnItsWay
+from trcvtui.recording.writer import POST_NS, STATE, WriterProcess
 from trcvtui.wording import size_text
 
 MOST_BYTES: Final = 64 << 20
@@ -39,11 +39,10 @@ GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
 BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
 
 
-class BlackBox(ProcessJudge):
+class BlackBox:
     """A sink that keeps the newest blocks of a run."""
 
     trouble = ""  # of a run; a file that cannot be written leaves the run alone
-    looks_again = True  # what is judged goes on
 
     def __init__(self) -> None:
         import subprocess  # noqa: F401 - here, where no scan waits: 10 ms, which the first process would take
@@ -59,6 +58,7 @@ class BlackBox(ProcessJudge):
         self._since = 0  # bytes that have come since the last state was asked for
         self._state: AnswerOnItsWay | None = None
         self._state_from = 0  # scans before those of which it is
+        self.close_judge: Callable[[], object] = lambda: None
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -129,7 +129,6 @@ class BlackBox(ProcessJudge):
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
                 self._frames += self._frame_of(content)
                 self._state = None
-        super().go_on()
         for writer in tuple(self._ending):
             writer.go_on()
             if writer.is_over:
@@ -144,16 +143,6 @@ class BlackBox(ProcessJudge):
                 return [found._replace(steps=found.steps + self._state_from)]
         return []
 
-    def judge(self) -> None:
-        """Let a process judge what is kept; `judged` has what it finds. Raise UserError."""
-        if self._why_off:
-            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
-        if self._answer is None:
-            self._post()
-            self._answer = AnswerOnItsWay(JUDGE_RUN)
-            self._put_all(self._answer.process)
-            self._answer.process.finish()
-
     def _tell(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
 
@@ -165,12 +154,19 @@ class BlackBox(ProcessJudge):
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
             raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
-        self._post()
         writer = WriterProcess(path, RecordTo(path), waits=False)
         self._put_all(writer)
         return writer
 
     def _put_all(self, writer: WriterProcess) -> None:
+        for block in self.blocks():
+            writer.put(*block)
+
+    def blocks(self) -> list[tuple[bytes, int]]:
+        """Return all that is kept as blocks, each with the number of its entries; raise UserError."""
+        if self._why_off:
+            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
+        self._post()
         first = BlockWriter(0)
         if self._begins is not None:
             first.take(self._begins)
@@ -179,9 +175,7 @@ class BlackBox(ProcessJudge):
             for frame in self._frames:
                 if frame.scan > self._passed_scans:
                     first.take(frame._replace(steps=frame.steps - self._passed_scans))
-        writer.put(first.block())
-        for old in self._kept:
-            writer.put(old.block, old.entries)
+        return [(first.block(), 0), *((old.block, old.entries) for old in self._kept)]
 
     def save(self, path: Path) -> str:
         """Write what is kept into a new file; return what to tell; raise UserError."""
@@ -232,8 +226,9 @@ class BlackBox(ProcessJudge):
             self._recording = None
         for writer in self._ending:
             writer.close()
-        for other in filter(None, (self._state, self._answer)):
-            other.close()
+        if self._state is not None:
+            self._state.close()
+        self.close_judge()
         self._ending.clear()
         self._kept.clear()
 

@@ -332,3 +332,8 @@ def next_number(folder: Path, stem: str) -> int:
     named = re.compile(re.escape(stem) + r"-(\d{1,9})" + re.escape(SUFFIX))
     found = [int(match[1]) for name in os.listdir(folder) if (match := named.fullmatch(name))]
     return max(found, default=0) + 1
+
+
+def newest_in(path: Path) -> list[str]:
+    files = [path] if not path.is_dir() else sorted(path.glob(f"*{SUFFIX}"), key=os.path.getmtime)
+    return [str(file) for file in files[-1:]]

@@ -1,20 +1,14 @@
-"""Processes that are asked once: the last state of a run, a verdict on it or on files.
-
-Rule: no scan waits for an answer; it is there when the process is over. Before, a line
-in its place tells how far the process is.
-"""
+"""A process that is asked once; its answer is there when it is over, before a line tells how far it is."""
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from trcvtui.files import unnamed
-from trcvtui.recording.files import SUFFIX, RecordTo
-from trcvtui.recording.writer import JUDGE_FILES, WriterProcess
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.writer import WriterProcess
 
 
 class AnswerOnItsWay:
@@ -41,52 +35,3 @@ class AnswerOnItsWay:
     def close(self) -> None:
         self.process.kill()
         self._opened.close()
-
-
-def newest_in(path: Path) -> list[str]:
-    files = [path] if not path.is_dir() else sorted(path.glob(f"*{SUFFIX}"), key=os.path.getmtime)
-    return [str(file) for file in files[-1:]]
-
-
-class ProcessJudge:
-    """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
-
-    judged, progress = b"", ""
-    _answer: AnswerOnItsWay | None = None
-
-    @property
-    def is_judging(self) -> bool:
-        return self._answer is not None
-
-    def go_on(self) -> None:
-        if self._answer is not None:
-            content, self.progress = self._answer.go_on(), self._answer.progress
-            if content is not None:
-                self.judged, self._answer = content, None
-
-    def close(self) -> None:
-        if self._answer is not None:
-            self._answer.close()
-
-
-class FilesJudge(ProcessJudge):
-    """Judges captures and recordings: `files` gives their names when it is asked."""
-
-    def __init__(
-        self,
-        files: Callable[[], Sequence[str]],
-        plc: str | None = None,
-        project: Path | None = None,
-        looks_again: bool = False,
-    ) -> None:
-        self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
-        self.looks_again = looks_again
-        self._files, self._plc = files, plc
-        self._project = None if project is None else str(project)
-
-    def judge(self) -> None:
-        if self._answer is None:
-            self._answer = AnswerOnItsWay(JUDGE_FILES)
-            asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
-            self._answer.process.put(json.dumps(asked).encode())
-            self._answer.process.finish()

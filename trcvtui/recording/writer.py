@@ -37,7 +37,6 @@ POST_NS: Final = 200_000_000  # between two blocks that cross
 START: Final = "import sys; from trcvtui.replay.{} import {} as main; main(*sys.argv[1:])"
 # What such a process does.
 WRITER, STATE = ("follower", "writer_main"), ("follower", "state_main")
-JUDGE_RUN, JUDGE_FILES = ("doctor_process", "run_main"), ("doctor_process", "files_main")
 
 
 class WriterProcess:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
-from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
+from trcvtui.diagnosis.doctor import RecordedFacts
+from trcvtui.diagnosis.doctor_process import DoctorInput, TellScan
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
-from trcvtui.diagnosis.sign import Remedy
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.kernel import PathInfo
@@ -26,9 +28,13 @@ from trcvtui.project.project import Project
 from trcvtui.recording.arrivals import ARRIVED
 from trcvtui.recording.journal import GAP, STEP, Answered, Entry
 from trcvtui.recording.recording import Recording
+from trcvtui.recording.writer import write_all
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf
+from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.doctor import Finding, Remedy
+from trcvtui.wording import times
 
 LARGER: Final = "larger than LEN or DATA"
 HAS_ARRIVED, PATH = GAP + ARRIVED, GAP + "path"
@@ -39,7 +45,26 @@ GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
 NOT_CALLED: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
-PassScan = Callable[[ReplayRun, int], bool]
+
+
+# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
+# `{instance}` in a remedy is the one that it is for.
+# fmt: off
+TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
+    "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
+                (Remedy("keep EN_R at 1 until DONE"),
+                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
+    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
+    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
+                        (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
+                        ),
+    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
+    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
+    "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
+    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
+    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
+}
+# fmt: on
 
 
 class _Stack:
@@ -127,13 +152,13 @@ def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def recorded_facts(
-    path: str, sets: Sequence[str] = (), is_running: bool = False, pass_scan: PassScan | None = None
+    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
 ) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
     `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
-    that goes on the pins of now count: a remedy that was applied is no fault any more. `pass_scan`
-    lets a scan pass, and is told the last one.
+    that goes on the pins of now count: a remedy that was applied is no fault any more. `tell`
+    is told each scan that passes.
     """
     try:
         recording = Recording(Path(path))
@@ -146,11 +171,21 @@ def recorded_facts(
     try:
         run = keyframes.begin()
         last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
-        scan = run.scan if pass_scan is None else partial(pass_scan, run, last)
+        scan = run.scan if tell is None else partial(_scan, run, last, tell)
         with restored_state(run.is_restored, path):
             return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:
         return None
+
+
+def judge_main(path: str, asked: str) -> None:
+    """Be the process of the doctor (diagnosis/judges.py)."""
+    write_all(asked, lambda _: DoctorInput(path, recorded_facts, load_bench), path)
+
+
+def _scan(run: ReplayRun, last: int, tell: TellScan) -> bool:
+    tell(run.bench.runtime.scans, last)
+    return run.scan()
 
 
 def _facts_of(
@@ -194,7 +229,8 @@ class _RunFacts:
         self.harms: dict[str, list[int]] = {}
         self._bench, self._stack = bench, _Stack(run)
         self.symptoms = BlockSymptoms(bench, self.wall_ns)
-        self._found: dict[tuple[str, str], JobTrouble] = {}
+        self._found: dict[tuple[str, str], Finding] = {}
+        self._times = Counter[tuple[str, str]]()
         self._jobs: dict[str, JobStarted] = {}  # the first of each instance
         self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
         self._changed: dict[str, int] = {}  # and last
@@ -287,11 +323,19 @@ class _RunFacts:
 
     def _tell(self, cause: str, instance: str, scan: int, t_ns: int) -> None:
         connect = self._connects.get(instance, instance)
-        known = self._found.get((cause, connect))
-        first = known or JobTrouble(cause, instance, connect, scan, self.wall_ns + t_ns, 0)
-        self._found[cause, connect] = first._replace(times=first.times + 1)
+        self._found.setdefault((cause, connect), self._trouble(cause, instance, connect, scan, t_ns))
+        self._times[cause, connect] += 1
         # Jobs that begin inside messages end well, too: a new connection alone lets them begin anew.
         self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
+
+    def _trouble(self, cause: str, instance: str, connect: str, scan: int, t_ns: int) -> Finding:
+        (sure, text, mends), at = TROUBLES[cause], (self.wall_ns + t_ns, 0, 0, 0)
+        mend = tuple([
+            replace(one, command=one.command and one.command.format(instance=instance),
+                    set=one.set and one.set.format(instance=instance))
+            for one in mends
+        ])  # fmt: skip
+        return Finding(sure, (text,), "", at, instance, mend, cause=cause, scan=scan, connect=connect)
 
     def as_called(self, receiver: Receiver, is_running: bool) -> Receiver:
         job = self._jobs.get(receiver.instance)
@@ -308,7 +352,7 @@ class _RunFacts:
         """Return whether bytes wait because the instance refuses its jobs, which is a symptom by itself."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
-    def troubles(self, is_running: bool) -> tuple[JobTrouble, ...]:
+    def troubles(self, is_running: bool) -> tuple[Finding, ...]:
         """Return what the program did wrong, and what the stack of a CONNECT shows for long.
 
         In a run that goes on, a trouble is over after two good jobs, and the stack counts of late alone.
@@ -317,7 +361,7 @@ class _RunFacts:
             then = self._done_then
             over = [key for key in self._found if self._done[key[1]] - then[key] >= GOOD_JOBS]
             for key in over:
-                del self._found[key]
+                del self._found[key], self._times[key]
             self._stack.forget_before(self._bench.now // SECOND - RECENT_S)
         for cause, blocks, some in (
             ("flood", self._takers, self._stack.floods()),
@@ -328,10 +372,12 @@ class _RunFacts:
             for connect, since, seconds in some:
                 if connect in blocks and not self._is_refused(cause, blocks[connect]):
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
-                    at = self.wall_ns + since * SECOND
-                    trouble = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
+                    trouble = self._trouble(cause, blocks[connect], connect, scan, since * SECOND)
                     shown = self._bench.runtime.instance(blocks[connect])
                     if cause == "plc-not-reading" and shown is not None and shown.pin("EN_R"):
-                        trouble = trouble._replace(mend=(NOT_CALLED,))
-                    self._found[cause, connect] = trouble
-        return tuple([one for one in self._found.values() if one.instance not in self._stopped])
+                        trouble = replace(trouble, mend=(NOT_CALLED,))
+                    self._found[cause, connect], self._times[cause, connect] = trouble, seconds
+        found = [(key, one) for key, one in self._found.items() if one.instance not in self._stopped]
+        return tuple(
+            [replace(one, evidence=(f"{one.evidence[0]} {times(self._times[key])}",)) for key, one in found]
+        )

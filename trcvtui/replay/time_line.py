@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
+from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
@@ -25,7 +26,6 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
-from trcvtui.recording.worker_process import FilesJudge
 from trcvtui.replay.all_messages import AllMessages, TimedRows
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun

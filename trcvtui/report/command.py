@@ -24,10 +24,11 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
-from trcvtui.report.page import MARK, FoundCause, ReportSource, page
+from trcvtui.report.page import MARK, ReportSource, page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import Runner, Verdict
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import count, last_part
 
 if TYPE_CHECKING:  # a recording needs none of it
@@ -173,28 +174,13 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
     return ENDS_EARLY if source.stopped else WHOLE
 
 
-def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[FoundCause, ...]:
+def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
     receivers = () if project is None else receivers_of(load_bench(project))
     answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, recorded_facts))
     if isinstance(answer, UserError):
         return ()
-    found = [
-        (finding["confidence"], verdict["conversation"], finding)
-        for verdict in answer[0]
-        for finding in verdict["findings"]
-    ]
-    found.sort(key=lambda one: -one[0])
-    return tuple(
-        [
-            FoundCause(
-                f"{finding['cause']}, {sure:.0%} sure"
-                + (f": {ends['plc']} with {ends['partner']}" if ends is not None else ""),
-                tuple(finding["evidence"]),
-                tuple([mend["text"] for mend in finding["mend"]]),
-            )
-            for sure, ends, finding in found
-        ]
-    )
+    found = [finding for verdict in answer[0] for finding in verdict.findings]
+    return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
 def _recording(path: Path) -> Recording | None:

@@ -36,6 +36,7 @@ from trcvtui.report.run_notes import (
     TimeLane,
 )
 from trcvtui.scenario.runner import Verdict
+from trcvtui.snapshots.doctor import Finding
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
 from trcvtui.wording import count, last_part, stamp, times, utc_text
@@ -60,14 +61,6 @@ SHAPES: Final = (  # what a column has seen, its class, its top and height: an E
 )
 
 
-class FoundCause(NamedTuple):
-    """What the doctor has found: where and how sure, the evidence, what mends it."""
-
-    head: str
-    evidence: tuple[str, ...]
-    mends: tuple[str, ...]
-
-
 class ReportSource(NamedTuple):
     """What a report is made of. `seen`: by which way, where it was seen to its end; else `stopped` says why.
 
@@ -84,7 +77,7 @@ class ReportSource(NamedTuple):
     sha256: str
     files: tuple[Sequence[str], ...] = ()
     conversations: tuple[Sequence[str], ...] = ()
-    findings: tuple[FoundCause, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 class _Card(NamedTuple):
@@ -174,7 +167,9 @@ class _PageParts:
             yield _Card(f"step {failure.step}: {self._line(failure.line)}", Advice(found, ()), True)
         for one in self.source.findings[:MOST_FINDINGS]:
             evidence = one.evidence if self._has_payload else ()  # it may show bytes and values
-            yield _Card(one.head, Advice("; ".join(evidence), one.mends), True)
+            head = f"{one.cause}, {one.confidence:.0%} sure"
+            head += f": {one.ends.plc} with {one.ends.partner}" if one.ends is not None else ""
+            yield _Card(head, Advice("; ".join(evidence), tuple([mend.text for mend in one.mend])), True)
 
     @property
     def more_findings(self) -> int:

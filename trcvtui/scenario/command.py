@@ -111,13 +111,15 @@ def _run_all(
             continue
         loaded()  # raises through: no later file makes the target right
         try:
-            box = None
+            judge = None
             if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
+                from trcvtui.diagnosis.judges import RunJudge
                 from trcvtui.recording.recorder import kept_recorder
 
                 recorder, box = kept_recorder(recorder, reads)
+                judge = RunJudge(box)
             for one in each:
-                held = _run_one(path, one, kernel, report, overrides, recorder, box)
+                held = _run_one(path, one, kernel, report, overrides, recorder, judge)
                 worst = max(worst, HELD if held else FAILED)
         except UserError as error:
             worst = _wrong(report, path, error)

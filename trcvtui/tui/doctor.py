@@ -7,7 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual.binding import Binding
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
-from trcvtui.snapshots.doctor import DoctorSnapshot, FindingSnapshot
+from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
 from trcvtui.tui.formatting import cells, clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
@@ -43,15 +43,15 @@ class FindingList(CardText):
         return picture.doctor if picture is not None else DoctorSnapshot()
 
     @property
-    def findings(self) -> tuple[FindingSnapshot, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         return self._of_selected(self.seen.findings)
 
-    def _of_selected(self, some: tuple[FindingSnapshot, ...]) -> tuple[FindingSnapshot, ...]:
+    def _of_selected(self, some: tuple[Finding, ...]) -> tuple[Finding, ...]:
         name = "" if self.of_all else self._view_model.selected
         return findings_of(name, some, self._view_model.project)
 
     @property
-    def chosen(self) -> FindingSnapshot | None:
+    def chosen(self) -> Finding | None:
         found = self.findings
         return found[min(self.cursor, len(found) - 1)] if found else None
 
@@ -69,7 +69,7 @@ class FindingList(CardText):
         rows += [ruled(self._width, ("── remarks ", "dim"))] if remarks else []
         return [*rows, *(self._remark(one) for one in remarks)]
 
-    def _remark(self, one: FindingSnapshot) -> Row:
+    def _remark(self, one: Finding) -> Row:
         whose = one.instance or one.connect if self.of_all else ""
         text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
         return row((clip(text, self._width), "dim"))
@@ -88,7 +88,7 @@ class FindingList(CardText):
         others = len(seen.findings)
         return f"{HEALTHY}: {looked}" + (f"; {count(others, 'finding')} of others: a" if others else "")
 
-    def _finding(self, number: int, one: FindingSnapshot) -> Row:
+    def _finding(self, number: int, one: Finding) -> Row:
         told = f"{one.confidence:.0%} sure"
         whose = one.instance or one.connect
         room = self._width - len(told) - 3
@@ -101,12 +101,12 @@ class FindingList(CardText):
         ]
         return row(*parts, style="cursor" if is_chosen else "")
 
-    def _details(self, one: FindingSnapshot) -> list[Row]:
+    def _details(self, one: Finding) -> list[Row]:
         rows = self._labelled("", [one.title] if one.title else [], "strong")
         rows.append(ruled(self._width, ("── evidence ", "dim")))
         rows += self._labelled("", one.evidence, "")
         rows += self._labelled("explains", one.explains, "") if one.explains else []
-        where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
+        where = " · ".join(filter(None, (str(one.ends or ""), WAYS[one.way])))
         rows += self._labelled("line", [where], "dim") if where else []
         rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []
         numbers = ", ".join(map(str, one.packets[:MOST_PACKETS])) + " …" * (len(one.packets) > MOST_PACKETS)
@@ -120,7 +120,7 @@ class FindingList(CardText):
             rows += self._labelled("b", [f"byte {stream.byte} of what came"], "key")
         rows.append(ruled(self._width, ("── remedy ", "dim")))
         for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
-            texts = [mend.text for mend in one.mends if mend.is_tried is is_tried]
+            texts = [mend.text for mend in one.mend if mend.tried is is_tried]
             rows += self._labelled(label, texts, style) if texts else []
         remedy = self.remedy()
         rows += self._labelled("enter", [f"types `{remedy}`"], "key") if remedy else []
@@ -160,8 +160,8 @@ class FindingList(CardText):
         if one is None or picture is None:
             return ""
         if picture.position is not None:
-            return next((f"if {mend.set}" for mend in one.mends if mend.set), "")
-        return next((mend.command for mend in one.mends if mend.command), "")
+            return next((f"if {mend.set}" for mend in one.mend if mend.set), "")
+        return next((mend.command for mend in one.mend if mend.command), "")
 
     def action_page(self, pages: int) -> None:
         self.scroll_relative(y=pages * (self.size.height - 1), animate=False)

@@ -22,7 +22,7 @@ from trcvtui.net.connection.description import (
     rows,
     structure_of,
 )
-from trcvtui.net.connection.description_check import DescribedConnect, Finding, Flaw, Protocol, judge, meaning
+from trcvtui.net.connection.description_check import DescribedConnect, Flaw, Protocol, judge, meaning
 
 STRUCTURES = CONNECTIONS | ADDRESSES
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
@@ -174,7 +174,7 @@ def test_a_tcon_param_of_iso_has_tsaps() -> None:
     assert judge(DescribedConnect(description, says, "127.0.0.1")) is None
     wrong = Description(param, pack(param, values | {"local_tsap_id": b"\x10\x02A"}))
     found = judge(DescribedConnect(wrong, meaning(wrong), "127.0.0.1"))
-    assert found == Finding(Flaw.TSAP, "local_tsap_id", "10 02 41: two bytes or more that begin with E0")
+    assert found == (Flaw.TSAP, "local_tsap_id", "10 02 41: two bytes or more that begin with E0")
 
 
 def asked(**values: Value) -> DescribedConnect:

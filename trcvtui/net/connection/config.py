@@ -11,7 +11,7 @@ from typing import Final
 from msgspec import Struct
 
 from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
-from trcvtui.net.connection.description_check import Finding
+from trcvtui.net.connection.description_check import DescriptionFlaw
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.received_ring import HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
@@ -62,7 +62,7 @@ class ConnectConfig(Struct, frozen=True):
     keep_alive_default_s: int = SYSTEM_KEEP_ALIVE_S
     session: LayerSettings | None = None
     description: Description | None = None
-    flaw: Finding | None = None
+    flaw: DescriptionFlaw | None = None
     any_local: bool = False
     remote_name: str = ""
     is_datagram: bool = False

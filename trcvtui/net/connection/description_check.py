@@ -64,12 +64,16 @@ class Flaw(StrEnum):
     CERTIFICATE = "certificate unknown"
 
 
-class Finding(NamedTuple):
+class DescriptionFlaw(NamedTuple):
     """One flaw: what it is, in which field (""  the whole), and in words what was found and expected."""
 
     flaw: Flaw
     field: str
     text: str
+
+
+Finding = DescriptionFlaw  # its name in the keyframes of older recordings
+Answer = tuple[Flaw, str, str]  # of a question, as a DescriptionFlaw
 
 
 class Meaning(Struct, frozen=True):
@@ -175,100 +179,98 @@ class DescribedConnect(Struct, frozen=True):
     narrow_tsaps: bool = False
 
 
-def judge(asked: DescribedConnect) -> Finding | None:
+def judge(asked: DescribedConnect) -> DescriptionFlaw | None:
     """Return the first flaw, None where a CPU would try to connect."""
     found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
-    return found._replace(field=field_name(asked.description, found.field)) if found else None
+    return DescriptionFlaw(found[0], field_name(asked.description, found[1]), found[2]) if found else None
 
 
 # -- the questions -----------------------------------------------------------------------------------------
 
 
-def _structure(asked: DescribedConnect) -> Finding | None:
+def _structure(asked: DescribedConnect) -> Answer | None:
     name = asked.description.structure.name
     if not asked.structures or name in asked.structures:
         return None
-    return Finding(Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only")
+    return Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only"
 
 
-def _length(asked: DescribedConnect) -> Finding | None:
+def _length(asked: DescribedConnect) -> Answer | None:
     structure, size = asked.description.structure, len(asked.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
-    return Finding(Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}")
+    return Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}"
 
 
-def _identity(asked: DescribedConnect) -> Finding | None:
+def _identity(asked: DescribedConnect) -> Answer | None:
     if 1 <= asked.meaning.identity <= MOST_ID:
         return None
     name = "id" if asked.description.structure.field("id") else "ID"
-    return Finding(Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}")
+    return Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}"
 
 
-def _configured(asked: DescribedConnect) -> Finding | None:
+def _configured(asked: DescribedConnect) -> Answer | None:
     if asked.meaning.protocol is not Protocol.CONFIGURED:
         return None
-    return Finding(Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}")
+    return Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}"
 
 
-def _interface(asked: DescribedConnect) -> Finding | None:
+def _interface(asked: DescribedConnect) -> Answer | None:
     names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
     if asked.description.number(field) == 0 and not names_own:
-        return Finding(Flaw.INTERFACE, field, f"{field} is 0, the hardware identifier of a port such as 64")
+        return Flaw.INTERFACE, field, f"{field} is 0, the hardware identifier of a port such as 64"
     if asked.own_address == ANY_ADDRESS:
-        return Finding(Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address")
+        return Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address"
     return None
 
 
-def _type(asked: DescribedConnect) -> Finding | None:
+def _type(asked: DescribedConnect) -> Answer | None:
     if asked.meaning.protocol is not Protocol.UNKNOWN:
         return None
     structure = asked.description.structure
     field = "connection_type" if structure.field("connection_type") else "ConnectionType"
     taken = ", ".join(f"16#{one:02X}" for one in types_of(structure.name))
     number = asked.description.number(field)
-    return Finding(Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}")
+    return Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}"
 
 
-def _udp_active(asked: DescribedConnect) -> Finding | None:
+def _udp_active(asked: DescribedConnect) -> Answer | None:
     if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
         return None
-    return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
+    return Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively"
 
 
-def _udp(asked: DescribedConnect) -> Finding | None:
+def _udp(asked: DescribedConnect) -> Answer | None:
     if asked.meaning.protocol is not Protocol.UDP:
         return None
     if not asked.meaning.local_port and not asked.takes_free_port:
-        return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
+        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port"
     return None
 
 
-def _tsap(asked: DescribedConnect) -> Finding | None:
+def _tsap(asked: DescribedConnect) -> Answer | None:
     if asked.meaning.protocol is not Protocol.ISO:
         return None
     return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
 
 
-def _tsap_of_any(asked: DescribedConnect) -> Finding | None:
+def _tsap_of_any(asked: DescribedConnect) -> Answer | None:
     local = asked.meaning.local_tsap
     if asked.description.structure.name == "TCON_Param":
         return _tsap_of_param(asked)
     for field in ("LocalTSelector", "RemoteTSelector"):
         size = _selector_length(asked.description, field)
         if size > LONGEST_SELECTOR:
-            return Finding(Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}")
+            return Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}"
     if not local:
-        return Finding(Flaw.TSAP, "LocalTSelector", "the local T-selector is empty")
+        return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not asked.meaning.is_active:
-        return Finding(
-            Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
-        )
+        return Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
     if len(local) == 2 and local[0] not in _firsts(asked):
-        return Finding(Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}")
+        return Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
-        return Finding(Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own")
+        return Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own"
     return None
 
 
@@ -276,14 +278,14 @@ def _firsts(asked: DescribedConnect) -> bytes:
     return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
 
 
-def narrow_tsap(local: bytes) -> Finding | None:
+def narrow_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return what an S7-1200 alone has against a local T-selector (S7-1200 System Manual)."""
+    text = ""
     if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
-        return Finding(Flaw.TSAP, "LocalTSelector", f"after {local[0]:02X} 00 or 01, not {local[1]:02X}")
-    if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
+        text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
+    elif any(not 0x20 <= byte < 0x7F for byte in local[2:]):
         text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
-        return Finding(Flaw.TSAP, "LocalTSelector", text)
-    return None
+    return DescriptionFlaw(Flaw.TSAP, "LocalTSelector", text) if text else None
 
 
 def _selector_length(description: Description, name: str) -> int:
@@ -292,14 +294,14 @@ def _selector_length(description: Description, name: str) -> int:
     return int.from_bytes(description.data[field.offset : field.offset + 2], "big")
 
 
-def _tsap_of_param(asked: DescribedConnect) -> Finding | None:
+def _tsap_of_param(asked: DescribedConnect) -> Answer | None:
     local = asked.meaning.local_tsap
     if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
-        return Finding(Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0")
+        return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0"
     return None
 
 
-def _param(asked: DescribedConnect) -> Finding | None:
+def _param(asked: DescribedConnect) -> Answer | None:
     """Judge the lengths in a TCON_Param (S7-1200 System Manual)."""
     if asked.description.structure.name != "TCON_Param":
         return None
@@ -307,7 +309,7 @@ def _param(asked: DescribedConnect) -> Finding | None:
     for field, taken in _param_lengths(says):
         if number(field) not in taken:
             wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
-            return Finding(Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}")
+            return Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}"
     return None
 
 
@@ -334,78 +336,78 @@ def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
     return lengths
 
 
-def _ports(asked: DescribedConnect) -> Finding | None:
+def _ports(asked: DescribedConnect) -> Answer | None:
     says = asked.meaning
     if says.protocol is not Protocol.TCP:
         return None
     if says.is_active and not says.remote_port and not asked.remote_is_known:
-        return Finding(Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one")
+        return Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one"
     if not says.is_active and not says.local_port and not asked.takes_free_port:
-        return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, a passive end needs one")
+        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, a passive end needs one"
     return None
 
 
-def _remote(asked: DescribedConnect) -> Finding | None:
+def _remote(asked: DescribedConnect) -> Answer | None:
     says = asked.meaning
     if asked.description.structure.field("RemoteQDN"):
         return None
     # 0.0.0.0 is "any partner" on a passive end.
     if says.is_active and says.remote_address == ANY_ADDRESS:
-        return Finding(Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address")
+        return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address"
     if is_group(says.remote_address):
         text = f"{says.remote_address} is no address of one partner, and multicast groups are not joined"
-        return Finding(Flaw.REMOTE, "RemoteAddress", text)
+        return Flaw.REMOTE, "RemoteAddress", text
     # On loopback the bench and its peers share one address.
     if says.remote_address == asked.own_address and not is_loopback(says.remote_address):
-        return Finding(Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address")
+        return Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address"
     return None
 
 
-def _local_port(asked: DescribedConnect) -> Finding | None:
+def _local_port(asked: DescribedConnect) -> Answer | None:
     port = asked.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
-        return Finding(Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000")
+        return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000"
     return None
 
 
-def _name(asked: DescribedConnect) -> Finding | None:
+def _name(asked: DescribedConnect) -> Answer | None:
     if asked.description.structure.field("RemoteQDN") is None:
         return None
     name = asked.meaning.remote_name
     if not name and not asked.meaning.is_active:
         return None
     if not name:
-        return Finding(Flaw.NAME_EMPTY, "RemoteQDN", "RemoteQDN is empty")
+        return Flaw.NAME_EMPTY, "RemoteQDN", "RemoteQDN is empty"
     if not name.endswith("."):
-        return Finding(Flaw.NAME_NOT_FULL, "RemoteQDN", "RemoteQDN does not end with a dot")
+        return Flaw.NAME_NOT_FULL, "RemoteQDN", "RemoteQDN does not end with a dot"
     return None
 
 
-def _secure_type(asked: DescribedConnect) -> Finding | None:
+def _secure_type(asked: DescribedConnect) -> Answer | None:
     is_udp = asked.description.number("ConnectionType") == UDP_TYPE
     if not is_udp or not asked.description.number("ActivateSecureConn"):
         return None
-    return Finding(Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS")
+    return Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS"
 
 
-def _secure(asked: DescribedConnect) -> Finding | None:
+def _secure(asked: DescribedConnect) -> Answer | None:
     number = asked.description.number
     if not number("ActivateSecureConn"):
         return None
     if asked.meaning.is_active:
         if number("TLSServerReqClientCert"):
             text = "TLSServerReqClientCert is TRUE: only a server asks for a client's certificate"
-            return Finding(Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text)
+            return Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text
         return None
     if number("ExtTLSCapabilities") & CHECKS_NAME:
         text = "ExtTLSCapabilities has bit 0: only a client checks the subjectAlternateName"
-        return Finding(Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text)
+        return Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text
     if not number("TLSServerCertRef"):
-        return Finding(Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0: a server shows one")
+        return Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0: a server shows one"
     return None
 
 
-_QUESTIONS: Final[tuple[Callable[[DescribedConnect], Finding | None], ...]] = (
+_QUESTIONS: Final[tuple[Callable[[DescribedConnect], Answer | None], ...]] = (
     _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
     _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip

@@ -50,18 +50,17 @@ class Explainer:
         if picture is None or not picture.doctor.findings:
             return "", DoLine("")
         from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
-        from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
-            remedy = f"{one.mends[0].text}. " if one.mends else ""
+            remedy = f"{one.mend[0].text}. " if one.mend else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
-            steps = [mend for mend in one.mends if mend.is_tried] or [*one.mends[:1]]
+            steps = [mend for mend in one.mend if mend.tried] or [*one.mend[:1]]
             # What was tried was all of it: where a part has no line, the others alone may do harm.
             is_whole = all(mend.command or mend.set for mend in steps)
             lines = tuple([mend.command for mend in steps if mend.command and is_whole])
-            needs_trial = not all(mend.is_tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
+            needs_trial = not all(mend.tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
             do = DoLine(f"{remedy}`J` shows the evidence", lines, needs_trial)
-            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", do
+            return f"{one.title} ({one.cause}, {sure})", do
         return "", DoLine("")
 
     def offer(self) -> Offer | None:

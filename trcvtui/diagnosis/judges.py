@@ -1,0 +1,77 @@
+"""Who asks the doctor in a process beside, about a run or about files; `judged` is what that has found.
+
+Rule: no scan waits for an answer; before it is there, `progress` tells how far the process is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.recording.worker_process import AnswerOnItsWay
+
+if TYPE_CHECKING:
+    from trcvtui.recording.black_box import BlackBox
+
+JUDGE: Final = ("job_facts", "judge_main")
+FileNames = Callable[[], Sequence[str]]
+
+
+class ProcessJudge:
+    """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
+
+    judged, progress, looks_again = b"", "", True
+    _answer: AnswerOnItsWay | None = None
+
+    @property
+    def is_judging(self) -> bool:
+        return self._answer is not None
+
+    def judge(self) -> None:
+        if self._answer is None:
+            blocks = self._blocks()  # refused before a process begins
+            self._answer = AnswerOnItsWay(JUDGE)
+            for block in blocks:
+                self._answer.process.put(*block)
+            self._answer.process.finish()
+
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        raise NotImplementedError
+
+    def go_on(self) -> None:
+        if self._answer is not None:
+            content, self.progress = self._answer.go_on(), self._answer.progress
+            if content is not None:
+                self.judged, self._answer = content, None
+
+    def close(self) -> None:
+        if self._answer is not None:
+            self._answer.close()
+
+
+class RunJudge(ProcessJudge):
+    """Judges what a black box keeps of a run that goes on."""
+
+    def __init__(self, box: BlackBox) -> None:
+        self._box, box.close_judge = box, self.close
+
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        return [(b"null", 0), *self._box.blocks()]
+
+
+class FilesJudge(ProcessJudge):
+    """Judges captures and recordings: `files` gives their names when it is asked."""
+
+    def __init__(
+        self, files: FileNames, plc: str | None = None, project: Path | None = None, looks_again: bool = False
+    ) -> None:
+        self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
+        self.looks_again = looks_again
+        self._files, self._plc = files, plc
+        self._project = None if project is None else str(project)
+
+    def _blocks(self) -> list[tuple[bytes, int]]:
+        asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
+        return [(json.dumps(asked).encode(), 0)]

@@ -1,0 +1,53 @@
+"""What a rule of the doctor offers against what the partner says, and how that can be tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from trcvtui.capture.quality import Quality
+from trcvtui.diagnosis.line_facts import SegmentFacts
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.snapshots.doctor import Finding, Remedy
+
+
+class CauseRule(NamedTuple):
+    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
+
+    `blind`: what a capture may lack so that the row cannot judge.
+    """
+
+    cause: str
+    judge: Callable[..., Finding | None]  # is asked with a LineCase, in FRAME_JUDGES with line and receiver
+    silenced_by: tuple[str, ...] = ()
+    weakened_by: tuple[str, ...] = ()
+    blind: tuple[Quality, ...] = ()
+
+
+class RemedyOffer(NamedTuple):
+    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
+
+    `otherwise` is offered where the trial fails.
+    """
+
+    mend: tuple[Remedy, ...] = ()
+    cured: Receiver | None = None
+    otherwise: tuple[Remedy, ...] = ()
+
+
+NO_OFFER: Final = RemedyOffer()
+
+
+def finding_to_plc(
+    receiver: Receiver, sure: float, texts: tuple[str, ...], at: SegmentFacts | None,
+    offer: RemedyOffer = NO_OFFER, is_remark: bool = False,
+) -> Finding:  # fmt: skip
+    """Return what speaks for a cause in what the partner says to a receiver."""
+    return Finding(sure, texts, "to-plc", at, receiver.instance, offer.mend, is_remark, trial=offer)
+
+
+def frames_anew(receiver: Receiver) -> tuple[Remedy, ...]:
+    """Return what lets frames begin with a message after their length has changed."""
+    text = "COM_RST: the next frame then begins with a message"
+    is_stream = receiver.has_reset and not receiver.is_datagram
+    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

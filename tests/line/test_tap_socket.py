@@ -416,22 +416,25 @@ import sys
 from trcvtui.line.tap_socket import serve_observers
 from trcvtui.net.os import observers
 observers.is_trusted = lambda peer: False
-serve_observers("0", sys.argv[2], sys.argv[1], "1", "{}")
+serve_observers(*sys.argv[2:], sys.argv[1], "1", "{}")
 """
 
 
 def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = socket_of(written(short, LINE))
-    (tap, events), (_ways, ways) = socket.socketpair(), socket.socketpair()
-    words = [sys.executable, "-c", STRANGERS, str(path), str(ways.fileno())]
-    with subprocess.Popen(words, stdin=events, pass_fds=[ways.fileno()], env=ENVIRONMENT) as server:
-        events.close()
-        until(path.exists)
-        with socket.socket(socket.AF_UNIX) as stranger:
-            until(lambda: stranger.connect_ex(str(path)) == 0)
-            assert stranger.recv(1) == b""
-        monkeypatch.setattr(observers, "is_trusted", lambda _: False)
-        with pytest.raises(UserError, match="found a tap of another user"):
-            connection_to(short / "line.toml")
-        tap.close()
+    tap, events = socket.socketpair()
+    ways, their_ways = socket.socketpair()
+    with ways, their_ways, events, tap:
+        fds = [events.fileno(), their_ways.fileno()]
+        words = [sys.executable, "-c", STRANGERS, str(path), *map(str, fds)]
+        with subprocess.Popen(words, pass_fds=fds, env=ENVIRONMENT) as server:
+            events.close()
+            until(path.exists)
+            with socket.socket(socket.AF_UNIX) as stranger:
+                until(lambda: stranger.connect_ex(str(path)) == 0)
+                assert stranger.recv(1) == b""
+            monkeypatch.setattr(observers, "is_trusted", lambda _: False)
+            with pytest.raises(UserError, match="found a tap of another user"):
+                connection_to(short / "line.toml")
+            tap.close()
     assert server.returncode == 0

@@ -160,9 +160,9 @@ class ShadowServer:
         self._judge: FilesJudge | None = None  # of what came
 
     def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
+        from trcvtui.diagnosis.judges import FilesJudge
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.line.tap_watch import TapWatch
-        from trcvtui.diagnosis.judges import FilesJudge
 
         order, renew = (None, None) if self._way is None else (self._way.tell, self._way.renew)
         if most_idle_ns or self._way is not None:  # a tap
@@ -232,62 +232,9 @@ class ShadowServer:
         if controller is None:
             return
         controller.catch_up()
-<<<<<<< HEAD
         if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
             controller.shadows = player.shown  # more with each PLC end
             self._judge.begins_ns = player.first_ns or None
         self._screen.take(controller.take, waits)
         self._screen.show(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
         self._screen.pipe.go_on(clock.now_ns() + SLICE_NS)
-=======
-        if self._player is not None:
-            controller.shadows = self._player.shown  # more with each PLC end
-        while self._channel.poll():
-            message = unpacked(self._channel.recv_bytes())
-            if isinstance(message, UpdateRequest):
-                self._request = message
-            else:
-                controller.take(*message)
-        if self._request is not None and not self._pipe.is_busy():
-            self._pipe.begin(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
-            self._request = None
-        self._pipe.go_on(clock.now_ns() + SLICE_NS)
-
-
-class _PipeServed(ServedShadows):
-    def __init__(self, channel: Channel, plan: LivePlan, asked: ShadowChoice) -> None:
-        super().__init__(channel)
-        self._plan = plan
-        self._project, self._plc, _ = asked
-        self._live: LiveWatch | None = None
-
-    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
-        from trcvtui.diagnosis.judges import FilesJudge
-        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
-
-        live = self._live = LiveWatch(self._plan, self._begin, self._leave)
-        kept = KeptPackets()
-        self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept, most_idle_ns)
-        said = stream.take()
-        live.finish()
-        for line in said:
-            self.tell("stdin", line)
-        self.go_on("stdin", "the packets have ended")
-
-    def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
-        from trcvtui.line.capture_player import CapturePlayer
-
-        player = CapturePlayer(plan, (), first_ns, self)
-        if self.judge is not None:
-            self.judge.begins_ns = first_ns
-        assert self._live is not None  # it is what begins
-        self.show(player, "capture", self._live.shadow)
-        return player
-
-    def _leave(self, talk: Conversation, why: str) -> None:
-        from trcvtui.line.shadows import end_of
-
-        ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
-        self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
->>>>>>> main

@@ -208,6 +208,7 @@ class _Child:
         self._server, self._kind, self._what = server, kind, what
         self._loop, self._asked = server.loop, EventPipes()  # at its end the child has ended
         self._process: Popen[bytes] | None = None
+        self._is_served = False  # it has asked
 
     def start(self, program: tuple[str, ...], *words: str, **given: Any) -> bool:
         """Start it; return whether it has asked for a way, otherwise it has said what is wrong."""
@@ -215,7 +216,8 @@ class _Child:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
         self._loop.hear(self._asked.fd, 1, self._answer)
-        return self._answer()
+        self._is_served = self._answer()
+        return self._is_served
 
     def _answer(self, _: int = 0) -> bool:
         """Wait for a question of it; return whether it has one, and has not ended."""
@@ -224,7 +226,8 @@ class _Child:
             self._asked.answer(self._loop.open_in_words())
         elif not question:
             self._loop.forget(self._asked.fd)
-            self._gone()
+            if self._is_served:  # otherwise it has said what is wrong
+                self._gone()
         elif (way := self._asked.hand_over()) is not None:
             self._server.hand_over(self._kind, way)
         return bool(question)
@@ -249,22 +252,19 @@ class _Screen(_Child):
     def __init__(self, server: _Server) -> None:
         super().__init__(server, SCREEN, "the screen")
         self._terminal: list[Any] = []
-        self._is_open = False
 
     def open(self, asked: tuple[object, ...], is_armed: bool) -> bool:
         import termios
 
         self._terminal = termios.tcgetattr(0)
-        self._is_open = self.start((SHOWS,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
-        self._server.voice.is_kept = self._is_open  # the terminal belongs to the screen
-        return self._is_open
+        is_open = self.start((SHOWS,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
+        self._server.voice.is_kept = is_open  # the terminal belongs to the screen
+        return is_open
 
     def _gone(self) -> None:
         """The user has ended the tap with it; or it was left or killed, and bytes go on."""
         import termios
 
-        if not self._is_open:
-            return
         code = self.wait()
         self._loop.let_all_go()
         if code == 0:

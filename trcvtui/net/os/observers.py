@@ -21,7 +21,7 @@ from trcvtui.net.os.lossy_pipe import LossyPipe
 from trcvtui.net.os.system_calls import IN, new_poll_set
 from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
 from trcvtui.net.os.tapped_lane import TapLoop
-from trcvtui.net.tap import ENDS, RELEASE, SAYS, TapEvent, TapEventKind, events_of
+from trcvtui.net.tap import ENDS, LOSS, RELEASE, SAYS, TapEvent, TapEventKind, events_of
 
 CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_NAME: Final = 107  # bytes of `sun_path`
@@ -155,6 +155,7 @@ class Observer:
         """Take events, and their blocks."""
         kept = [block for event, block in events if event.kind in ENDS and event.number <= self._newest]
         size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
+        size += sum(LOSS.unpack_from(event.data)[1] for event, _ in events if event.kind == TapEventKind.LOST)
         blocks = b"".join([block for _, block in events])
         self._put(blocks, len(events) - len(kept), size, b"".join(kept))
         if not self.pipe.is_behind:

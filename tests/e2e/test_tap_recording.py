@@ -35,6 +35,10 @@ def bytes_in(row: dict[str, object]) -> tuple[object, object, object]:
     return to["bytes"], back["bytes"], row["end"]
 
 
+def words_of(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_text()
+
+
 def test_what_passed_stands_in_the_file_and_in_it_alone(tmp_path: Path) -> None:
     file = tmp_path / "line.pcapng"
     door, port = listening()
@@ -81,7 +85,7 @@ def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tm
     with tapped("--record", str(file)) as (tap, near, far):
         near.sendall(b"kept")
         assert exactly(far, 4) == b"kept"
-        recorder = min(children_of(tap.process.pid))  # started before the one that shows it
+        recorder = next(pid for pid in children_of(tap.process.pid) if "record_tap" in words_of(pid))
         until(lambda: b"kept" in file.read_bytes(), lambda: (tap.process.poll(), file.read_bytes()))
         os.kill(recorder, signal.SIGKILL)
         assert tap.process.stderr is not None

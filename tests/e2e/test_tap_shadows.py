@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from tests.e2e.tapping import Tap, calling, end_of, exactly, joined, listening, tapped
 from tests.line.test_without_connection import SERIAL
+from tests.waiting import children_of
 from trcvtui.bench.bench import Bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import LivePace
@@ -141,6 +143,24 @@ def test_a_wrong_line_is_told_and_all_is_let_go_when_stdin_ends() -> None:
             assert exactly(far, 4) == b"held"
         tap.process.stdin = None
         assert tap.end()[0] == 0
+
+
+def test_shadows_go_on_when_the_process_that_serves_observers_is_killed() -> None:
+    with tapped("--format", "jsonl") as (tap, near, _):
+        near.sendall(b"before")
+        records(tap, 1, DONE=True, RCVD_LEN=6)
+        (server,) = [
+            pid
+            for pid in children_of(tap.process.pid)
+            if b"serve_observers" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        ]
+        os.kill(server, signal.SIGKILL)
+        assert tap.process.stderr is not None
+        assert b"no observers: their process has ended" in tap.process.stderr.readline()
+        near.sendall(b"afterwards")
+        records(tap, 1, DONE=True)
+        tap.order("tap T from-plc rst")
+        records(tap, 1, note="ours: from-plc rst")
 
 
 def test_instances_of_a_project_look_on_in_both_directions(tmp_path: Path) -> None:

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from trcvtui.bench.bench import Bench
+from trcvtui.capture.pcap import CaptureReader, packet_block
 from trcvtui.cli.main import main
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
-from trcvtui.line.tap_observer import TapObserver, TapPlan
+from trcvtui.line.capture_player import CapturePlayer
+from trcvtui.line.live import LivePlan
+from trcvtui.line.shadows import ShadowPlan
+from trcvtui.line.tap_watch import TapWatch
+from trcvtui.line.tapped import NOTES, TapCapture
 from trcvtui.line.watch_command import WatchLines
-from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of, route_of
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 
+MS = 1_000_000
 TAP = {"name": "T", "listen": "2000", "to": "10.0.0.5:2000", "connect": "C1"}
 
 
@@ -113,53 +119,141 @@ def test_a_serial_place_has_its_settings() -> None:
     assert (line.baud, line.data_bits, line.parity, line.stop_bits) == (19200, 7, "even", 2)
 
 
-class LinesOfAScreen:
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        """Show a scan."""
+class Observed:
+    """What a tap tells, read as its observers do, by a TapWatch whose lines are kept."""
 
-    def note(self, ns: int, number: int, text: str) -> None:
-        """Show what is said."""
+    def __init__(
+        self, project: Path | None = None, *places: tuple[str, str, str], plc: str | None = None
+    ) -> None:
+        self.taps = [*places] or [("T", "1999", "2000")]
+        self.capture = TapCapture("a tap", {"taps": self.taps, "plc": plc, "dialect": None})
+        self.lines: list[str] = []
+        self.said: list[tuple[str, str]] = []
+        plan = LivePlan(project, None, None)  # as an agent has it before the tap names its places
+
+        def begin(made: ShadowPlan, first_ns: int) -> CapturePlayer:
+            lines = WatchLines(self.lines.append, "jsonl", 10 * MS, first_ns)
+            return CapturePlayer(made, (), first_ns, lines)
+
+        self.watch = TapWatch(plan, begin, None, lambda ns, note, text: self.said.append((note.note, text)))
+
+    def read(self, *blocks: bytes) -> list[dict[str, Any]]:
+        """Play blocks to their end; return the records, the last of them what became of conversations."""
+        reader = CaptureReader(BytesIO(self.capture.head(1) + b"".join(blocks)).read, "tap")
+        self.watch.found.names = reader.name_of
+        self.watch.found.take_all(reader, reader.link_types)
+        player = self.watch.finish()
+        assert isinstance(player.lines, WatchLines)
+        player.lines.end(player.close())
+        return [json.loads(line) for line in "".join(self.lines).splitlines()]
+
+    def blocks(self, *events: TapEvent) -> bytes:
+        return b"".join([self.capture.block(event) for event in events])
 
 
-def test_a_tap_without_descriptors_says_so_as_json_and_in_the_history_of_a_screen() -> None:
-    plan = TapPlan([route_of("T", "1999", "2000", ("", ""))], None, None, None)
-    written: list[str] = []
-    said: list[str] = []
-    lack = TapEvent(TapEventKind.LACK, TO, 0, 0, 3, 1_000_000_000, b"no descriptor left: 3 clients wait")
-    lines = WatchLines(written.append, "jsonl", 10_000_000, 0)
-    TapObserver(plan, lambda _: lines, list, said.append).take(lack)
-    TapObserver(plan, lambda _: LinesOfAScreen(), list, said.append).take(lack)
-    (record,) = map(json.loads, written)
-    assert (record["tap"], record["waiting"], record["time"][:20]) == ("T", 3, "1970-01-01T00:00:01.")
-    assert said == ["T: no descriptor left: 3 clients wait"]
+def event(
+    kind: TapEventKind,
+    ms: int,
+    way: int = TO,
+    at: int = 0,
+    data: bytes = b"",
+    number: int = 1,
+    tap: int = 0,
+) -> TapEvent:
+    return TapEvent(kind, way, tap, number, at, 1_000_000_000_000 + ms * MS, data)
+
+
+OPENS = b"tcp|127.0.0.1|50000|127.0.0.1|2000"
+BEGIN = event(TapEventKind.OPEN, 0, data=OPENS), event(TapEventKind.STANDS, 0, BACK)
+
+
+def test_a_tap_without_descriptors_says_so_in_words_of_its_tap() -> None:
+    tap = Observed()
+    tap.read(tap.blocks(event(TapEventKind.LACK, 0, at=3, data=b"no descriptor left: 3 clients wait")))
+    assert tap.said == [("lack", "T: no descriptor left: 3 clients wait")]
 
 
 def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
-    plan = TapPlan([route_of("T", "1999", "2000", ("", ""))], None, None, None)
-    lines: list[str] = []
-    said: list[str] = []
-    looking = TapObserver(plan, lambda ns: WatchLines(lines.append, None, 10_000_000, ns), list, said.append)
-    second = 1_000_000_000
+    tap = Observed()
+    before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
+    tap.blocks(event(TapEventKind.BYTES, 150, at=4, data=bytes(1000)))  # was left out
+    loss = tap.capture.loss(200 * MS, 3, 3, 1000) + tap.capture.open()
+    again = event(TapEventKind.BYTES, 300, at=1004, data=b"again"), event(TapEventKind.OVER, 500)
+    records = tap.read(before, loss, tap.blocks(*again))
+    assert tap.said == [("lost", "3 events with 1000 bytes came faster than they were shown")]
+    assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]
+    notes = [(each["t_ms"], each["note"]) for each in records if each.get("conversation") == "C1"]
+    assert notes == [(300.0, "? 1000 bytes missing in the capture, to the PLC end, from byte 4")]
+    assert next(each["RCVD_LEN"] for each in records if each.get("DONE")) == 4
 
-    def event(kind: TapEventKind, ms: int, way: int = TO, at: int = 0, data: bytes = b"") -> None:
-        looking.take(TapEvent(kind, way, 0, 1, at, 1000 * second + ms * 1_000_000, data))
 
-    opens = b"tcp|127.0.0.1|50000|127.0.0.1|2000"
-    event(TapEventKind.OPEN, 0, data=opens)
-    event(TapEventKind.STANDS, 0, BACK)
-    event(TapEventKind.BYTES, 100, data=b"seen")
-    event(TapEventKind.LOST, 200, data=LOSS.pack(3, 1000) + (1).to_bytes(4, "little"))
-    event(TapEventKind.OPEN, 200, at=1, data=opens)
-    event(TapEventKind.BYTES, 300, at=1004, data=b"again")
-    event(TapEventKind.NOW, 400)
-    event(TapEventKind.OVER, 500)
-    played = looking.close()
-    assert said == ["3 events with 1000 bytes came faster than they were shown"]
-    assert (played.assigned, played.unassigned) == ({1: ["C1", "C1_BACK"]}, {})
-    text = "".join(lines)
-    assert "C1: ? 1000 bytes missing in the capture, to the PLC end, from byte 4" in text
-    assert "DONE 4 B" in text
-    assert "? missing in the capture" in text.split("from byte 4")[1]
+ROWS = """
+[[connect]]
+name = "C2"
+ActiveEstablished = false
+LocalPort = 2001
+[[tap]]
+name = "ONE"
+listen = "1998"
+to = "2000"
+connect = "C1"
+[[tap]]
+name = "TWO"
+listen = "1999"
+to = "2000"
+connect = "C2"
+"""
+
+
+@pytest.mark.parametrize("data", [b"1", b"more"])
+def test_a_conversation_whose_begin_was_lost_has_its_ends_and_the_connect_of_its_tap(
+    data: bytes, tmp_path: Path
+) -> None:
+    project = tmp_path / "p.toml"
+    connect = 'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 2000\n'
+    project.write_text(connect + ROWS)
+    tap = Observed(project, ("ONE", "1998", "2000"), ("TWO", "1999", "2000"))
+    told = event(TapEventKind.OPEN, 0, at=1, data=OPENS, number=7, tap=1)
+    later = event(TapEventKind.BYTES, 9, BACK, 5, data, 7, 1), event(TapEventKind.BYTES, 9, TO, 4, data, 7, 1)
+    records = tap.read(tap.blocks(told, *later))
+    assert records[-1]["assigned"] == [{"id": "C7", "shadows": ["C2"]}]
+    assert [each["note"] for each in records if "conversation" in each] == ["begins in the middle"]
+    (shown,) = tap.watch.player.talks.snapshot()  # type: ignore[union-attr]
+    assert (shown.tap, shown.partner, shown.plc) == ("TWO", "127.0.0.1:50000", "127.0.0.1:2000")
+    assert (shown.to_plc.size, shown.from_plc.size) == (len(data), len(data))
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+@pytest.mark.parametrize(("caller", "jobs"), [("127.0.0.2", [4]), ("127.0.0.3", [])])
+def test_a_plc_that_calls_is_known_in_the_middle_of_a_conversation_too(
+    kind: str, caller: str, jobs: list[int]
+) -> None:
+    place = "" if kind == "tcp" else "udp:"
+    tap = Observed(None, ("T", f"{place}1999", f"{place}2000"), plc="127.0.0.2")
+    opens = f"{kind}|{caller}|50001|127.0.0.1|2000".encode()
+    told = event(TapEventKind.OPEN, 0, at=1, data=opens), event(TapEventKind.BYTES, 9, at=4, data=b"more")
+    records = tap.read(tap.blocks(*told))
+    assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == jobs
+    assert len(tap.watch.player.shadows.bench.project.instances) == 2  # type: ignore[union-attr]
+    assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}] * len(jobs)
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        b"", b"\xff", b'{"x": ' + b"[" * 100_000, b"7", b'{"note": "taps"}',
+        b'{"note": "taps", "taps": [["a", "b", "c"]]}',
+        b'{"note": "open", "tap": 9}', b'{"note": "open", "ends": [["x", 1], ["y", 2]]}',
+        b'{"note": "open", "ends": [["127.0.0.1", 99999], ["::1", 2]]}', b'{"note": "open", "kind": "x"}',
+        b'{"note": "held", "conversation": 1, "first": "xx"}', b'{"note": "figures", "window": "much"}',
+        b'{"note": "end", "conversation": 5}', b'{"note": "ours", "conversation": -1, "tap": -5}',
+    ],
+)  # fmt: skip
+def test_a_note_that_is_none_is_left_out(note: bytes) -> None:
+    tap = Observed()
+    whole = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
+    records = tap.read(packet_block(NOTES, 1, note), whole)
+    assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]
 
 
 def test_what_is_held_from_the_beginning_needs_a_screen(capsys: pytest.CaptureFixture[str]) -> None:

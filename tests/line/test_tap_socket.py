@@ -130,6 +130,7 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     tap = TapService(short, "--allow-orders", "--record", str(short / "kept.pcapng"))
     observer = tap.observer()
     device, plc = tap.connect()
+    plc_end = plc.getsockname()
     device.sendall(b"one")
     assert exactly(plc, 3) == b"one"
     observer.sendall(TapOrder(0, 0, TO, "insert", (), b"!!").line() + b"9 9 9 no order\n")
@@ -145,12 +146,14 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     for packet in packets:
         (notes if reader.link_types[packet.interface] == USER0 else wire).append(packet)
     observer.close()
-    assert [json.loads(note.data)["note"] for note in notes] == ["ours"]
+    told = [json.loads(note.data) for note in notes]
+    assert [note["note"] for note in told if note["note"] != "figures"] == ["taps", "open", "ours", "end"]
+    assert told[1]["ends"][1] == list(plc_end) and told[1]["new"] and told[1]["kind"] == "tcp"
     with (short / "kept.pcapng").open("rb") as kept:
         recorded = CaptureReader(kept.read, "kept")
         pairs = (wire, reader.link_types), ([*recorded], recorded.link_types)
-    told = [events_in(some, link_types) for some, link_types in pairs]
-    assert told[0] == told[1] and b"".join(data for _, data in told[0]) == b"one!!"
+    seen = [events_in(some, link_types) for some, link_types in pairs]
+    assert seen[0] == seen[1] and b"".join(data for _, data in seen[0]) == b"one!!"
 
 
 def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(short: Path) -> None:
@@ -264,14 +267,16 @@ def sees_a_job(page: str, device: socket.socket) -> bool:
 
 
 @pytest.mark.parametrize("how", ["killed", "without its socket"])
-def test_observers_are_served_again_when_their_process_is_gone(tap: TapService, how: str) -> None:
+def test_observers_are_served_again_when_their_process_or_their_socket_is_gone(
+    tap: TapService, how: str
+) -> None:
     device, plc = tap.connect()
     [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
     if how == "killed":
         os.kill(server, signal.SIGKILL)
+        until(lambda: "no observers: their process has ended" in tap.said)
     else:
         tap.socket.unlink()
-    until(lambda: "no observers: their process has ended" in tap.said)
     device.sendall(b"on")
     assert exactly(plc, 2) == b"on"
 
@@ -411,21 +416,25 @@ import sys
 from trcvtui.line.tap_socket import serve_observers
 from trcvtui.net.os import observers
 observers.is_trusted = lambda peer: False
-serve_observers("0", sys.argv[1], "1")
+serve_observers(*sys.argv[2:], sys.argv[1], "1", "{}")
 """
 
 
 def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = socket_of(written(short, LINE))
-    words = [sys.executable, "-c", STRANGERS, str(path)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, env=ENVIRONMENT) as server:
-        until(path.exists)
-        with socket.socket(socket.AF_UNIX) as stranger:
-            until(lambda: stranger.connect_ex(str(path)) == 0)
-            assert stranger.recv(1) == b""
-        monkeypatch.setattr(observers, "is_trusted", lambda _: False)
-        with pytest.raises(UserError, match="found a tap of another user"):
-            connection_to(short / "line.toml")
-        assert server.stdin is not None
-        server.stdin.close()
+    tap, events = socket.socketpair()
+    ways, their_ways = socket.socketpair()
+    with ways, their_ways, events, tap:
+        fds = [events.fileno(), their_ways.fileno()]
+        words = [sys.executable, "-c", STRANGERS, str(path), *map(str, fds)]
+        with subprocess.Popen(words, pass_fds=fds, env=ENVIRONMENT) as server:
+            events.close()
+            until(path.exists)
+            with socket.socket(socket.AF_UNIX) as stranger:
+                until(lambda: stranger.connect_ex(str(path)) == 0)
+                assert stranger.recv(1) == b""
+            monkeypatch.setattr(observers, "is_trusted", lambda _: False)
+            with pytest.raises(UserError, match="found a tap of another user"):
+                connection_to(short / "line.toml")
+            tap.close()
     assert server.returncode == 0

@@ -29,7 +29,7 @@ from trcvtui.errors import UserError
 from trcvtui.line import live
 from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import FASTER, KeptPackets, LivePlan, LiveWatch, PacketStream
-from trcvtui.line.live_screen import _PipeServed
+from trcvtui.line.live_screen import ShadowServer
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
 from trcvtui.net.os import packet_pipe
@@ -346,7 +346,7 @@ def test_the_packets_that_are_kept_are_bounded(monkeypatch: pytest.MonkeyPatch, 
 def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     ours, theirs = multiprocessing.Pipe()
     reads, writes = os.pipe()
-    served = _PipeServed(theirs, LivePlan(None, None, None), (None, None, None))
+    served = ShadowServer(theirs, LivePlan(None, None, None), (None, None, None))
 
     def run() -> None:
         with suppress(EOFError, OSError):

@@ -180,8 +180,8 @@ class Conversation:
     """What two ends said to each other; `there` is what the sender of the first packet said."""
 
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
-                 "is_ours", "last_ns", "listener", "number", "protocol", "sent", "there",
-                 "undelivered")  # fmt: skip
+                 "is_ours", "last_ns", "listener", "number", "protocol", "sent", "tap",
+                 "there", "undelivered")  # fmt: skip
 
     def __init__(
         self, number: int, protocol: str, ns: int, ends: TwoEnds, macs: tuple[bytes, bytes] = (b"", b"")
@@ -193,6 +193,7 @@ class Conversation:
         self.goes_back = False  # in time
         self.is_cut = False  # a packet of it is
         self.is_ours = False  # a tap of ours has reset it
+        self.tap = ""  # of ours that tells of it: its packets come in order, none comes twice
         self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
         self.undelivered: list[TimedNote] = []  # of its packets
         self.listener: WireDirection | None = None
@@ -209,7 +210,7 @@ class Conversation:
     @property
     def kept_ns(self) -> int:
         """Return after how much silence a growing capture forgets it."""
-        if self.protocol == "udp":
+        if self.protocol == "udp" and not self.tap:
             return SILENT_NS
         return OVER_NS if self.end is not None else NEVER_NS
 
@@ -224,6 +225,8 @@ class Conversations:
         self, told: Callable[[ConversationEvent], None] | None = None, is_detailed: bool = False
     ) -> None:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
+        self.noted: Callable[[int, bytes], object] | None = None  # takes the notes of a tap of ours
+        self.is_tapped = False  # a tap tells of each conversation: there are no others
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
         self.others: Counter[OtherPacket] = Counter()
@@ -351,6 +354,8 @@ class Conversations:
             if self.names(packet.interface) != NOTES:
                 self.not_read[SkippedPacket.JOURNAL] += 1
                 self.recorded_to = packet.ns
+            elif self.noted is not None:
+                self.noted(packet.ns, data)
             return
         if self.first_ns is None:
             self.first_ns = packet.ns
@@ -429,7 +434,7 @@ class Conversations:
             if direction is None:
                 return
             for each in (direction, direction.other):
-                self._flows[b"S%d" % each.address[1] + name] = each
+                self._flows[_key_of("serial", each.address, each.other.address)] = each
         if error and self._is_detailed:
             self._tell(packet.ns, direction, SegmentKind.LINE_ERROR, direction.position, 1, error)
         if has_data:
@@ -478,7 +483,7 @@ class Conversations:
             if ahead > -MOST_JUMP:  # else it is no copy of anything
                 self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
-            direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
+            direction.conversation.is_ours = any(each.startswith(f"{OURS}rst") for each in packet.comments)
             self._see_unread(direction)
             self._tell(ns, direction, SegmentKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
@@ -521,19 +526,35 @@ class Conversations:
         if there is not None:
             there.conversation.sent = packet.sent
             self._flows[key] = there
-            kind = b"" if name == "tcp" else b"U"
-            self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = there.other
+            self._flows[_key_of(name, *ends[::-1])] = there.other
         return there
 
     def _made(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
         """Return what the sender of a first packet says; None: there are too many conversations."""
-        if len(self.all) == MOST_CONVERSATIONS:
+        if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
         self._count += 1
         made = Conversation(self._count, protocol, ns, ends, macs)
         self.all.append(made)
         return made.there
+
+    def open(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
+        """Take a conversation of which a tap tells before its packets come, which have the ends `wire`.
+
+        Where no SYN will say that it is there, tell an event without bytes. Return False where it is one too
+        many.
+        """
+        if len(self.all) >= MOST_CONVERSATIONS:
+            self.unlisted += 1
+            return False
+        keys = _key_of(talk.protocol, *wire), _key_of(talk.protocol, *wire[::-1])
+        self._flows.update(zip(keys, (talk.there, talk.back), strict=True))
+        self.all.append(talk)
+        self.first_ns = self.first_ns or ns
+        if not is_new or talk.protocol != "tcp":
+            self._tell(ns, talk.there, SegmentKind.KEEP_ALIVE)
+        return True
 
     def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
         conversation = direction.conversation
@@ -629,7 +650,8 @@ class Conversations:
     def _segment(
         self, ns: int, direction: WireDirection, seq: int, payload: bytes, size: int, flags: int
     ) -> None:
-        if not direction.has_base or (not direction.is_firm and size > 1):
+        is_tapped = bool(direction.conversation.tap)
+        if not direction.has_base or (not direction.is_firm and (size > 1 or is_tapped)):
             direction.next = seq
             direction.acked = direction.acked if direction.has_base else seq
             direction.has_base = True
@@ -650,6 +672,8 @@ class Conversations:
             self._tell(ns, direction, SegmentKind.WINDOW_PROBE, direction.position, 1)
             return
         at = direction.position + ahead + direction.has_fin  # a FIN has a number, and is no byte
+        if is_tapped and ahead > 0:
+            self._leave_out(ns, direction, at)
         if flags & _FIN and direction.fin is None:
             direction.fin = at + size
         if size:
@@ -808,6 +832,15 @@ class Conversations:
     ) -> None:
         if self._told is not None:
             self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
+
+
+def _key_of(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int]) -> bytes:
+    """Return with which key `_flows` has what comes from an end; the packet methods write it in parts."""
+    if protocol == "serial":
+        return b"S%d" % source[1] + source[0]
+    kind = b"U" if protocol == "udp" else b""
+    ports = source[1].to_bytes(2, "big"), target[1].to_bytes(2, "big")
+    return b"".join((kind, source[0], target[0], *ports))
 
 
 def distance(one: int, other: int) -> int:

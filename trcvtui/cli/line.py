@@ -141,10 +141,10 @@ def _tap(args: Args) -> int:
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
-    """Show a tap that hands us ways for its events over a socket; a child of the process that forwards."""
+    """Show a tap that hands us ways to what it shows over a socket; a child of the process that forwards."""
     import json
 
-    from trcvtui.line.tap_screen import TapDriver
+    from trcvtui.line.live_screen import TapDriver
 
     try:
         return show(lambda: TapDriver(int(tap), json.loads(asked), kernel))

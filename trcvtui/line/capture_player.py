@@ -55,8 +55,13 @@ _NOT_DONE_AGAIN: Final = frozenset(
 )  # fmt: skip
 
 
+PlanMaker = Callable[[Sequence[Conversation]], ShadowPlan]
+
+
 class ShadowLines(Protocol):
     """What takes the things that shadows show."""
+
+    first_ns: int = 0  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
@@ -100,7 +105,6 @@ class CapturePlayer:
         self._last_ns = {each.number: each.last_ns for each in found}
         self.talks: ConversationFigures | None = None  # count what is taken
         self.heard: Callable[[ConversationEvent], None] | None = None  # told of each event, too
-        self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
         self._over: list[int] = []  # conversations above what the last line lists
@@ -156,7 +160,7 @@ class CapturePlayer:
         """Let time pass up to an event, and do what it says."""
         number = event.conversation.number
         if self.talks is not None and number in self._plan.guesses:
-            self.talks.take(event, event.direction is self._plc_of(event.conversation), self.tap)
+            self.talks.take(event, event.direction is self._plc_of(event.conversation))
         if number not in self._plan.parts or number in self._plan.unassigned:
             return
         if self.heard is not None:
@@ -355,7 +359,7 @@ def plan_capture(
 
 def planned(
     project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
-) -> tuple[Callable[[Sequence[Conversation]], ShadowPlan], Project | None]:
+) -> tuple[PlanMaker, Project | None]:
     """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
     if project is None:
         name = dialect or next(iter(DIALECTS))

@@ -44,8 +44,8 @@ class _Direction:
 class _Figures:
     """What one conversation has shown; `ways`: to the PLC end, and from it."""
 
-    def __init__(self, talk: Conversation, tap: str) -> None:
-        self.talk, self.tap = talk, tap
+    def __init__(self, talk: Conversation) -> None:
+        self.talk = talk
         begins = "connecting" if talk.begins_with_syn else "open"
         self.state = begins if talk.protocol == "tcp" else talk.protocol
         self.ways = _Direction(), _Direction()
@@ -71,9 +71,9 @@ class ConversationFigures:
         self._newest = 0  # ns
         self.now_ns = 0  # of a tap, whether anything comes or not
 
-    def take(self, event: ConversationEvent, is_from_plc: bool, tap: str = "") -> None:
+    def take(self, event: ConversationEvent, is_from_plc: bool) -> None:
         """Take one event; `is_from_plc`: the PLC end has sent it."""
-        figures = self._of(event, is_from_plc, tap)
+        figures = self._of(event, is_from_plc)
         way, kind, ns = figures.ways[is_from_plc], event.kind, event.ns
         self._newest = max(self._newest, ns)
         if kind is SegmentKind.BYTES:
@@ -98,14 +98,14 @@ class ConversationFigures:
         elif kind in (SegmentKind.ZERO_WINDOW, SegmentKind.WINDOW_OPENS):
             figures.ways[not is_from_plc].is_closed = kind is SegmentKind.ZERO_WINDOW
 
-    def _of(self, event: ConversationEvent, is_from_plc: bool, tap: str) -> _Figures:
+    def _of(self, event: ConversationEvent, is_from_plc: bool) -> _Figures:
         talk = event.conversation
         figures = self._figures.get(talk.number)
         if figures is None:
             if len(self._figures) == MOST_KEPT:
                 over = (number for number, each in self._figures.items() if each.is_over)
                 del self._figures[next(over, next(iter(self._figures)))]
-            figures = self._figures[talk.number] = _Figures(talk, tap)
+            figures = self._figures[talk.number] = _Figures(talk)
             says = event.direction if is_from_plc else event.direction.other
             figures.plc, figures.partner = address_text(says.address), address_text(says.other.address)
         return figures
@@ -125,11 +125,6 @@ class ConversationFigures:
             way = figures.ways[not to_plc]
             way.round_trip_ns, way.window, way.again, way.is_closed = round_trip_ns, window, again, not window
 
-    def end_all(self) -> None:
-        """Take that nothing more comes of any conversation."""
-        for number in self._figures:
-            self.end(number)
-
     def end(self, number: int) -> None:
         figures = self._figures.get(number)
         if figures is not None and not figures.is_over:
@@ -148,6 +143,6 @@ class ConversationFigures:
         seconds = tuple([sizes.get(second - ago, 0) for ago in range(SECONDS - 1, -1, -1)])
         to_plc, from_plc = (way.snapshot(second, self.now_ns) for way in each.ways)
         return ConversationSnapshot(
-            each.talk.number, each.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
+            each.talk.number, each.talk.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
             each.handshake_ns,
         )  # fmt: skip

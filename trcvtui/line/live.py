@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -36,10 +36,11 @@ from trcvtui.capture.reassembly import (
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import unnamed
-from trcvtui.line.capture_player import CapturePlayer, planned
+from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
 from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.net.tap import Route
 from trcvtui.project.project import Project
 
 LOOK_NS: Final = 40_000_000
@@ -52,7 +53,7 @@ MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
 MOST_KNOWN: Final = 4096  # pairs of ends of which it is known what gets them
 LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
-_ANY_PORT: Final = 49_152
+ANY_PORT: Final = 49_152
 _ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not show it
 _MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
@@ -70,9 +71,13 @@ class _Decision(NamedTuple):
 class LivePlan:
     """A plan that grows with the conversations that come; raise UserError for a mistake in what is asked."""
 
+    routes: Sequence[Route] = ()  # of taps; which are called by the PLC; the name of each one's serial line
+    calls: Sequence[bool] = ()
+    lines: Mapping[str, str] = {}
+
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
-        self._plan_of, loaded = planned(project, plc, dialect)
-        expected = [] if loaded is None else expected_conversations(loaded, plc)
+        self.path = project
+        self._plan_of, expected = self._expect(project, plc, dialect)
         self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
         self._of_first: dict[int, tuple[Part, ...]] = {}
         self._known: dict[tuple[object, ...], _Decision] = {}
@@ -82,8 +87,14 @@ class LivePlan:
         for talk in expected:
             if talk.number in self.plan.parts:
                 self._keep(talk, self.plan.parts[talk.number])
-            self.plan.unassigned.pop(talk.number, None)
         self.interval_ns = min(task.interval_ns for task in self.plan.project.tasks)
+
+    def _expect(
+        self, project: Path | None, plc: str | None, dialect: str | None
+    ) -> tuple[PlanMaker, list[Conversation]]:
+        """Return what makes plans, and which conversations are expected."""
+        plan_of, loaded = planned(project, plc, dialect)
+        return plan_of, [] if loaded is None else expected_conversations(loaded, plc)
 
     def begin(self, talks: Iterable[Conversation]) -> ShadowPlan:
         """Return the plan for those that are there before the first scan."""
@@ -125,7 +136,8 @@ class LivePlan:
 
     def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
         made = self._plan_of([*self._first, talk])
-        if talk.number not in made.parts and any(each.number < 0 for each in self._first):
+        expects = not talk.tap and any(each.number < 0 for each in self._first)
+        if talk.number not in made.parts and expects:
             # What was expected may come otherwise: as the end that calls in place of the one that is called.
             real = [each for each in self._first if each.number > 0]
             other = self._plan_of([*real, talk])
@@ -200,7 +212,7 @@ def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
     there, back, listener = talk.there, talk.back, talk.listener
     one = there.address[0] if listener is back else there.address
     other = back.address[0] if listener is there else back.address
-    return talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
+    return talk.tap, talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
 
 
 def expected_conversations(project: Project, plc: str | None) -> list[Conversation]:
@@ -217,7 +229,7 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
         end, partner = parse_plc(one), parse_plc(other) if other else None
         if end.port is not None:
             address = partner.address if partner is not None else _ANY_CALLER
-            made.append(_expected(-number, (address, _ANY_PORT), (end.address, end.port)))
+            made.append(expected(-number, (address, ANY_PORT), (end.address, end.port)))
             continue
         if partner is None and config is not None and config.remote_address != ANY_ADDRESS:
             partner = _partner_of(config.remote_address)
@@ -225,7 +237,7 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
         if port is None and config is not None and isinstance(config.remote_port, int):
             port = config.remote_port
         if partner is not None and port:
-            made.append(_expected(-number, (end.address, _ANY_PORT), (partner.address, port)))
+            made.append(expected(-number, (end.address, ANY_PORT), (partner.address, port)))
     return made
 
 
@@ -236,10 +248,20 @@ def _partner_of(address: str) -> PlcEnd | None:
         return None
 
 
-def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int]) -> Conversation:
-    made = Conversation(number, "tcp", 0, (caller, listener))
+def expected(
+    number: int, caller: tuple[bytes, int], listener: tuple[bytes, int], kind: str = "tcp", tap: str = ""
+) -> Conversation:
+    made = Conversation(number, kind, 0, (caller, listener))
+    made.tap = tap
     made.build()
     return made
+
+
+class Remark(NamedTuple):
+    """What is to be done between two events."""
+
+    ns: int
+    act: Callable[[], object]
 
 
 class LiveWatch:
@@ -247,6 +269,8 @@ class LiveWatch:
 
     `left` is told of each conversation that has no shadow, and why.
     """
+
+    look_ns = LOOK_NS
 
     def __init__(
         self,
@@ -257,12 +281,12 @@ class LiveWatch:
         self.found = Conversations(self._take)
         self.player: CapturePlayer | None = None
         self._plan, self._begin, self._left = plan, begin, left
-        self._waiting: deque[ConversationEvent] = deque()
+        self._waiting: deque[ConversationEvent | Remark] = deque()
         self._seen: dict[int, Conversation] = {}  # before there is a player
-        self._newest = self._first_ns = self._swept = 0
+        self._newest = self._swept = 0
 
     def _take(self, event: ConversationEvent) -> None:
-        talk, ns = event.conversation, event.ns
+        talk = event.conversation
         plan = self._plan.plan
         if self.player is None:
             self._seen[talk.number] = talk
@@ -270,10 +294,13 @@ class LiveWatch:
             talk.number not in plan.unassigned or event.kind in _MAY_DECIDE
         ):
             self._assign(talk)
+        self._put(event)
+
+    def _put(self, event: ConversationEvent | Remark) -> None:
         waiting = self._waiting
         waiting.append(event)
-        if ns - LOOK_NS > waiting[0].ns or len(waiting) > MOST_WAITING:
-            self._play(ns - LOOK_NS)
+        if event.ns - self.look_ns > waiting[0].ns or len(waiting) > MOST_WAITING:
+            self._play(event.ns - self.look_ns)
 
     def _assign(self, talk: Conversation) -> None:
         if self._plan.assign(talk) and self.player is not None:
@@ -287,27 +314,43 @@ class LiveWatch:
 
     def _play(self, until: int) -> CapturePlayer:
         player = self.player or self._started()
+        if not player.first_ns:
+            player.first_ns = player.lines.first_ns = self.found.first_ns or 0
         waiting = self._waiting
         while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
             event = waiting.popleft()
+            if isinstance(event, Remark):
+                self._go_to(player, event.ns)
+                event.act()
+                continue
             if player.overlaps and event.conversation.number in player.overlaps:
                 self._see_place(player, event)
             player.take(event)
         return player
 
     def _started(self) -> CapturePlayer:
-        self._first_ns = self._swept = self.found.first_ns or 0
+        first_ns = self._swept = self.found.first_ns or 0
         plan = self._plan.begin(self._seen.values())
-        self.player = self._begin(plan, self._first_ns)
+        self.player = self._begin(plan, first_ns)
         for talk in self._seen.values():
             self._tell_left(talk)
+        for kept in (plan.parts, plan.unassigned, plan.guesses):
+            for number in [number for number in kept if number not in self._seen]:  # that were expected
+                del kept[number]
         self._seen.clear()
-        for number in [number for number in plan.parts if number < 0]:  # that were expected
-            del plan.parts[number]
         return self.player
+
+    def _go_to(self, player: CapturePlayer, ns: int) -> None:
+        """Let time go on to a time of UTC; it does not before the first packet."""
+        if player.first_ns:
+            player.shadows.go_to(max(ns - player.first_ns, 0))
+            if player.talks is not None:
+                player.talks.now_ns = max(ns, player.talks.now_ns)
 
     def _see_place(self, player: CapturePlayer, event: ConversationEvent) -> None:
         number = event.conversation.number
+        if event.conversation.tap:
+            return  # the other one goes on until its end is told
         holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
         last_ns = 0 if holder is None else holder.last_ns
         if event.ns - last_ns > SILENCE_NS:
@@ -330,10 +373,10 @@ class LiveWatch:
     def arrived(self, ns: int) -> None:
         """Take the time of the newest packet that has been read."""
         self._newest = ns = max(self._newest, ns)
-        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - LOOK_NS):
+        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - self.look_ns):
             return
-        player = self._play(ns - LOOK_NS)
-        player.shadows.go_to(max(ns - LOOK_NS - self._first_ns, 0))
+        player = self._play(ns - self.look_ns)
+        self._go_to(player, ns - self.look_ns)
         if ns - self._swept > SWEEP_NS:
             self._swept = ns
             for number in self.found.forget_over(ns):
@@ -347,7 +390,7 @@ class LiveWatch:
         player = self._play(self._newest)
         shown = SHOWN_SCANS * self._plan.interval_ns
         gone = max(min(idle_ns - HOLD_NS, shown), idle_ns - LULL_NS)
-        player.shadows.go_to(max(self._newest + gone - self._first_ns, 0))
+        self._go_to(player, self._newest + gone)
 
     def finish(self) -> CapturePlayer:
         """Play what is left, and let the shadows settle."""
@@ -357,7 +400,7 @@ class LiveWatch:
         for talk in self.found.all:
             if talk.number not in self._plan.decided:
                 self._assign(talk)
-        player.shadows.go_to(max(last_ns - self._first_ns, 0))
+        self._go_to(player, last_ns)
         player.shadows.settle()
         return player
 
@@ -411,9 +454,10 @@ class PacketStream:
         came: Callable[[], object] = int,
         kept: KeptPackets | None = None,
         most_idle_ns: int = 0,
+        renew: Callable[[], object] | None = None,
     ) -> None:
         self._kept, self._most_idle_ns = kept, most_idle_ns
-        self.pipe = PacketPipe(fd, self._wait)
+        self.pipe = PacketPipe(fd, self._wait, renew)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
         self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment
@@ -453,7 +497,7 @@ class PacketStream:
         """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
         found = self._live.found
         try:
-            reader = CaptureReader(self._read, "stdin")
+            reader = CaptureReader(self._read, "stdin" if found.noted is None else "the tap")
         except UserError as none:
             if self._failed is None and self.pipe.is_stopped:
                 return []
@@ -464,5 +508,7 @@ class PacketStream:
         if self._failed is not None:
             raise self._failed
         said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
-        trouble = reader.trouble if not self.pipe.is_stopped else None
-        return [*said, *capture_notes(found, [trouble] if trouble else [])]
+        troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopped else []
+        if found.is_tapped:  # the tap has told what is lost, and of each conversation
+            return [*map(str, troubles)]
+        return [*said, *capture_notes(found, troubles)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -11,10 +11,12 @@ from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
-from trcvtui.picture.bench_update import UpdateRequest, unpacked
-from trcvtui.picture.update_pipe import UpdatePipe
-from trcvtui.replay.driver import serve_until_gone
+from trcvtui.net.os.tap_ways import TapWay, ask_what_is_open
+from trcvtui.net.tap import end_text
+from trcvtui.picture.protocol import EngineStopped
+from trcvtui.replay.driver import ScreenChannel, serve_until_gone
 from trcvtui.snapshots.bench import EngineTiming
+from trcvtui.snapshots.conversations import TAP
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
@@ -23,8 +25,12 @@ if TYPE_CHECKING:
     from trcvtui.line.capture_player import CapturePlayer
     from trcvtui.line.live import LivePlan, LiveWatch
     from trcvtui.line.shadows import ShadowChoice, ShadowPlan
+    from trcvtui.line.tapped import TapNote
+    from trcvtui.picture.bench_update import BenchUpdate
     from trcvtui.plc.ledger import StatusEdge
 
+TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
+OVER: Final = "the tap has ended"
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
 SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
@@ -36,13 +42,56 @@ def live_driver(asked: ShadowChoice) -> ProcessDriver:
 
 
 def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
-    """Serve the screen with what comes; the last words say what is wrong."""
+    """Serve the screen with what comes; the last words say what is wrong. A tap is never silent for long."""
     from trcvtui.line.live import LivePlan
 
     serve_until_gone(
-        channel,
-        lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns),
+        channel, lambda: ShadowServer(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
     )
+
+
+class TapEnded(EngineStopped):
+    """The tap was killed: the terminal belongs to the shell again, which reads the keys."""
+
+    ends_screen = True
+
+
+class TapDriver(ProcessDriver):
+    """Shadows of a tap that hands over ways to what it shows, whose screen is a child of it.
+
+    `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
+    """
+
+    def __init__(self, asks: int, asked: TapChoice, kernel: str = TAP) -> None:
+        self._asks = Channel(asks)
+        super().__init__(tap_main, self._asks, asked, kernel)
+
+    def picture(self) -> BenchUpdate | None:
+        """Return the newest picture that has arrived; raise TapEnded."""
+        picture = super().picture()
+        if picture is not None and picture.over:
+            raise TapEnded(f"{picture.over}: both ends have seen an end")
+        return picture
+
+    def cuts(self) -> str:
+        return ask_what_is_open(self._asks.fileno())
+
+
+def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
+    """Serve the screen with what a tap shows, for which this process asks; what is asked is read before."""
+
+    def run() -> None:
+        from trcvtui.line.tap_watch import TapPlan
+
+        places, project, plc, dialect = asked
+        path = None if project is None else Path(project)
+        plan = TapPlan(places, path, plc, dialect)
+        to, way = plan.routes[0].to, TapWay(asks.fileno())
+        if plc is None and len(places) == 1 and to.kind != "serial":
+            plc = end_text(to.address, to.port)
+        ShadowServer(channel, plan, (path, plc, dialect), way, kernel).run(way.fd)
+
+    serve_until_gone(channel, run)
 
 
 class TapSocketDriver(ProcessDriver):
@@ -80,47 +129,74 @@ def _capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> N
         raise mistake(command[0], wrong.strerror or "no program", "a program that writes packets") from None
     try:
         assert program.stdout is not None
-        _PipeServed(channel, plan, asked).run(program.stdout.fileno())
+        ShadowServer(channel, plan, asked).run(program.stdout.fileno())
     finally:
         program.kill()  # it has nothing of its own to end
         program.wait()
 
 
-class ServedShadows:
-    """The screen's side of shadows that play while it looks."""
+class ShadowServer:
+    """Serves a screen with shadows that play while it looks.
 
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._pipe = UpdatePipe(channel)
+    `way`: of the tap that the screen is a child of; a tap may also be a program of its own.
+    """
+
+    first_ns = 0
+
+    def __init__(
+        self,
+        channel: Channel,
+        plan: LivePlan,
+        asked: ShadowChoice,
+        way: TapWay | None = None,
+        kernel: str = "capture",
+    ) -> None:
+        self._channel, self._screen = channel, ScreenChannel(channel)
+        self._plan, self._way, self._kernel = plan, way, kernel
+        self._project, self._plc, _ = asked
         self._controller: Controller | None = None
-        self._request: UpdateRequest | None = None
         self._told: list[tuple[str, str]] = []
-        self._player: CapturePlayer | None = None
-        self.judge: FilesJudge | None = None  # of what came
+        self._live: LiveWatch | None = None
+        self._judge: FilesJudge | None = None  # of what came
 
-    def show(self, player: CapturePlayer, kernel: str, watch: Callable[[str], str] | None = None) -> None:
-        """Show the shadows of a player from now on, and count its conversations; `kernel`: a word for it.
+    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
+        from trcvtui.diagnosis.judges import FilesJudge
+        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
+        from trcvtui.line.tap_watch import TapWatch
 
-        `watch` gives a conversation shadows of its own.
-        """
+        order, renew = (None, None) if self._way is None else (self._way.tell, self._way.renew)
+        if most_idle_ns or self._way is not None:  # a tap
+            live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
+        else:
+            live = LiveWatch(self._plan, self._begin, self._leave)
+        self._live, kept = live, KeptPackets()
+        self._judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
+        subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
+        stream = PacketStream(
+            fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, renew
+        )
+        said = stream.take()
+        live.finish()
+        for line in (*said, over):
+            self._tell(subject, line)
+        if self._controller is not None:
+            self._controller.over = over
+        while True:  # nothing more comes
+            self._serve(0.01 if self._screen.pipe.is_busy() else None)
+
+    def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.engine.controller import Controller
+        from trcvtui.line.capture_player import CapturePlayer
         from trcvtui.line.conversations import ConversationFigures
 
-        player.talks = talks = player.talks or ConversationFigures()
+        assert self._live is not None  # it is what begins
+        player = CapturePlayer(plan, (), first_ns, self)
+        player.talks = talks = ConversationFigures()
         self._controller = controller = Controller(player.shadows.bench)
-        controller.talks, controller.shadows = talks.snapshot, player.shown
-        controller.kernel, controller.watch, self._player = kernel, watch, player
-        controller.files_judge = self.judge
+        controller.talks, controller.kernel = talks.snapshot, self._kernel
+        controller.watch, controller.files_judge = self._live.shadow, self._judge
         self._channel.send(player.shadows.bench.project)
-
-    def go_on(self, subject: str, why: str) -> NoReturn:
-        """Go on showing what is there: nothing more comes."""
-        self.tell(subject, why)
-        if self._controller is not None:
-            self._controller.over = why
-        while True:
-            self.serve()
-            self._channel.poll(None if self._request is None and not self._pipe.is_busy() else 0.01)
+        return player
 
     # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
 
@@ -128,70 +204,37 @@ class ServedShadows:
         from trcvtui.line.capture_player import MISSING
 
         for instance in lacking:
-            self.tell(instance, MISSING)
+            self._tell(instance, MISSING)
 
     def note(self, ns: int, number: int, text: str) -> None:
-        self.tell(f"C{number}", text)
+        self._tell(f"C{number}", text)
 
-    def tell(self, subject: str, text: str) -> None:
+    def _leave(self, talk: Conversation, why: str) -> None:
+        from trcvtui.line.shadows import end_of
+
+        ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
+        self._tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+
+    def _complain(self, ns: int, note: TapNote, text: str) -> None:
+        self._tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)
+
+    def _tell(self, subject: str, text: str) -> None:
         self._told.append((subject, text))
         if self._controller is not None:
             for told in self._told:
                 self._controller.bench.note(*told)
             self._told.clear()
 
-    def serve(self) -> None:
+    def _serve(self, waits: float | None = 0.0) -> None:
         controller = self._controller
         if controller is None:
             return
         controller.catch_up()
-        if self._player is not None:
-            controller.shadows = self._player.shown  # more with each PLC end
-        while self._channel.poll():
-            message = unpacked(self._channel.recv_bytes())
-            if isinstance(message, UpdateRequest):
-                self._request = message
-            else:
-                controller.take(*message)
-        if self._request is not None and not self._pipe.is_busy():
-            self._pipe.begin(controller.picture(self._request, EngineTiming(mode="live"), MOST_LINES))
-            self._request = None
-        self._pipe.go_on(clock.now_ns() + SLICE_NS)
-
-
-class _PipeServed(ServedShadows):
-    def __init__(self, channel: Channel, plan: LivePlan, asked: ShadowChoice) -> None:
-        super().__init__(channel)
-        self._plan = plan
-        self._project, self._plc, _ = asked
-        self._live: LiveWatch | None = None
-
-    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
-        from trcvtui.diagnosis.judges import FilesJudge
-        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
-
-        live = self._live = LiveWatch(self._plan, self._begin, self._leave)
-        kept = KeptPackets()
-        self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept, most_idle_ns)
-        said = stream.take()
-        live.finish()
-        for line in said:
-            self.tell("stdin", line)
-        self.go_on("stdin", "the packets have ended")
-
-    def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
-        from trcvtui.line.capture_player import CapturePlayer
-
-        player = CapturePlayer(plan, (), first_ns, self)
-        if self.judge is not None:
-            self.judge.begins_ns = first_ns
-        assert self._live is not None  # it is what begins
-        self.show(player, "capture", self._live.shadow)
-        return player
-
-    def _leave(self, talk: Conversation, why: str) -> None:
-        from trcvtui.line.shadows import end_of
-
-        ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
-        self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+        if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
+            controller.shadows = player.shown  # more with each PLC end
+            self._judge.begins_ns = player.first_ns or None
+        self._screen.take(controller.take, waits)
+        self._screen.show(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
+        self._screen.pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -37,6 +37,8 @@ MOST_LINES: Final = 3  # above the prompt
 
 
 class _RunHistory:
+    first_ns = 0
+
     def __init__(self) -> None:
         self.write: Callable[[str], None] = print
         self._left = MOST_NOTES

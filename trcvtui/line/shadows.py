@@ -125,10 +125,10 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
             unassigned[number] = f"there are {MOST_AD_HOC} PLC ends before it"
             continue
         if key not in names:
-            names[key] = f"C{number}"
+            names[key] = f"C{abs(number)}"
             ends, is_udp = (guess.says.address, guess.says.other.address), each.protocol == "udp"
-            there = _connect(f"C{number}", not listens, *ends)
-            back = _connect(f"C{number}_BACK", listens, *ends[::-1], is_free=True)
+            there = _connect(names[key], not listens, *ends)
+            back = _connect(f"{names[key]}_BACK", listens, *ends[::-1], is_free=True)
             connects += [replace(c, active=False, is_datagram=True) if is_udp else c for c in (there, back)]
         name = names[key]
         parts[number] = Part(name, False, listens), Part(f"{name}_BACK", True, not listens)
@@ -136,6 +136,8 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
 
 
 def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
+    if conversation.tap:
+        return "tap", conversation.tap
     if conversation.protocol == "udp":
         return "udp", guess.says.address
     if _plc_listens(conversation, guess):
@@ -284,7 +286,7 @@ def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | 
     for number, (each, guess) in tuple(usable.items()):
         name, back = None, ""
         for end, partner, row in rows if given is None else ():
-            if _protocol_of(_link(project, row.connect)) != each.protocol:
+            if _protocol_of(_link(project, row.connect)) != each.protocol or each.tap not in ("", row.name):
                 continue
             of_row = guess_plc(each, end)
             if of_row.why == "--plc" and _is_at(of_row.says.other.address, partner):

@@ -10,29 +10,31 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
+from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
 from trcvtui.files import create
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
 from trcvtui.net.os.system_calls import OUT, look_at
-from trcvtui.net.os.tap_ways import ASKED, COUNTS, EventPipes
-from trcvtui.net.tap import Route, TapEventKind, end_text
+from trcvtui.net.os.tap_ways import COUNTS, ORDERS, RECORDER, SCREEN, EventPipes, ServerPipes
+from trcvtui.net.tap import Route, end_text
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 
-RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
-LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"
+RECORDS: Final = "import sys; from trcvtui.line.tapped import record_tap; record_tap(int(sys.argv[1]))"
+SHOWS_LINES: Final = (
+    "import sys; from trcvtui.line.watch_command import watch_tap; watch_tap(int(sys.argv[1]), sys.argv[2])"
+)
 SHOWS: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
 SERVES: Final = (
     "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
-FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before observers are served anew
+SECOND: Final = 1_000_000_000
+MOST_PAUSE_NS: Final = 60 * SECOND  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = b"\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
 PATIENCE: Final = 5.0  # seconds for the processes that look on to end
-TYPED: Final = 1 << 16  # bytes of one read
 WRONG_INPUT: Final = 2
 
 
@@ -65,39 +67,47 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
     loop = Forwarder(voice.say)
     for route in routes:
         loop.add_route(route)
-    started: list[Popen[bytes]] = []
-    screen = _Screen(loop, voice) if looks.has_screen else None
-    observers = None
+    server = _Server(loop, voice, routes, looks)
+    children: list[_Child] = []
     try:
+        types = not looks.has_screen and _can_type()
+        shows_lines = SCREEN if looks.is_shown else ORDERS if types else b""
+        has_guests = looks.project is not None and os.name == "posix"
+        if shows_lines or record is not None or has_guests:
+            server.start()
         if record is not None:
             with create(record, "--record") as file:  # when all places are had
-                ours, theirs = loop.pair()
-                with theirs:
-                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=file))
-                loop.add_looker(ours, "the recording")
+                children.append(_Child(server, RECORDER, "the recording"))
+                children[-1].start((RECORDS,), stdin=DEVNULL, stdout=file)
         loop.holds = looks.holds
-        if screen is not None:
+        asked = _asked(routes, loop, looks)
+        if looks.has_screen:
             _say_where(voice.say, loop, routes)  # before the screen has the terminal
-            if not screen.open(routes, looks):
+            children.append(screen := _Screen(server))
+            if not screen.open(asked, looks.is_armed):
                 return screen.wait()
-        elif not _look_on(loop, routes, looks, started):
-            return WRONG_INPUT
         else:
+            if shows_lines:
+                children.append(_Child(server, shows_lines, "what shows it"))
+                words = json.dumps((*asked, looks.form, looks.is_shown, types))
+                if not children[-1].start((SHOWS_LINES,), words, stdin=None if types else DEVNULL):
+                    return WRONG_INPUT
             _say_where(voice.say, loop, routes)
-        if looks.project is not None and os.name == "posix":
-            observers = _Observers(loop, voice, looks.project, looks.may_order)
-            observers.start()
-            loop.beat()
         loop.run()
     finally:
         loop.close()
-        if observers is not None:
-            observers.end()
-        if screen is not None:
-            screen.end()
-        for process in started:
-            _wait(process)
+        server.wait()
+        for child in children:
+            child.end()
     return 0
+
+
+def _asked(routes: Sequence[Route], loop: Forwarder, looks: ObserverSettings) -> tuple[object, ...]:
+    places = [
+        (route.name, _listens(route, made.address), str(route.to))
+        for route, made in zip(routes, loop.routes, strict=True)
+    ]
+    return places, looks.project and str(looks.project), looks.plc, looks.dialect
 
 
 def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
@@ -107,40 +117,6 @@ def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Rou
         say(f"{route.name}: {_listens(route, address)} to {route.to}{how}")
     for place in reachable(addresses):
         say(f"other machines reach {place}")
-
-
-def _look_on(
-    loop: Forwarder, routes: Sequence[Route], looks: ObserverSettings, started: list[Popen[bytes]]
-) -> bool:
-    types = _can_type()
-    if not (looks.is_shown or types):
-        return True
-    places = [(route.name, str(route.listen), str(route.to)) for route in routes]
-    project = None if looks.project is None else str(looks.project)
-    asked = json.dumps((places, project, looks.plc, looks.dialect, looks.form, looks.is_shown))
-    ours, theirs = loop.pair()
-    with theirs:
-        started.append(_started((LOOKS_ON, asked), stdin=theirs.fileno()))
-    if ours.recv(1) != b"\n":  # it has said what is wrong
-        ours.close()
-        return False
-    loop.add_looker(ours, "who shows it", gives_orders=True, wants_bytes=looks.is_shown)
-    if looks.is_shown:
-        loop.tell_time()
-    if types:
-
-        def read(_: int) -> None:
-            data = b""
-            with suppress(OSError):
-                data = os.read(0, TYPED)
-            if data:
-                loop.tell_ordering(TapEventKind.LINE, data)
-            else:
-                loop.forget(0)
-                loop.let_all_go()
-
-        loop.hear(0, 1, read)
-    return True
 
 
 class _Voice:
@@ -162,107 +138,133 @@ class _Voice:
             say_at_once(self._kept.popleft())
 
 
-class _Observers:
-    """The process that serves observers at a socket; bytes go on whatever becomes of it."""
+class _Server:
+    """The process that serves observers; bytes go on whatever becomes of it."""
 
-    def __init__(self, loop: Forwarder, voice: _Voice, project: Path, may_order: bool) -> None:
+    def __init__(
+        self, loop: Forwarder, voice: _Voice, routes: Sequence[Route], looks: ObserverSettings
+    ) -> None:
         from trcvtui.line.tap_socket import socket_of
 
-        self._loop, self._voice, self._may_order = loop, voice, may_order
-        self._path = socket_of(project)
-        self._pause = FIRST_PAUSE_NS
+        self.loop, self.voice = loop, voice
+        path = "" if looks.project is None else str(socket_of(looks.project))
+        taps = [(route.name, str(route.listen), str(route.to)) for route in routes]
+        told = json.dumps({"taps": taps, "plc": looks.plc, "dialect": looks.dialect})
+        self._words = path, str(int(looks.may_order)), told
+        self._pause = 0
         self._process: Popen[bytes] | None = None
-        self._asked: EventPipes | None = None
+        self._pipes: ServerPipes | None = None
+        self._pending: list[tuple[bytes, Any]] = []  # ways that wait for it
 
     def start(self) -> None:
         """Start it; where the system gives no process now, later."""
         try:
-            self._asked = EventPipes()
-            with self._asked.theirs as theirs:
-                words = SERVES, str(theirs.fileno()), str(self._path), str(int(self._may_order))
-                told = DEVNULL if self._voice.is_kept else None  # the terminal belongs to the screen
-                self._process = _started(
-                    words, stdin=PIPE, stdout=DEVNULL, stderr=told, pass_fds=(theirs.fileno(),)
-                )
+            pipes = ServerPipes()
+            told = DEVNULL if self.voice.is_kept else None  # the terminal belongs to the screen
+            words = (SERVES, *map(str, pipes.fds), *self._words)
+            self._process = _started(words, stdin=DEVNULL, stdout=DEVNULL, stderr=told, pass_fds=pipes.fds)
+            pipes.close_theirs()
         except OSError as failed:
             self._again(failed.strerror or str(failed))
             return
-        self._loop.hear(self._asked.fd, 1, self._hear)
+        self._pipes = pipes
+        self.loop.serve(pipes.events, self._lose)
+        pending, self._pending = self._pending, []
+        for kind, way in pending:
+            pipes.hand_over(kind, way)
 
-    def _hear(self, _: int) -> None:
-        assert self._asked is not None
-        if self._asked.take_question() == ASKED:
-            way = self._asked.hand_over()
-            if way is not None:
-                self._loop.add_looker(way, "an observer", gives_orders=self._may_order, is_guest=True)
-            return
-        self._loop.forget(self._asked.fd)
-        self._asked = None
-        if self._process is not None:
+    def hand_over(self, kind: bytes, way: Any) -> None:
+        """Let an observer of that kind be served; later, when there is no process now."""
+        if self._pipes is None:
+            self._pending.append((kind, way))
+        else:
+            self._pipes.hand_over(kind, way)
+
+    def _lose(self) -> None:
+        if self._pipes is not None and self._process is not None:
+            self._pipes.close()
+            self._pipes = None
+            self._process.kill()  # it has closed its socket, and has nothing of its own to end
             self._process.wait()
         self._again("their process has ended")
 
     def _again(self, why: str) -> None:
-        self._voice.say(f"no observers: {why}; tried again in {self._pause // 10**9} s, bytes go on")
-        self._loop.after(self._pause, self.start)
-        self._pause = min(2 * self._pause, MOST_PAUSE_NS)
+        self.voice.say(f"no observers: {why}; tried again in {self._pause // SECOND} s, bytes go on")
+        self.loop.after(self._pause, self.start)
+        self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
-    def end(self) -> None:
-        """Let observers read what is left."""
-        if self._process is not None and self._process.stdin is not None:
-            self._process.stdin.close()
+    def wait(self) -> None:
+        """Let it hand over what is left: the tap has ended."""
+        for _, way in self._pending:
+            way.close()
+        if self._process is not None:
             _wait(self._process)
 
 
-class _Screen:
-    """The screen, a child of this process: the terminal is put right when it was killed."""
+class _Child:
+    """A program that reads what the tap shows; it asks for a way, also when its way has ended."""
 
-    def __init__(self, loop: Forwarder, voice: _Voice) -> None:
-        self._loop, self._voice = loop, voice
+    def __init__(self, server: _Server, kind: bytes, what: str) -> None:
+        self._server, self._kind, self._what = server, kind, what
+        self._loop, self._asked = server.loop, EventPipes()  # at its end the child has ended
         self._process: Popen[bytes] | None = None
-        self._terminal: list[Any] = []
-        self._asked = EventPipes()  # at its end the screen has ended
+        self._is_served = False  # it has asked
 
-    def open(self, routes: Sequence[Route], looks: ObserverSettings) -> bool:
+    def start(self, program: tuple[str, ...], *words: str, **given: Any) -> bool:
+        """Start it; return whether it has asked for a way, otherwise it has said what is wrong."""
+        with self._asked.theirs as theirs:
+            words = (*program, str(theirs.fileno()), *words)
+            self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
+        self._loop.hear(self._asked.fd, 1, self._answer)
+        self._is_served = self._answer()
+        return self._is_served
+
+    def _answer(self, _: int = 0) -> bool:
+        """Wait for a question of it; return whether it has one, and has not ended."""
+        question = self._asked.take_question()
+        if question == COUNTS:
+            self._asked.answer(self._loop.open_in_words())
+        elif not question:
+            self._loop.forget(self._asked.fd)
+            if self._is_served:  # otherwise it has said what is wrong
+                self._gone()
+        elif (way := self._asked.hand_over()) is not None:
+            self._server.hand_over(self._kind, way)
+        return bool(question)
+
+    def _gone(self) -> None:
+        self._server.voice.say(f"{self._what} has ended: bytes still go on")
+
+    def wait(self) -> int:
+        assert self._process is not None
+        return self._process.wait()
+
+    def end(self) -> None:
+        """Let it end: the tap has ended."""
+        self._asked.close()
+        if self._process is not None:
+            _wait(self._process)
+
+
+class _Screen(_Child):
+    """The screen: the terminal is put right when it was killed."""
+
+    def __init__(self, server: _Server) -> None:
+        super().__init__(server, SCREEN, "the screen")
+        self._terminal: list[Any] = []
+
+    def open(self, asked: tuple[object, ...], is_armed: bool) -> bool:
         import termios
 
         self._terminal = termios.tcgetattr(0)
-        places = [
-            (route.name, _listens(route, made.address), str(route.to))
-            for route, made in zip(routes, self._loop.routes, strict=True)
-        ]
-        asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
-        with self._asked.theirs as theirs:
-            kernel = ARMED_TAP if looks.is_armed else TAP
-            words = SHOWS, str(theirs.fileno()), asked, kernel
-            self._process = _started(words, pass_fds=(theirs.fileno(),))
-        if self._asked.take_question() != ASKED:
-            return False
-        ours = self._asked.hand_over()
-        if ours is None or ours.recv(1) != b"\n":
-            if ours is not None:
-                ours.close()
-            return False
-        self._loop.hear(self._asked.fd, 1, self._hear)
-        self._loop.add_looker(ours, "", gives_orders=True)
-        self._loop.tell_time()
-        self._voice.is_kept = True  # the terminal belongs to the screen
-        return True
-
-    def _hear(self, _: int) -> None:
-        question = self._asked.take_question()
-        if not question:
-            self._gone()
-        elif question == COUNTS:
-            self._asked.answer(self._loop.open_in_words())
-        elif (way := self._asked.hand_over()) is not None:
-            self._loop.add_looker(way, "", gives_orders=True)
+        is_open = self.start((SHOWS,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
+        self._server.voice.is_kept = is_open  # the terminal belongs to the screen
+        return is_open
 
     def _gone(self) -> None:
         """The user has ended the tap with it; or it was left or killed, and bytes go on."""
         import termios
 
-        self._loop.forget(self._asked.fd)
         code = self.wait()
         self._loop.let_all_go()
         if code == 0:
@@ -277,16 +279,12 @@ class _Screen:
                 if code < 0 and look_at({1: OUT}):
                     os.write(1, LEAVE_SCREEN)
             say_at_once(f"the screen has ended: bytes still go on; {ends}")
-        self._voice.let_out()
-
-    def wait(self) -> int:
-        assert self._process is not None
-        return self._process.wait()
+        self._server.voice.let_out()
 
     def end(self) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
-            self._process.wait()
+        super().end()
 
 
 def _listens(route: Route, address: tuple[str, int] | None) -> str:

@@ -1,7 +1,7 @@
 """What passes a tap as packets: a conversation between a caller and the end that it wants, as without a tap.
 
 An intervention of ours is a comment of the packet that it has made or changed. The program that records a
-tap reads its events from stdin and writes pcapng to stdout, whole blocks at a time: cut off it is still good.
+tap writes this to stdout; cut off it is still good.
 """
 
 from __future__ import annotations
@@ -10,14 +10,17 @@ import json
 import os
 import struct
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from ipaddress import IPv6Address, ip_address
-from typing import Final, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
+
+from msgspec import Meta, Struct
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, events_of
+from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
     FIN,
@@ -31,9 +34,13 @@ from trcvtui.recording.wire import (
 )
 from trcvtui.signals import OF_A_GROUP, leave
 
+READ: Final = 1 << 18
 WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
 NOTES: Final = 1  # the interface of what the tap itself does
 NOTED: Final[dict[int, str]] = {
+    TapEventKind.OPEN: "open",
+    TapEventKind.OVER: "end",
+    TapEventKind.FIGURES: "figures",
     TapEventKind.OURS: "ours",
     TapEventKind.REFUSED: "refused",
     TapEventKind.HELD: "held",
@@ -45,6 +52,33 @@ _V6: Final = struct.Struct(">IHBB16s16s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
 _UDP: Final = struct.Struct(">HHHH").pack
 _SERIAL: Final = struct.Struct(">IIBBH").pack
+
+
+Port = Annotated[int, Meta(ge=0, le=65535)]
+
+
+class TapNote(Struct):
+    """A note as it is read; which of its fields one has, docs/fleet.md says."""
+
+    note: str
+    tap: int = 0
+    conversation: int = 0
+    to_connect: bool = True
+    text: str = ""
+    kind: Literal["tcp", "udp", "serial"] = "tcp"
+    ends: tuple[tuple[str, Port], tuple[str, Port]] = (("", 0), ("", 0))
+    new: bool = True
+    holds: bool = True
+    bytes: int = 0
+    first: str = ""
+    events: int = 0
+    round_trip_us: int = 0
+    window: int = 0
+    again: int = 0
+    waiting: int = 0
+    taps: tuple[tuple[str, str, str], ...] = ()
+    plc: str | None = None
+    dialect: str | None = None
 
 
 class TapPacket(NamedTuple):
@@ -217,34 +251,47 @@ def _sum(data: bytes) -> int:
 
 
 class TapCapture:
-    """What passes a tap as pcapng, whole blocks at a time.
+    """What passes a tap as pcapng, whole blocks at a time; `told`: its taps, and which end is the PLC.
 
-    `with_notes`: what the tap does and leaves out are packets, too: JSON on an interface of their own; a
-    block of statistics tells the time where nothing else does.
+    What the tap does and leaves out are packets, too: JSON on an interface of their own; a block of
+    statistics tells the time where nothing else does. Serial lines are interfaces behind these two.
     """
 
-    def __init__(self, title: str, with_notes: bool = False) -> None:
-        self._title, self._with_notes = title, with_notes
-        self._first_line = NOTES + 1 if with_notes else NOTES
-        self._packets = TapPackets(self._first_line)
-        self._told = self._lost = 0  # serial lines that have their block; events that were left out
+    def __init__(self, title: str, told: Mapping[str, object]) -> None:
+        self._title, self._told = title, told
+        self._packets = TapPackets(NOTES + 1)
+        self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
+        self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
-    def head(self) -> bytes:
+    def head(self, ns: int) -> bytes:
+        self._ns = ns
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
-        return made + (pcap.interface_block(pcap.USER0, pcap.NOTES) if self._with_notes else b"")
+        made += pcap.interface_block(pcap.USER0, pcap.NOTES)
+        return made + _note(ns, {"note": "taps", **self._told})
 
-    def blocks(self, events: Iterable[TapEvent]) -> bytes:
-        return b"".join([block for event in events for block in self._blocks(event)])
+    def lines(self, since: int) -> list[bytes]:
+        return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
 
-    def _blocks(self, event: TapEvent) -> Iterator[bytes]:
-        if self._with_notes:
-            yield from self._note(event)
-        for interface, ns, data, comments in self._packets.of(event):
-            for name in self._packets.lines[self._told :]:
-                self._told += 1
-                yield pcap.interface_block(pcap.RTAC_SERIAL, name)
-            yield pcap.packet_block(interface, ns, data, comments)
+    def block(self, event: TapEvent) -> bytes:
+        if event.kind == TapEventKind.OPEN:
+            self._open[event.number] = event
+        elif event.kind == TapEventKind.OVER:
+            self._open.pop(event.number, None)
+        blocks = [*self._note(event)]
+        blocks += [pcap.packet_block(*packet) for packet in self._packets.of(event)]
+        return b"".join(blocks)
+
+    def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
+        # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
+        self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
+        return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
+
+    def open(self) -> bytes:
+        """Return which conversations there are."""
+        return b"".join(
+            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=self._ns))]
+        )
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
         if event.kind in (TapEventKind.LOST, TapEventKind.NOW):
@@ -259,23 +306,39 @@ class TapCapture:
         elif event.kind == TapEventKind.LACK:
             told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
-            told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
-        else:
+            holds, first = bool(event.data), event.data[1:].hex()
+            told |= {"to_connect": event.way == TO, "holds": holds, "bytes": event.at, "first": first}
+        elif event.kind == TapEventKind.OPEN:
+            kind, near, near_port, far, far_port = event.data.decode().split("|")
+            ends = (near, int(near_port)), (far, int(far_port))
+            told |= {"kind": kind, "ends": ends, "new": not event.at}
+        elif event.kind == TapEventKind.FIGURES:
+            figures = zip(("round_trip_us", "window", "again"), FIGURES.unpack(event.data), strict=True)
+            told |= {"to_connect": event.way == TO, **dict(figures)}
+        elif event.kind != TapEventKind.OVER:
             told |= {"to_connect": event.way == TO, "text": event.data.decode(errors="replace")}
-        yield pcap.packet_block(NOTES, event.ns, json.dumps(told).encode())
+        yield _note(event.ns, told)
+
+
+def _note(ns: int, told: Mapping[str, object]) -> bytes:
+    return pcap.packet_block(NOTES, ns, json.dumps(told).encode())
 
 
 # -- the program that records --------------------------------------------------------------------------------
 
 
-def record_tap() -> None:
-    """Write the events of stdin to stdout until their end; exit 2 where there is no room."""
+def record_tap(asks: int) -> None:
+    """Write what a tap hands over to stdout until its end; exit 2 where there is no room.
+
+    When the process that serves observers was killed, a new one begins a new section.
+    """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
-    capture = TapCapture("a recording of a tap")
     try:
-        _write(capture.head())
-        for events in events_of(lambda most: os.read(0, most)):
-            _write(capture.blocks(events))
+        while data := os.read(way := ask_for_way(asks), READ):
+            while data:
+                _write(data)
+                data = os.read(way, READ)
+            os.close(way)
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
         sys.exit(2)

@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Final
 
 from trcvtui.capture.command import capture_notes
-from trcvtui.errors import one_line
+from trcvtui.errors import UserError, one_line
 from trcvtui.line.capture_player import MISSING, MOST_LISTED, CaptureOutcome, CapturePlayer, plan_capture
 from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
+from trcvtui.line.tap_watch import TapPlan, TapWatch
+from trcvtui.line.tapped import TapNote
 from trcvtui.net.os.packet_pipe import take_stdin
+from trcvtui.net.os.system_calls import IN, look_at
+from trcvtui.net.os.tap_ways import TapWay
+from trcvtui.net.tap import RELEASE
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.scenario.report import JsonLines, json_line, outputs_record
+from trcvtui.signals import OF_A_GROUP, leave
 from trcvtui.wording import utc_text
 
 ENDS: Final = (signal.SIGINT, signal.SIGTERM)
 MOST_KNOWN: Final = 4096
+TYPED: Final = 1 << 16  # bytes of one read
 
 
 class WatchLines:
@@ -32,7 +42,7 @@ class WatchLines:
         self._write = write
         self._lines = None if form is None else JsonLines(write, interval_ns)
         self._interval_ns = interval_ns
-        self._first_ns = first_ns
+        self.first_ns = first_ns
         self._known: dict[tuple[str, Outputs] | None, str] = {}  # lines of JSON without their beginning
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
@@ -44,7 +54,7 @@ class WatchLines:
             self._say(scan, outputs_record(edge) | ({"note": MISSING} if edge.instance in lacking else {}))
 
     def _head(self, scan: int) -> str:
-        time = utc_text(self._first_ns + (scan - 1) * self._interval_ns)
+        time = utc_text(self.first_ns + (scan - 1) * self._interval_ns)
         return f'{{"scan":{scan},"t_ms":{(scan - 1) * self._interval_ns / 1e6!r},"time":"{time}",'
 
     def _rest(self, edge: StatusEdge) -> str:
@@ -68,7 +78,7 @@ class WatchLines:
             self._lines.write({"time": utc_text(ns), **record})
 
     def _say(self, scan: int, record: dict[str, object]) -> None:
-        ns = self._first_ns + (scan - 1) * self._interval_ns
+        ns = self.first_ns + (scan - 1) * self._interval_ns
         if self._lines is not None:
             self._lines.line(scan, {"time": utc_text(ns), **record})
         else:
@@ -131,13 +141,7 @@ def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form
 def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
     """Write lines as packets come through a pipe, until it ends, or Ctrl+C or SIGTERM."""
     plan = LivePlan(project, plc, dialect)
-
-    def begin(shadows: ShadowPlan, first_ns: int) -> CapturePlayer:
-        return CapturePlayer(
-            shadows, (), first_ns, WatchLines(sys.stdout.write, form, plan.interval_ns, first_ns)
-        )
-
-    live = LiveWatch(plan, begin)
+    live = LiveWatch(plan, _maker(plan, form, sys.stdout.write))
     stream = PacketStream(fd, live, _say, sys.stdout.flush)
     before = {number: signal.signal(number, lambda *_: stream.pipe.stop()) for number in ENDS}
     try:
@@ -145,6 +149,64 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+    _end(live, plan, said)
+
+
+def watch_tap(asks: int, asked: str) -> None:
+    """Write lines of what a tap shows, and take bench commands from stdin, until it ends.
+
+    Exit 2 and ask for nothing where what is asked is wrong.
+    """
+    leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    places, project, plc, dialect, form, is_shown, can_type = json.loads(asked)
+    try:
+        plan = TapPlan(places, project and Path(project), plc, dialect)
+    except UserError as wrong:
+        _say("\n".join(wrong.lines()))
+        sys.exit(2)
+    way = TapWay(asks)
+
+    def tell(ns: int, note: TapNote, text: str) -> None:
+        lines = live.player and live.player.lines
+        if note.note != "lack":
+            _say(text)
+        elif isinstance(lines, WatchLines):
+            name = plan.routes[note.tap].name
+            lines.tell_tap(ns, {"tap": name, "waiting": note.waiting, "note": note.text})
+
+    def hear() -> None:
+        nonlocal can_type
+        sys.stdout.flush()
+        while can_type and live.player is not None and look_at({0: IN}):
+            data = b""
+            with suppress(OSError):
+                data = os.read(0, TYPED)
+            can_type = bool(data)
+            for line in live.type(data):
+                _say(line)
+            if not data:
+                way.tell(RELEASE + b"\n")
+
+    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.tell)
+    said: list[str] = []
+    try:
+        with suppress(UserError):  # the tap has ended before its first word
+            said = PacketStream(way.fd, live, _say, hear, renew=way.renew).take()
+        _end(live, plan, said)
+        sys.stdout.flush()
+    except OSError:  # the reader of what shadows show is gone, or its terminal
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def _maker(
+    plan: LivePlan, form: str | None, write: Callable[[str], object]
+) -> Callable[[ShadowPlan, int], CapturePlayer]:
+    return lambda shadows, first_ns: CapturePlayer(
+        shadows, (), first_ns, WatchLines(write, form, plan.interval_ns, first_ns)
+    )
+
+
+def _end(live: LiveWatch, plan: LivePlan, said: Sequence[str]) -> None:
     player = live.finish()
     lines = player.lines
     assert isinstance(lines, WatchLines)

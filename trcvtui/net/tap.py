@@ -99,12 +99,14 @@ class TapEventKind(IntEnum):
     OVER = 6  # nothing more comes of it
     OURS = 7  # an intervention, in words
     REFUSED = 8  # an order that cannot be done: why
-    LINE = 10  # what the user has typed, as it comes: to who gives orders alone
-    NOW = 11  # time passes: to who gives orders, and to guests each second
+    NOW = 11  # the time, 20 times a second: shadows go on by it, and it is a sign of life
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
     FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
     LACK = 14  # of a tap, and no conversation: `at` clients wait for a descriptor, in words
     LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
+
+
+ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
 
 
 class TapEvent(NamedTuple):
@@ -163,6 +165,8 @@ class TapOrder(NamedTuple):
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
+RELEASE: Final = b"release"  # in place of an order: hold and delay nothing any more
+SAYS: Final = b"! "  # before what the process that serves observers says to the user
 MOST_NUMBER: Final = (1 << 32) - 1
 MOST_SIZE: Final = 3_600_000_000_000  # the ns of an hour
 # How many sizes each verb takes, -1: one or more.

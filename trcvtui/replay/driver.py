@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import UserError, mistake
-from trcvtui.picture.bench_update import UpdateRequest, unpacked
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import shown
 from trcvtui.replay.survey import END, FIRST, read_at
@@ -88,21 +88,37 @@ def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
         return  # the screen is gone
 
 
+class ScreenChannel:
+    """The other end of a screen: takes its lines, and shows it the pictures that it asks for."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel, self.pipe = channel, UpdatePipe(channel)
+        self._request: UpdateRequest | None = None
+
+    def take(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
+        """Take what comes, wait so many seconds for it, None: for ever."""
+        while self._channel.poll(waits):
+            message, waits = unpacked(self._channel.recv_bytes()), 0.0
+            if isinstance(message, UpdateRequest):
+                self._request = message
+            else:
+                take(*message)
+
+    def show(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
+        """Begin the picture that was asked for, where the one before is through."""
+        if self._request is not None and not self.pipe.is_busy():
+            self.pipe.begin(picture(self._request))
+            self._request = None
+
+
 def _serve(channel: Channel, time_line: TimeLine) -> None:
     from trcvtui.replay.run_again import restored_state
 
-    pipe, request, is_busy = UpdatePipe(channel), None, True
+    screen, is_busy = ScreenChannel(channel), True
     while True:
-        waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
-        while channel.poll(waits):
-            message, waits = unpacked(channel.recv_bytes()), 0.0
-            if isinstance(message, UpdateRequest):
-                request = message
-            else:
-                time_line.take(*message)
+        waits = 0.0 if is_busy else PLAY_S if time_line.plays or screen.pipe.is_busy() else None
+        screen.take(time_line.take, waits)
         with restored_state(time_line.controller.run.is_restored, time_line.where):
             is_busy = time_line.work(clock.now_ns() + SLICE_NS)
-            if request is not None and not pipe.is_busy():
-                pipe.begin(time_line.picture(request))
-                request = None
-        pipe.go_on(clock.now_ns() + SLICE_NS)
+            screen.show(time_line.picture)
+        screen.pipe.go_on(clock.now_ns() + SLICE_NS)

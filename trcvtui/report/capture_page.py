@@ -10,7 +10,7 @@ from trcvtui.capture.command import capture_notes, conversation_row
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.history.records import ScanStamp
-from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
+from trcvtui.line.capture_player import MISSING, CapturePlayer, ShadowLines, plan_capture
 from trcvtui.line.shadows import ShadowChoice, ShadowPlan, known_ends
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.report.page import ReportSource
@@ -20,7 +20,7 @@ from trcvtui.wording import count
 MOST_CONVERSATIONS: Final = 500
 
 
-class _CaptureNotes:
+class _CaptureNotes(ShadowLines):
     def __init__(self, interval_ns: int) -> None:
         self.notes: RunNotes | None = None  # from the first scan on
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)

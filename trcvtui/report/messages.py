@@ -258,6 +258,8 @@ def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
 
 
 class _NoLines:
+    first_ns = 0
+
     def scan(self, *told: object) -> None:
         """Do nothing: the ledger tells more."""
 

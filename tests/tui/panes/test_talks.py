@@ -22,13 +22,14 @@ class TapStory:
         self.talks = ConversationFigures()
         ends = (bytes([10, 0, 0, 9]), PARTNER[1]), (bytes([10, 0, 0, 5]), PLC[1])
         self.talk = Conversation(1, "tcp", NS, ends)
+        self.talk.tap = "T"
 
     def tell(
         self, kind: SegmentKind, s: float = 0, from_plc: bool = False, data: bytes = b"", size: int = 0
     ) -> None:
         says = self.talk.back if from_plc else self.talk.there
         event = ConversationEvent(NS + int(s * SECOND), self.talk, says, kind, 0, size or len(data), data)
-        self.talks.take(event, from_plc, "T")
+        self.talks.take(event, from_plc)
 
     @property
     def shown(self) -> ConversationSnapshot:
@@ -79,7 +80,7 @@ def test_what_the_stack_of_a_tap_says_is_shown_beside_each_direction() -> None:
     shown = told.shown
     assert (shown.to_plc.round_trip_ns, shown.to_plc.window) == (250_000, 64240)
     assert (shown.from_plc.is_closed, shown.from_plc.again) == (True, 12)
-    told.talks.end_all()
+    told.talks.end(1)
     assert told.shown.state == "ended"
 
 

@@ -1,7 +1,7 @@
-"""The tap's loop: bytes and ends from one side to the other as they come, told to those who look on.
+"""The tap's loop: bytes and ends from one side to the other as they come, told to one process as events.
 
-Rule 1: nothing here waits for anybody but all: who looks on and does not read misses events, and is told.
-Rule 2: without who gives the orders nothing is held.
+Rule 1: nothing here waits for that process: where it does not read, it misses events, and is told.
+Rule 2: without it nothing is held.
 """
 
 from __future__ import annotations
@@ -11,21 +11,24 @@ import signal
 import socket
 import sys
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from itertools import islice
 from typing import Any, Final
 
 from trcvtui.errors import one_line
-from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures, new_poll_set
+from trcvtui.net.os.lossy_pipe import LossyPipe
+from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, end_figures, new_poll_set
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
 from trcvtui.net.tap import (
+    ENDS,
     EVENT,
     FIGURES,
     LOSS,
     NEWEST,
+    RELEASE,
+    SAYS,
     TO,
     Route,
     TapEventKind,
@@ -39,139 +42,9 @@ from trcvtui.wording import count
 MOST_SAID: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
 TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
-BEAT_NS: Final = 1_000_000_000  # between two signs of life for guests
 FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
 MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
-MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for one who looks on
-MOST_OF_GUEST: Final = 8 << 20  # for one at the socket
-ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
-EVENT_BYTES: Final = 200  # that an event takes beside its own
-MOST_LINE: Final = 4 << 20  # bytes of an order
-
-
-class Observer:
-    """A program that is told events over a socket, and may give orders; it never makes the loop wait."""
-
-    def __init__(
-        self,
-        loop: Forwarder,
-        sock: socket.socket,
-        what: str,
-        gives_orders: bool,
-        wants_bytes: bool,
-        is_guest: bool,
-    ) -> None:
-        self.lost = self.lost_bytes = 0
-        self._newest = 0  # conversation that it was told of
-        self._ends: list[bytes] = []  # of those, while events are left out: they are told afterwards
-        self.wants_bytes = wants_bytes
-        self.what, self.gives_orders = what, gives_orders
-        self.has_ordered = gives_orders and not is_guest  # what it holds goes on when it leaves
-        self._loop, self._sock = loop, sock
-        self._waiting: deque[memoryview] = deque()
-        self._size, self.is_guest = 0, is_guest  # bytes that wait
-        self._orders = b""
-        self.is_gone = False
-        sock.setblocking(False)
-        with suppress(OSError):
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
-        loop.hear(sock.fileno(), IN, self._ready)
-
-    def take(self, head: bytes, data: bytes | memoryview) -> None:
-        """Hand an event over, or let it wait; leave it out where too much waits, but for ends."""
-        if self.is_gone:
-            return
-        if self.lost or self._size > (MOST_OF_GUEST if self.is_guest else MOST_UNTOLD):
-            kind, _, _, number, *_ = EVENT.unpack(head)
-            if kind in ENDS and number <= self._newest:
-                self._ends.append(head)
-            elif kind == TapEventKind.BYTES:
-                self.lost_bytes += len(data)
-            self.lost += 1
-            return
-        if head[0] == TapEventKind.OPEN:
-            self._newest = max(self._newest, EVENT.unpack(head)[3])
-        sent = 0
-        if not self._waiting:
-            try:
-                sent = self._sock.sendmsg((head, data))
-            except BlockingIOError:
-                pass
-            except OSError:
-                self.end()
-                return
-            if sent == len(head) + len(data):
-                return
-            self._loop.want(self._sock.fileno(), IN | OUT)
-        rest = memoryview(b"".join((head, data)))[sent:]
-        self._waiting.append(rest)
-        self._size += len(rest) + EVENT_BYTES
-
-    def _ready(self, events: int) -> None:
-        if events & (IN | ERR | HUP):
-            self._hear_orders()
-        if events & OUT and not self.is_gone:
-            self.go_on()
-
-    def go_on(self) -> None:
-        """Hand over what waits, as much as it takes."""
-        try:
-            while self._waiting:
-                first = self._waiting[0]
-                sent = self._sock.send(first)
-                self._size -= sent
-                if sent < len(first):
-                    self._waiting[0] = first[sent:]
-                else:
-                    self._waiting.popleft()
-                    self._size -= EVENT_BYTES
-        except BlockingIOError:
-            return
-        except OSError:
-            self.end()
-            return
-        self._loop.want(self._sock.fileno(), IN)
-        if self.lost:
-            lost, size, ends = self.lost - len(self._ends), self.lost_bytes, self._ends
-            self.lost, self.lost_bytes, self._ends = 0, 0, []
-            self._loop.tell_again(self, LOSS.pack(lost, size), ends)
-
-    def _hear_orders(self) -> None:
-        try:
-            said = self._sock.recv(1 << 16)
-        except BlockingIOError:
-            return
-        except OSError:
-            said = b""
-        if not said or len(self._orders) > MOST_LINE:
-            self.end()
-            return
-        *lines, self._orders = (self._orders + said).split(b"\n")
-        for line in filter(None, lines) if self.gives_orders else ():  # the first one says that all is well
-            try:
-                order = order_of(line, len(self._loop.routes))
-            except ValueError as wrong:
-                self._loop.say(f"{self.what or 'the screen'} gives an order that is none: {wrong}")
-                continue
-            self.has_ordered = True
-            self._loop.obey(order)
-
-    def end(self) -> None:
-        """Forget it; nothing that it holds stays held."""
-        if not self.is_gone:
-            self.is_gone = True
-            self._loop.forget(self._sock.fileno())
-            self._sock.close()
-            self._waiting.clear()
-            self._loop.lose(self)
-
-    def finish(self, until_ns: int) -> None:
-        """Hand over what waits, for so long at most."""
-        with suppress(OSError):
-            self._sock.settimeout(max(until_ns - time.monotonic_ns(), 0) / 1e9)
-            for each in self._waiting:
-                self._sock.sendall(each)
-        self.end()
+MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for the process that serves observers
 
 
 class Forwarder(TapLoop):
@@ -180,11 +53,10 @@ class Forwarder(TapLoop):
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
         super().__init__(say, poll or new_poll_set())
         self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
-        self._lookers: tuple[Observer, ...] = ()
+        self.pipe: LossyPipe | None = None
+        self._newest = 0  # conversation that was told
         self._ends = False
         self._ticks = 0
-
-    # -- who looks on ----------------------------------------------------------------------------------------
 
     def add_route(self, route: Route) -> None:
         """Listen, or open the ports; raise UserError."""
@@ -195,41 +67,41 @@ class Forwarder(TapLoop):
         }
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
-    @staticmethod
-    def pair() -> tuple[socket.socket, socket.socket]:
-        """Return our end and the other one of what events cross to one who looks on."""
-        return socket.socketpair()
+    def serve(self, sock: socket.socket, end: Callable[[], object]) -> None:
+        """Tell events to the process that serves observers, and obey it; `end` is called when it is gone."""
 
-    def add_looker(
-        self,
-        sock: socket.socket,
-        what: str,
-        gives_orders: bool = False,
-        wants_bytes: bool = True,
-        is_guest: bool = False,
-    ) -> None:
-        """Tell events to one more, and obey it; `what` it does, for when it is gone, "": that is not said.
+        def lose() -> None:
+            self.pipe = None
+            if not self._ends:
+                self.let_all_go()
+                end()
 
-        Of a guest's orders nothing holds that another one has given; fewer bytes wait for it.
-        """
-        looker = Observer(self, sock, what, gives_orders, wants_bytes, is_guest)
-        self._lookers += (looker,)
-        self._tell_all(looker)
-
-    def tell_time(self) -> None:
-        """Let who gives orders know the time, again and again."""
-        self.tell_ordering(TapEventKind.NOW, b"")
-        self._ticks = (self._ticks + 1) % FIGURES_TICKS
+        self.pipe = LossyPipe(self, sock, MOST_UNTOLD, self._tell_again, self._hear, lose)
+        self._tell_open()
         if not self._ticks:
-            self._tell_figures()
-        self.after(TICK_NS, self.tell_time)
+            self._tell_time()
 
-    def beat(self) -> None:
-        """Let guests know the time, again and again: where it stops, we hang or what stands between."""
-        for looker in self._lookers:
-            if looker.is_guest and not looker.lost:
-                self._tell_one(looker, TapEventKind.NOW, 0, 0, 0, b"")
-        self.after(BEAT_NS, self.beat)
+    def _hear(self, line: bytes) -> None:
+        if line == RELEASE:
+            self.let_all_go()
+        elif line.startswith(SAYS):
+            self.say(line[len(SAYS) :].decode(errors="replace"))
+        else:
+            try:
+                order = order_of(line, len(self.routes))
+            except ValueError as wrong:
+                self.say(f"an observer gives an order that is none: {wrong}")
+            else:
+                self.obey(order)
+
+    def _tell_time(self) -> None:
+        """Tell the time, by which shadows go on, and now and then what the stack says of the ends."""
+        self._ticks += 1
+        if self.pipe is not None and not self.pipe.is_behind:
+            if not self._ticks % FIGURES_TICKS:
+                self._tell_figures()
+            self.tell(TapEventKind.NOW, TO, 0, 0, 0, b"")
+        self.after(TICK_NS, self._tell_time)
 
     def _tell_figures(self) -> None:
         for route in self.routes:
@@ -239,30 +111,15 @@ class Forwarder(TapLoop):
                     found = end_figures(lane.target.port)
                     if found is not None and found != lane.figures:
                         lane.figures = found
-                        told = FIGURES.pack(*found)
-                        self.tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
-
-    def tell_ordering(
-        self, kind: TapEventKind, data: bytes, way: int = TO, place: int = 0, number: int = 0
-    ) -> None:
-        """Tell those that give orders."""
-        for looker in self._lookers:
-            if looker.gives_orders and not (looker.lost and kind is not TapEventKind.LINE):
-                self._tell_one(looker, kind, place, number, 0, data, way)
+                        self.tell(
+                            TapEventKind.FIGURES, lane.way, route.place, number, 0, FIGURES.pack(*found)
+                        )
 
     def let_all_go(self) -> None:
         """Hold and delay nothing any more."""
         self.holds = False
         for lane in self._lanes():
             lane.let_go()
-
-    def lose(self, looker: Observer) -> None:
-        """Go on without one who looks on; what was held goes on, too."""
-        self._lookers = tuple([each for each in self._lookers if each is not looker])
-        if looker.what and not self._ends:
-            self.say(f"{looker.what} has ended: bytes still go on")
-        if looker.has_ordered:
-            self.let_all_go()
 
     def open_in_words(self) -> str:
         """Return how many connections are open, "" for none; with UDP and serial lines: conversations."""
@@ -276,31 +133,32 @@ class Forwarder(TapLoop):
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
-        if self._lookers:
-            head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
-            for looker in self._lookers:
-                if looker.wants_bytes or kind is not TapEventKind.BYTES:
-                    looker.take(head, data)
+        pipe = self.pipe
+        if pipe is None:
+            return
+        head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
+        if kind is TapEventKind.BYTES:
+            pipe.put(head, data, size=len(data))
+            return
+        is_end = kind in ENDS and number <= self._newest
+        pipe.put(head, data, events=0 if is_end else 1, ends=head if is_end else b"")
+        if kind is TapEventKind.OPEN and not pipe.is_behind:
+            self._newest = max(self._newest, number)
 
-    def tell_again(self, looker: Observer, loss: bytes, ends: Sequence[bytes]) -> None:
-        """Tell one who has missed something how much that is, what has ended, and what there is now."""
+    def _tell_again(self, events: int, size: int, ends: bytes) -> None:
+        """Tell how much was missed, what has ended meanwhile, and what there is now."""
+        heads = [ends[at : at + EVENT.size] for at in range(0, len(ends), EVENT.size)]
         numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
-        numbers += [head[4:8] for head in ends]
-        self._tell_one(looker, TapEventKind.LOST, 0, 0, 0, loss + b"".join(numbers))
-        for head in ends:
-            looker.take(head, b"")
-        self._tell_all(looker)
+        numbers += [head[4:8] for head in heads]
+        self.tell(TapEventKind.LOST, TO, 0, 0, 0, LOSS.pack(events, size) + b"".join(numbers))
+        if self.pipe is not None:
+            self.pipe.put(ends, events=0, ends=ends)
+        self._tell_open()
 
-    def _tell_all(self, looker: Observer) -> None:
+    def _tell_open(self) -> None:
         for route in self.routes:
             for number, talk in route.talks.items():
-                self._tell_one(looker, TapEventKind.OPEN, route.place, number, 1, talk.said)
-
-    @staticmethod
-    def _tell_one(
-        looker: Observer, kind: TapEventKind, place: int, number: int, at: int, data: bytes, way: int = TO
-    ) -> None:
-        looker.take(EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data)), data)
+                self.tell(TapEventKind.OPEN, TO, route.place, number, 1, talk.said)
 
     # -- orders --------------------------------------------------------------------------------------------
 
@@ -363,9 +221,8 @@ class Forwarder(TapLoop):
             for talk in tuple(route.talks.values()):
                 talk.finish()
         self.routes.clear()
-        until = time.monotonic_ns() + FLUSH_NS
-        for looker in self._lookers:
-            looker.finish(until)
+        if self.pipe is not None:
+            self.pipe.finish(time.monotonic_ns() + FLUSH_NS)
 
 
 def say_at_once(line: str) -> None:

@@ -1,35 +1,35 @@
-"""The observers of a tap: a Unix socket, mode 0600, at which each of them reads blocks of what passes.
+"""The observers of a tap: each reads the same pcapng; guests at a Unix socket, mode 0600.
 
-Rule: an observer that does not read makes its own way full, and no other one wait.
+Rule: an observer that does not read misses blocks, which are counted; no other one waits for it.
 """
 
 from __future__ import annotations
 
 import os
-import select
 import socket
 import stat
 import struct
-import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
-from trcvtui.errors import mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of
-from trcvtui.net.os.tap_ways import ask_for_way
-from trcvtui.net.tap import TapEvent, events_of
+from trcvtui.net.os.lossy_pipe import LossyPipe
+from trcvtui.net.os.system_calls import IN, new_poll_set
+from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
+from trcvtui.net.os.tapped_lane import TapLoop
+from trcvtui.net.tap import ENDS, LOSS, RELEASE, SAYS, TapEvent, TapEventKind, events_of
 
 CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_NAME: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
-READ: Final = 1 << 16  # bytes of orders that are read at once
-LAST_S: Final = 1.0  # for observers to read what is left
+LAST_NS: Final = 1_000_000_000  # for observers to read what is left
 TRY_S: Final = 1.0  # for a tap to take a connection, and to tell something
-LOOK_S: Final = 5.0  # between two looks at whether the socket is still there
-MOST_LINE: Final = 4 << 20  # bytes of an order
+LOOK_NS: Final = 5_000_000_000  # between two looks at whether the socket is still there
+FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before a socket is tried again
 
 
 def _checked(path: Path) -> str:
@@ -101,84 +101,211 @@ def listening(path: Path) -> socket.socket:
 
 
 class Capture(Protocol):
-    """What an observer reads: a head, and blocks of events."""
+    """The pcapng that observers read, made of events one after the other."""
 
-    def head(self) -> bytes: ...
+    def head(self, ns: int) -> bytes: ...
 
-    def blocks(self, events: Iterable[TapEvent]) -> bytes: ...
+    def block(self, event: TapEvent) -> bytes: ...
+
+    def lines(self, since: int) -> list[bytes]:
+        """Return the blocks of serial lines, which are interfaces, without the first ones."""
+
+    def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
+        """Return what says how much an observer has missed; `dropped`: since it came."""
+
+    def open(self) -> bytes:
+        """Return what says which conversations there are."""
+
+
+class ObserverKind(NamedTuple):
+    """What an observer reads, and how many bytes may wait for it.
+
+    `holds`: what the tap holds from its beginning goes on when this one leaves.
+    """
+
+    events: frozenset[int]
+    most: int = 64 << 20
+    holds: bool = False
+    is_guest: bool = False
+
+
+_ALL: Final = frozenset(int(kind) for kind in TapEventKind)
+GUEST: Final = ObserverKind(_ALL, 8 << 20, is_guest=True)
+# Those that the tap starts, by the byte with which it hands over their socket.
+KINDS: Final = {
+    SCREEN: ObserverKind(_ALL, holds=True),
+    RECORDER: ObserverKind(_ALL - {TapEventKind.NOW, TapEventKind.FIGURES}),  # a silent line fills no disk
+    ORDERS: ObserverKind(frozenset({TapEventKind.REFUSED, TapEventKind.LACK}), holds=True),
+}
+
+
+class Observer:
+    """What reads the pcapng."""
+
+    def __init__(self, server: ObserverServer, sock: socket.socket, kind: ObserverKind) -> None:
+        self.kind = kind
+        self._server, self._capture = server, server.capture
+        self._has_ordered, self._is_refused = kind.holds, False
+        self._lines = self._newest = self._dropped = 0  # conversation that it knows; events that it missed
+        self.pipe = LossyPipe(server.loop, sock, kind.most, self._restate, self._hear, self._leave)
+        self.pipe.put(self._capture.head(time.time_ns()))
+        self._restate(0, 0, b"")
+
+    def take(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
+        """Take events, and their blocks."""
+        kept = [block for event, block in events if event.kind in ENDS and event.number <= self._newest]
+        size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
+        size += sum(LOSS.unpack_from(event.data)[1] for event, _ in events if event.kind == TapEventKind.LOST)
+        blocks = b"".join([block for _, block in events])
+        self._put(blocks, len(events) - len(kept), size, b"".join(kept))
+        if not self.pipe.is_behind:
+            self._newest = max(
+                [self._newest, *[event.number for event, _ in events if event.kind == TapEventKind.OPEN]]
+            )
+
+    def _put(self, blocks: bytes, events: int = 0, size: int = 0, ends: bytes = b"") -> None:
+        for line in self._capture.lines(self._lines):  # no packet of a line without its interface
+            self.pipe.put(line, events=0)
+            self._lines += not self.pipe.is_behind
+        self.pipe.put(blocks, events=events, size=size, ends=ends)
+
+    def _restate(self, events: int, size: int, ends: bytes) -> None:
+        self._dropped += events
+        loss = self._capture.loss(time.time_ns(), self._dropped, events, size) if events else b""
+        self._put(loss + ends + self._capture.open())
+        self._newest = self._server.newest
+
+    def _hear(self, line: bytes) -> None:
+        if self.kind.is_guest and not self._server.may_order:
+            if not self._is_refused:
+                self._is_refused = True
+                self._server.say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
+            return
+        self._has_ordered = True
+        self._server.tell(line)
+
+    def _leave(self) -> None:
+        self._server.lose(self)
+        if self._has_ordered:
+            self._server.tell(RELEASE)
 
 
 class ObserverServer:
-    """Serves observers, each with a `capture` of its own; the tap hands over ways of events on `asks`."""
+    """Serves observers with a `capture` of the events that the tap tells on `events`.
 
-    def __init__(
-        self,
-        path: Path,
-        asks: int,
-        may_order: bool,
-        capture: Callable[[], Capture],
-        say: Callable[[str], None],
-    ) -> None:
-        """Listen; raise UserError where that cannot be."""
-        self._path, self._asks, self._may_order = path, asks, may_order
-        self._capture, self._say = capture, say
-        self._door = listening(path)
-        self._inode = os.stat(path).st_ino
-        self._served: list[threading.Thread] = []
+    The tap hands over sockets of its own observers on `ways`; guests come to the Unix socket at `path`.
+    """
 
-    def run_until(self, end: int) -> None:
-        """Serve until the end of a descriptor, or of the socket's file; let observers read what is left."""
-        threading.Thread(target=self._accept, daemon=True).start()
-        while self._is_there() and not select.select([end], [], [], LOOK_S)[0]:
-            pass
-        if self._is_there():  # otherwise it is another one's
-            os.unlink(self._path)
-        until = time.monotonic() + LAST_S
-        for each in tuple(self._served):
-            each.join(max(0.0, until - time.monotonic()))
+    def __init__(self, events: int, ways: int, path: Path | None, may_order: bool, capture: Capture) -> None:
+        self.loop, self.capture, self.may_order = TapLoop(self.say, new_poll_set()), capture, may_order
+        self.newest = 0  # conversation
+        self._tap, self._ways = socket.socket(fileno=events), socket.socket(fileno=ways)
+        self._path, self._events = path, events_of(self._tap.recv)
+        self._observers: tuple[Observer, ...] = ()
+        self._has_ended = False
+        self._door: socket.socket | None = None
+        self._inode, self._pause = 0, FIRST_PAUSE_NS
+        self.loop.hear(ways, IN, self._take_way)
+        self.loop.hear(events, IN, self._take_events)
 
-    def _is_there(self) -> bool:
+    def run(self) -> None:
+        """Serve until the tap ends; let observers read what is left."""
+        self._look_at_door()
+        while not self._has_ended:
+            self.loop.turn(-1)
+        self._close_door()
+        until = time.monotonic_ns() + LAST_NS
+        for observer in self._observers:
+            observer.pipe.finish(until)
+
+    # -- the tap ---------------------------------------------------------------------------------------------
+
+    def tell(self, line: bytes) -> None:
+        """Tell the tap a line; it never makes us wait."""
+        with suppress(OSError):
+            self._tap.sendall(line + b"\n")
+
+    def say(self, text: str) -> None:
+        self.tell(SAYS + text.encode())
+
+    def _take_events(self, _: int) -> None:
         try:
-            return os.stat(self._path).st_ino == self._inode
+            events = next(self._events, None)
         except OSError:
-            return False
+            events = None
+        if events is None:
+            self._has_ended = True
+            self.loop.forget(self._tap.fileno())
+            return
+        wanted = frozenset[int]().union(*[each.kind.events for each in self._observers])
+        made = [
+            (event, self.capture.block(event))
+            for event in events
+            if event.kind in wanted or event.kind != TapEventKind.BYTES
+        ]
+        self.newest = max([self.newest, *[e.number for e in events if e.kind == TapEventKind.OPEN]])
+        parts: dict[frozenset[int], list[tuple[TapEvent, bytes]]] = {}
+        for observer in self._observers:
+            kinds = observer.kind.events
+            if kinds not in parts:
+                parts[kinds] = [each for each in made if each[0].kind in kinds]
+            if parts[kinds]:
+                observer.take(parts[kinds])
 
-    def _accept(self) -> None:
-        while True:
+    def _take_way(self, _: int) -> None:
+        what, ways, _, _ = socket.recv_fds(self._ways, 1, 1)
+        if not what:
+            self.loop.forget(self._ways.fileno())
+        for way in ways:
+            self._observe(socket.socket(fileno=way), KINDS[what])
+
+    # -- observers -------------------------------------------------------------------------------------------
+
+    def _observe(self, sock: socket.socket, kind: ObserverKind) -> None:
+        self._observers += (Observer(self, sock, kind),)
+
+    def lose(self, observer: Observer) -> None:
+        self._observers = tuple([each for each in self._observers if each is not observer])
+        if observer.kind.is_guest and not self._has_ended:
+            self.say("an observer has ended: bytes still go on")
+
+    def _accept(self, _: int) -> None:
+        assert self._door is not None
+        try:
             observer, _ = self._door.accept()
-            self._served = [each for each in self._served if each.is_alive()]
-            if len(self._served) >= MOST_OBSERVERS or not is_trusted(observer):
-                observer.close()
-                continue
-            way = ask_for_way(self._asks)
-            self._served.append(threading.Thread(target=self._serve, args=(observer, way), daemon=True))
-            self._served[-1].start()
+        except OSError:
+            return
+        if sum(each.kind.is_guest for each in self._observers) >= MOST_OBSERVERS or not is_trusted(observer):
+            observer.close()
+        else:
+            self._observe(observer, GUEST)
 
-    def _serve(self, observer: socket.socket, way: int) -> None:
-        hears = threading.Thread(target=self._hear, args=(observer, way), daemon=True)
-        hears.start()
-        capture = self._capture()
-        with suppress(OSError):
-            observer.sendall(capture.head())
-            for events in events_of(lambda most: os.read(way, most)):
-                observer.sendall(capture.blocks(events))
-        with suppress(OSError):
-            observer.shutdown(socket.SHUT_RDWR)  # this ends `_hear`, too
-        hears.join()
-        observer.close()
-        os.close(way)
+    def _look_at_door(self) -> None:
+        """Listen where guests come, anew where the socket is gone."""
+        if self._path is None:
+            return
+        pause = LOOK_NS
+        if not self._is_there(self._path):
+            self._close_door()
+            try:
+                self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                self._door = listening(self._path)
+                self._inode = os.stat(self._path).st_ino
+                self.loop.hear(self._door.fileno(), IN, self._accept)
+            except (UserError, OSError) as refused:
+                pause, self._pause = self._pause, min(2 * self._pause, MOST_PAUSE_NS)
+                self.say(f"no observers: {refused}; tried again in {pause // 10**9} s, bytes go on")
+        self.loop.after(pause, self._look_at_door)
 
-    def _hear(self, observer: socket.socket, way: int) -> None:
-        """Hand on whole lines of orders; at the end of the observer end its way."""
-        is_refused, size = False, 0  # bytes since the last end of a line
-        with socket.socket(fileno=os.dup(way)) as tap:
-            with suppress(OSError):
-                while (said := observer.recv(READ)) and size < MOST_LINE:
-                    size = len(said) - 1 - said.rfind(b"\n") if b"\n" in said else size + len(said)
-                    if self._may_order:
-                        tap.sendall(said)
-                    elif not is_refused:
-                        is_refused = True
-                        self._say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
-            with suppress(OSError):
-                tap.shutdown(socket.SHUT_RDWR)  # also where it died with bytes unread
+    def _is_there(self, path: Path) -> bool:
+        with suppress(OSError):
+            return os.stat(path).st_ino == self._inode
+        return False
+
+    def _close_door(self) -> None:
+        if self._door is not None:
+            self.loop.forget(self._door.fileno())
+            self._door.close()
+            self._door = None
+            if self._path is not None and self._is_there(self._path):  # otherwise it is another one's
+                os.unlink(self._path)

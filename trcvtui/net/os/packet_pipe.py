@@ -24,10 +24,15 @@ _CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets; `waits` is called with the ns for which nothing has come."""
+    """A descriptor of packets; `waits` is called with the ns for which nothing has come.
 
-    def __init__(self, fd: int, waits: Callable[[int], object]) -> None:
-        self._next, self._waits = _chunks_of(fd), waits
+    `renew` is called at its end, and may put another one in its place.
+    """
+
+    def __init__(
+        self, fd: int, waits: Callable[[int], object], renew: Callable[[], object] | None = None
+    ) -> None:
+        self._next, self._waits, self._renew = _chunks_of(fd), waits, renew
         self._few = False
         self.empty_at = time.monotonic_ns()  # when it was last seen empty
         self._stops_at: float | None = None
@@ -47,12 +52,15 @@ class PacketPipe:
 
     def read(self, _most: int) -> bytes:
         """Return the next bytes, b"" at the end."""
-        ticks, since = 0, 0
+        ticks, since, is_new = 0, 0, False
         if self._few:
             time.sleep(REST_S)
         while True:
             data = self._next(0.0 if not ticks else TICK_S if ticks < TICKS else SLOW_TICK_S)
-            if data is not None:
+            if data == b"" and self._renew is not None and not is_new:
+                is_new = True
+                self._renew()
+            elif data is not None:
                 self._few = len(data) < FEW
                 if self._few:
                     self.empty_at = time.monotonic_ns()

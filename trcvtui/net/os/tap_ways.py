@@ -1,14 +1,14 @@
-"""Ways for the events of a tap: its screen asks for one each time its engine starts, and gets it."""
+"""Ways to what a tap shows: its children ask for one each time they begin, and get it."""
 
 from __future__ import annotations
 
+import os
 import socket
 from contextlib import suppress
 from typing import Final
 
-from trcvtui.net.os.forwarder import Forwarder
-
 ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
+SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
 MOST_ANSWER: Final = 64  # bytes
 
 
@@ -16,7 +16,7 @@ class EventPipes:
     """The tap's end. `fd` is readable when a way is asked for, and when nobody is there who could ask."""
 
     def __init__(self) -> None:
-        self._asks, self.theirs = Forwarder.pair()
+        self._asks, self.theirs = socket.socketpair()
         self.fd = self._asks.fileno()
 
     def take_question(self) -> bytes:
@@ -31,9 +31,9 @@ class EventPipes:
             self._asks.sendall(f"{text}\n".encode())
 
     def hand_over(self) -> socket.socket | None:
-        """Hand a way over; return our end of it. None, and no way for the other: no descriptor is left."""
+        """Hand a way over; return its other end. None, and no way for the other: no descriptor is left."""
         try:
-            ours, theirs = Forwarder.pair()
+            ours, theirs = socket.socketpair()
         except OSError:
             with suppress(OSError):
                 self._asks.sendall(ASKED)
@@ -41,6 +41,30 @@ class EventPipes:
         with theirs, suppress(OSError):
             socket.send_fds(self._asks, [ASKED], [theirs.fileno()])
         return ours
+
+    def close(self) -> None:
+        self._asks.close()
+
+
+class ServerPipes:
+    """The tap's ends of what the process that serves observers has: events for orders, and ways."""
+
+    def __init__(self) -> None:
+        self.events, self._theirs = socket.socketpair()
+        self._ways, self._their_ways = socket.socketpair()
+        self.fds = self._theirs.fileno(), self._their_ways.fileno()  # the other ends
+
+    def close_theirs(self) -> None:
+        self._theirs.close()
+        self._their_ways.close()
+
+    def hand_over(self, kind: bytes, way: socket.socket) -> None:
+        """Let an observer of that kind be served."""
+        with way, suppress(OSError):
+            socket.send_fds(self._ways, [kind], [way.fileno()])
+
+    def close(self) -> None:
+        self._ways.close()
 
 
 def _ask(fd: int, what: bytes) -> tuple[bytes, list[int]]:
@@ -60,7 +84,7 @@ def ask_what_is_open(fd: int) -> str:
 
 
 def ask_for_way(fd: int) -> int:
-    """Return the descriptor on which a tap tells its events, handed over `fd`.
+    """Return the descriptor of the pcapng of a tap, which takes orders, too; it is handed over `fd`.
 
     It is at its end already where there is no tap any more.
     """
@@ -69,3 +93,19 @@ def ask_for_way(fd: int) -> int:
     ours, theirs = socket.socketpair()
     theirs.close()
     return ours.detach()
+
+
+class TapWay:
+    """The way of a tap to one of its children; when the process that serves it has ended, another one."""
+
+    def __init__(self, asks: int) -> None:
+        self._asks, self.fd = asks, ask_for_way(asks)
+
+    def renew(self) -> None:
+        way = ask_for_way(self._asks)
+        os.dup2(way, self.fd)
+        os.close(way)
+
+    def tell(self, line: bytes) -> None:
+        with suppress(OSError):  # the tap has ended: soon it is said
+            os.write(self.fd, line)

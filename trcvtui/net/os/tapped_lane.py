@@ -38,11 +38,11 @@ class TapLoop:
         self.holds = False  # each direction from its beginning
         self._numbers = count(1)
         self._poll = poll
-        self._heard: dict[int, Callable[[int], None]] = {}
+        self._heard: dict[int, Callable[[int], object]] = {}
         self._timers: list[tuple[int, int, Callable[[], None]]] = []
         self._timer_numbers = count()
 
-    def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
+    def hear(self, fd: int, mask: int, ready: Callable[[int], object]) -> None:
         """Call `ready` with what the poll set says of a descriptor."""
         self._poll.register(fd, mask)
         self._heard[fd] = ready

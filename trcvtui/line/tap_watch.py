@@ -1,0 +1,199 @@
+"""A tap for shadows: the packets of its conversations, notes of what it does, and orders for it.
+
+Its pcapng is played as any capture that grows. The notes say which conversations there are, and which tap has
+each; what they say of one is played in its place between the events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final
+
+from msgspec import MsgspecError
+from msgspec.json import decode
+from msgspec.structs import replace
+
+from trcvtui.capture.plc_end import PlcEnd, parse_plc
+from trcvtui.capture.reassembly import RECEIVED_END, SENT_END, Conversation, TwoEnds
+from trcvtui.commands import words
+from trcvtui.commands.table import parse_line
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
+from trcvtui.line.conversations import ConversationFigures
+from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
+from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
+from trcvtui.line.tapped import TapNote
+from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
+from trcvtui.project.project import TapDecl
+
+_MAPPED: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a packet whose other end has IPv6
+
+
+class TapPlan(LivePlan):
+    """Which CONNECT gets the conversations of each tap; `plc` names the PLC end where it is not at `to`."""
+
+    def __init__(
+        self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None
+    ) -> None:
+        self.routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
+        super().__init__(project, plc, dialect)
+
+    def _expect(
+        self, project: Path | None, plc: str | None, dialect: str | None
+    ) -> tuple[PlanMaker, list[Conversation]]:
+        routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
+        self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
+        if given is not None and given.port is not None and any(self.calls):
+            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
+        end = plc or (end_text(to.address, to.port) if to.kind != "serial" else None)
+        plan_of, loaded = planned(project, end, dialect)
+        known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
+        rows = rows_of_taps([known[route.name] for route in routes if route.name in known and not plc])
+        watched = replace(loaded, watches=rows) if loaded is not None and rows else None
+        others = [TapDecl(r.name, str(r.listen), str(r.to), "") for r in routes if r.name not in known]
+        taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
+        self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
+
+        def named(found: Sequence[Conversation]) -> ShadowPlan:
+            plan = plan_of(found) if watched is None else plan_of_project(found, watched, None)
+            return plan._replace(project=replace(plan.project, taps=taps, path=path))
+
+        near = [given.address if given is not None and calls else b"" for calls in self.calls]
+        return named, [self._first_of(-n, *each) for n, each in enumerate(zip(routes, near, strict=True), 1)]
+
+    def _first_of(self, number: int, route: Route, near: bytes) -> Conversation:
+        if route.to.kind == "serial":
+            return expected(number, *_line_ends(self.lines[route.name]), "serial", route.name)
+        far = ip_address(route.to.address).packed
+        caller = (near or bytes(len(far) - 1) + b"\1", ANY_PORT)
+        return expected(number, caller, (far, route.to.port), route.to.kind, route.name)
+
+
+def _is_at(place: TapPlace, end: PlcEnd) -> bool:
+    if place.kind == "serial":
+        return True
+    return ip_address(place.address).packed == end.address and end.port in (None, place.port)
+
+
+def _line_ends(name: str) -> TwoEnds:
+    return (name.encode(), RECEIVED_END), (name.encode(), SENT_END)
+
+
+class TapWatch(LiveWatch):
+    """Plays what a tap tells.
+
+    `tell` gets what is said of no conversation: when, the note, its words. `order` gets lines for the tap.
+    A plan that is none of a tap becomes one with the first note, which names the taps.
+    """
+
+    look_ns = 0  # no PLC end comes that the plan does not have
+
+    def __init__(
+        self,
+        plan: LivePlan,
+        begin: Callable[[ShadowPlan, int], CapturePlayer],
+        left: Callable[[Conversation, str], object] | None,
+        tell: Callable[[int, TapNote, str], object],
+        order: Callable[[bytes], object] | None = None,
+    ) -> None:
+        super().__init__(plan, begin, left)
+        self.found.noted = self._hear
+        self._tell, self._order = tell, order
+        self._talks: dict[int, Conversation] = {}  # that go on
+        self._typed = b""
+
+    def _hear(self, ns: int, data: bytes) -> None:
+        """Take a note; leave out what is none."""
+        wire = None
+        try:
+            note = decode(data, type=TapNote)
+            if note.note == "taps" and not self._plan.routes:
+                self._plan = TapPlan(note.taps, self._plan.path, note.plc, note.dialect)
+            first = bytes.fromhex(note.first)
+            if note.note == "open" and note.conversation not in self._talks:
+                talk, wire = self._opened(ns, note)
+            tap = self._plan.routes[note.tap].name
+        except (MsgspecError, UserError, ValueError, LookupError, OverflowError, RecursionError):
+            return
+        self.found.is_tapped = True
+        if self.player is None:
+            self._started()
+        if wire is not None and self.found.open(ns, talk, wire, note.new):
+            self._talks[talk.number] = talk
+        elif note.note == "end" and note.conversation in self._talks:
+            talk = self._talks.pop(note.conversation)
+            talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
+        self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+
+    def idle(self, idle_ns: int) -> None:
+        """Do nothing: a tap tells the time itself, in its place between what passes."""
+
+    def _opened(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
+        """Return a conversation, and its ends as packets have them."""
+        name, ((near, near_port), (far, far_port)) = self._plan.routes[note.tap].name, note.ends
+        if note.kind == "serial":
+            ends, wire = _line_ends(self._plan.lines[name]), _line_ends(f"{near} - {far}")
+        else:
+            one, other = ip_address(near).packed, ip_address(far).packed
+            ends, size = ((one, near_port), (other, far_port)), max(len(one), len(other))
+            wire = ((_MAPPED + one)[-size:], near_port), ((_MAPPED + other)[-size:], far_port)
+        talk = Conversation(note.conversation, note.kind, ns, ends)
+        talk.tap, talk.listener = name, talk.back if note.kind == "tcp" else None
+        return talk, wire
+
+    def _started(self) -> CapturePlayer:
+        player = super()._started()
+        player.talks = player.talks or ConversationFigures()
+        player.shadows.bench.on_tap = self._intervene if self._order is not None else None
+        return player
+
+    def _take_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
+        player, number, guess = self.player, note.conversation, self._plan.plan.guesses.get(note.conversation)
+        assert player is not None and player.talks is not None  # since the first note
+        to_plc = guess is not None and note.to_connect is (guess.says is guess.says.conversation.back)
+        match note.note:
+            case "refused" | "lack":
+                self._tell(ns, note, one_line(f"{tap}: {note.text}"))
+            case "lost":
+                lost = f"{note.events} events with {note.bytes} bytes came faster than they were shown"
+                self._tell(ns, note, lost)
+            case "ours" if guess is not None:
+                act = f"{'to-plc' if to_plc else 'from-plc'} {one_line(note.text)}"
+                player.shadows.bench.note(tap, "tap", act)
+                player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
+            case "held":
+                player.talks.hold(number, to_plc, note.bytes if note.holds else None, first)
+            case "figures":
+                figures = note.round_trip_us * 1000, note.window, note.again
+                player.talks.measure(number, to_plc, *figures)
+            case "end":
+                player.talks.end(number)
+
+    # -- what the user says --------------------------------------------------------------------------------
+
+    def type(self, data: bytes) -> list[str]:
+        """Take what was typed, lines of a bench; return what is wrong in them."""
+        assert self.player is not None  # it stands since the first note
+        bench, wrong = self.player.shadows.bench, list[str]()
+        *lines, self._typed = (self._typed + data).split(b"\n")
+        for line in lines:
+            try:
+                command = parse_line(line.decode(errors="replace").strip(), bench.project, "stdin")
+                wrong += [] if command is None else filter(None, [bench.do(command)])
+            except UserError as mistakes:
+                wrong += mistakes.lines()
+            self.player.shadows.wake()
+        return wrong
+
+    def _intervene(self, command: words.Intervene) -> str:
+        names = [route.name for route in self._plan.routes]
+        if command.tap not in names or self._order is None:
+            return f"tap {command.tap} does not run"
+        route = names.index(command.tap)
+        way = BACK if command.to_plc == self._plan.calls[route] else TO
+        order = TapOrder(route, command.conversation, way, command.verb, command.sizes, command.payload)
+        self._order(order.line())
+        return ""

@@ -1,0 +1,127 @@
+"""A socket to a reader that may be slow: what there is no room for is left out, counted, told afterwards."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT
+from trcvtui.net.os.tapped_lane import TapLoop
+
+READ: Final = 1 << 16
+MOST_LINE: Final = 4 << 20  # bytes of an order
+SEND_BUFFER: Final = 4 << 20
+PART_BYTES: Final = 200  # that a part takes beside its own
+
+
+class LossyPipe:
+    """Writes without waiting. While the reader is behind, whole parts are left out.
+
+    `restate` is called with (events, bytes, ends) that were left out as soon as the reader has all before
+    them; `hear` with each line that the reader says; `end` once, when the reader is gone.
+    """
+
+    def __init__(
+        self,
+        loop: TapLoop,
+        sock: socket.socket,
+        most: int,
+        restate: Callable[[int, int, bytes], object],
+        hear: Callable[[bytes], object],
+        end: Callable[[], object],
+    ) -> None:
+        self._loop, self._sock, self.most = loop, sock, most
+        self._restate, self._hear, self._end = restate, hear, end
+        self.waiting: deque[memoryview] = deque()
+        self._size = 0  # bytes that wait
+        self.is_behind = self.is_gone = False
+        self._lost = (0, 0, b"")
+        self._line = b""
+        sock.setblocking(False)
+        with suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        loop.hear(sock.fileno(), IN, self._ready)
+
+    def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
+        """Hand parts over, or let them wait; left out they count as so many events, and `ends` are kept."""
+        if self.is_gone:
+            return
+        if self.is_behind or self._size > self.most:
+            self.is_behind, lost = True, self._lost
+            self._lost = lost[0] + events, lost[1] + size, lost[2] + ends
+            return
+        sent = 0
+        if not self.waiting:
+            try:
+                sent = self._sock.sendmsg(parts)
+            except BlockingIOError:
+                pass
+            except OSError:
+                self.close()
+                return
+            if sent == sum(map(len, parts)):
+                return
+            self._loop.want(self._sock.fileno(), IN | OUT)
+        rest = memoryview(b"".join(parts))[sent:]
+        self.waiting.append(rest)
+        self._size += len(rest) + PART_BYTES
+
+    def _ready(self, events: int) -> None:
+        if events & (IN | ERR | HUP):
+            self._read()
+        if events & OUT and not self.is_gone:
+            self._flush()
+
+    def _flush(self) -> None:
+        try:
+            while self.waiting:
+                first = self.waiting[0]
+                sent = self._sock.send(first)
+                self._size -= sent
+                if sent < len(first):
+                    self.waiting[0] = first[sent:]
+                else:
+                    self.waiting.popleft()
+                    self._size -= PART_BYTES
+        except BlockingIOError:
+            return
+        except OSError:
+            self.close()
+            return
+        self._loop.want(self._sock.fileno(), IN)
+        if self.is_behind:
+            self.is_behind, lost = False, self._lost
+            self._lost = (0, 0, b"")
+            self._restate(*lost)
+
+    def _read(self) -> None:
+        try:
+            said = self._sock.recv(READ)
+        except BlockingIOError:
+            return
+        except OSError:
+            said = b""
+        *lines, self._line = (self._line + said).split(b"\n")
+        for line in filter(None, lines):
+            if not self.is_gone:
+                self._hear(line)
+        if not said or len(self._line) > MOST_LINE:
+            self.close()
+
+    def close(self) -> None:
+        if not self.is_gone:
+            self.is_gone = True
+            self._loop.forget(self._sock.fileno())
+            self._sock.close()
+            self.waiting.clear()
+            self._end()
+
+    def finish(self, until_ns: int) -> None:
+        """Hand over what waits, until a time of the monotonic clock at most; then close."""
+        while self.waiting and (left := until_ns - time.monotonic_ns()) > 0:
+            self._loop.turn(left / 1e9)
+        self.close()

@@ -32,12 +32,12 @@ class StatusRow(Struct, frozen=True):
     code: int
     condition: Condition | None
     blocks: tuple[str, ...]
-    error: bool
     title: str
     causes: tuple[str, ...]
     checks: tuple[str, ...]
     reach: Reproducibility
     manual: str
+    error: bool = True
     also: tuple[Condition, ...] = ()  # further conditions that show this code
     unreached: str = ""
     unsure: str = ""

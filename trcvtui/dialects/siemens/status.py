@@ -31,7 +31,6 @@ def _never(
             first + kind,
             None,
             blocks,
-            True,
             f"{pin}: {_ACCESS[kind][0]}",
             (_ACCESS[kind][1], "a pointer that is put together at run time has a wrong part"),
             (
@@ -51,7 +50,6 @@ PARAMETER_ERRORS: Final = (
         0x8081,
         Condition.ENDPOINT_GONE,
         ("T_RESET",),
-        True,
         "No connection of this ID",
         (
             "no block was asked to connect it: TCON, TSEND_C or TRCV_C",
@@ -69,7 +67,6 @@ PARAMETER_ERRORS: Final = (
         0x8085,
         Condition.LENGTH_WRONG,
         (*SEND, "TUSEND"),
-        True,
         "LEN is out of range",
         (
             "LEN is above the limit of the CPU: 8192 on an S7-1200, 65536 on an S7-1500; UDP 1472, 2048",
@@ -90,7 +87,6 @@ PARAMETER_ERRORS: Final = (
         0x8085,
         Condition.LENGTH_WRONG,
         (*RECEIVE, "TURCV"),
-        True,
         "LEN is out of range, or was changed",
         (
             "LEN or DATA was changed after the job had begun (BUSY = 1)",
@@ -112,7 +108,6 @@ PARAMETER_ERRORS: Final = (
         0x8085,
         None,
         TCON,
-        True,
         "ID belongs to a configured connection",
         (
             "a connection of the hardware configuration has the same ID",
@@ -130,7 +125,6 @@ PARAMETER_ERRORS: Final = (
         0x8086,
         Condition.ID_WRONG,
         SET_UP,
-        True,
         "ID is out of range",
         (
             "ID in the connection description is 0 or above 4095",
@@ -147,7 +141,6 @@ PARAMETER_ERRORS: Final = (
         0x8086,
         None,
         ("TDISCON", "T_DIAG", "TSEND", "TRCV", *UDP),
-        True,
         "ID is out of range",
         (
             "pin ID is 0 or above 4095",
@@ -165,7 +158,6 @@ PARAMETER_ERRORS: Final = (
         0x8087,
         None,
         SET_UP,
-        True,
         "No more connections",
         (
             "the CPU has no programmed connection left",
@@ -183,7 +175,6 @@ PARAMETER_ERRORS: Final = (
         0x8088,
         Condition.LEN_OVER_DATA,
         JOBS,
-        True,
         "LEN and DATA do not go together",
         (
             "LEN is larger than DATA, often after DATA was made smaller; 65535 was ad hoc before 3.0",
@@ -205,7 +196,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.NO_DESCRIPTION,
         SET_UP,
-        True,
         "CONNECT is no connection description",
         (
             "CONNECT points to something else than a TCON structure",
@@ -222,7 +212,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.RESULT_WRONG,
         ("T_DIAG",),
-        True,
         "RESULT cannot hold the answer",
         (
             "no variable is bound to RESULT (in a project file: data)",
@@ -239,7 +228,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.NO_DESCRIPTION,
         UDP,
-        True,
         "ADDR is of the wrong type",
         (
             "ADDR is no TADDR_Param, TADDR_SEND_QDN (TUSEND; not on this bench) or TADDR_RCV_IP (TURCV)",
@@ -256,7 +244,6 @@ PARAMETER_ERRORS: Final = (
         0x8090,
         None,
         TCON,
-        True,
         "The prepared connection does not fit",
         (
             "a connection made with TCONSettings is meant for another protocol or interface",
@@ -274,7 +261,6 @@ PARAMETER_ERRORS: Final = (
         0x8091,
         None,
         BOTH_C,
-        True,
         "Calls are nested too deep",
         (
             "the block is called at the deepest level that the CPU allows",
@@ -288,29 +274,33 @@ PARAMETER_ERRORS: Final = (
         "STEP 7 help: TSEND_C",
         unreached="the bench calls every instance from its task: nothing is nested",
     ),
-    StatusRow(
-        0x8822,
-        Condition.DATA_MISSING,
-        (*SEND, "TUSEND"),
-        True,
-        "DATA: no such area",
-        (
-            "nothing is bound to DATA",
-            "DATA points beyond the end of its data block",
-        ),
-        (
-            "pin DATA of the call, in a project file the key `data` of the instance",
-            "the size of the data block, if the pointer is built at run time",
-        ),
-        Reproducibility.LOGIC,
-        "STEP 7 help: TSEND_C",
-        unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
+    *(
+        StatusRow(
+            code,
+            Condition.DATA_MISSING,
+            blocks,
+            "DATA: no such area",
+            (
+                "nothing is bound to DATA",
+                "DATA points beyond the end of its data block",
+            ),
+            (
+                "pin DATA of the call, in a project file the key `data` of the instance",
+                "the size of the data block, if the pointer is built at run time",
+            ),
+            Reproducibility.LOGIC,
+            manual,
+            unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
+        )
+        for code, blocks, manual in (
+            (0x8822, (*SEND, "TUSEND"), "STEP 7 help: TSEND_C"),
+            (0x8922, (*RECEIVE, "TURCV"), "STEP 7 help: TRCV_C"),
+        )
     ),
     StatusRow(
         0x8824,
         Condition.DATA_REFUSED,
         (*SEND, "TUSEND"),
-        True,
         "DATA: a type that cannot be sent",
         (
             "DATA is a BOOL or an ARRAY OF BOOL",
@@ -325,28 +315,9 @@ PARAMETER_ERRORS: Final = (
         unsure="that BOOL is refused is documented; that it shows this code is inferred",
     ),
     StatusRow(
-        0x8922,
-        Condition.DATA_MISSING,
-        (*RECEIVE, "TURCV"),
-        True,
-        "DATA: no such area",
-        (
-            "nothing is bound to DATA",
-            "DATA points beyond the end of its data block",
-        ),
-        (
-            "pin DATA of the call, in a project file the key `data` of the instance",
-            "the size of the data block, if the pointer is built at run time",
-        ),
-        Reproducibility.LOGIC,
-        "STEP 7 help: TRCV_C",
-        unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
-    ),
-    StatusRow(
         0x8924,
         Condition.DATA_REFUSED,
         (*RECEIVE, "TURCV"),
-        True,
         "DATA: a type that cannot be received into",
         (
             "DATA is a BOOL or an ARRAY OF BOOL",

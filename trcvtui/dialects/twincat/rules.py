@@ -34,7 +34,7 @@ def _row(
 ) -> StatusRow:
     title = f"{code} COMERROR_{name}: {title}"
     return StatusRow(
-        code, condition, blocks, True, title, causes, checks, Reproducibility.LOGIC, MANUAL, unsure=unsure
+        code, condition, blocks, title, causes, checks, Reproducibility.LOGIC, MANUAL, unsure=unsure
     )
 
 
@@ -43,7 +43,7 @@ def _of_hardware(code: int, name: str, title: str) -> StatusRow:
     checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
     title = f"{code} COMERROR_{name}: {title}"
     return StatusRow(
-        code, None, SERIAL, True, title, causes, checks, Reproducibility.NEVER, MANUAL, unreached=OF_HARDWARE
+        code, None, SERIAL, title, causes, checks, Reproducibility.NEVER, MANUAL, unreached=OF_HARDWARE
     )
 
 
@@ -51,7 +51,6 @@ NO_ERROR: Final = StatusRow(
     0,
     Condition.NOT_CALLED,
     SERIAL,
-    False,
     "0 COMERROR_NOERROR: no error",
     (
         "the block waits for bytes, has some, or has delivered a frame",
@@ -63,6 +62,7 @@ NO_ERROR: Final = StatusRow(
     ),
     Reproducibility.LOGIC,
     "TwinCAT TF6340 help, ReceiveData",
+    error=False,
     also=(
         Condition.NO_JOB,
         Condition.FRAME_AWAITED,

@@ -59,6 +59,23 @@ class StatusRow(Struct, frozen=True):
         return tuple(line for line in self.causes if _is_of(line, block))
 
 
+def unreached_row(
+    code: int,
+    blocks: tuple[str, ...],
+    title: str,
+    causes: tuple[str, ...],
+    checks: tuple[str, ...],
+    manual: str,
+    unreached: str,
+    unsure: str = "",
+) -> StatusRow:
+    """Return a row that nothing on this bench shows."""
+    never = Reproducibility.NEVER
+    return StatusRow(
+        code, None, blocks, title, causes, checks, never, manual, unreached=unreached, unsure=unsure
+    )
+
+
 def _is_of(line: str, block: str) -> bool:
     named = [set(names.split(", ")) for names in _NAMED.findall(line)]
     begins = _NAMED.match(line) is not None and named[0] <= BLOCKS.keys()

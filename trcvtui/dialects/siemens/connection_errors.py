@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.states import BOTH_C, CLOSE, RCV_C, SEND, SEND_C, SET_UP, TCON, UDP
 
 CONNECTION_ERRORS: Final = (
@@ -200,9 +200,8 @@ CONNECTION_ERRORS: Final = (
         "STEP 7 help: TSEND, T_DIAG, TUSEND",
         unsure="values written into DATA are not noticed: it was copied in the scan of the edge",
     ),
-    StatusRow(
+    unreached_row(
         0x80B1,
-        None,
         ("TRCV", "TURCV"),
         "DATA was changed before the job ended",
         (
@@ -213,21 +212,18 @@ CONNECTION_ERRORS: Final = (
             "`trcvtui status 8085 --block TRCV`: the code that this bench shows for it",
             "BUSY has to be 0 before DATA or its type may change",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TRCV, TURCV",
         unreached="the manual gives 8085 for the same case, and that is shown",
     ),
 )
 
 LEGACY_ERRORS: Final = (
-    StatusRow(
+    unreached_row(
         0x80A0,
-        None,
         SET_UP,
         "Group of 80A1 and 80A2",
         ("the port is taken, by the user or by the system", "instructions before 3.0 do not tell which"),
         ("`ss -ltnp 'sport = :PORT'` names the holder", "LocalPort: take one from 2000 to 5000"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench always knows which of the two it is",
     ),
@@ -248,14 +244,12 @@ LEGACY_ERRORS: Final = (
         "STEP 7 help: TCON",
         unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
-    StatusRow(
+    unreached_row(
         0x80B2,
-        None,
         SET_UP,
         "CONNECT is in load memory only",
         ("the data block of CONNECT has the attribute `only store in load memory`", "it was never loaded"),
         ("attributes of that data block", "a CONNECT in the instance of the block itself"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench has no load memory",
     ),
@@ -314,9 +308,8 @@ JOB_ERRORS: Final = (
         ),
         unsure="80C4 for one scan after 80C5 is a recommended reading",
     ),
-    StatusRow(
+    unreached_row(
         0x80C4,
-        None,
         ("T_DIAG",),
         "Not possible at this moment",
         (
@@ -327,7 +320,6 @@ JOB_ERRORS: Final = (
             "a new edge at REQ some scans later",
             "the diagnostic buffer of the CPU",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: T_DIAG",
         unreached="to read how a connection stands takes no call that can fail",
     ),
@@ -367,9 +359,8 @@ JOB_ERRORS: Final = (
         "STEP 7 help, Open User Communication",
         also=(Condition.REFUSED,),
     ),
-    StatusRow(
+    unreached_row(
         0x80C5,
-        None,
         UDP,
         "The partner closed",
         ("a connection has been ended by its partner", "never with datagrams between two IP addresses"),
@@ -377,7 +368,6 @@ JOB_ERRORS: Final = (
             "whether the partner is there at all: only an answer of its own can tell",
             "`tcpdump -ni any udp port PORT`: does anything come back?",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TURCV",
         unreached="datagrams have no connection that a partner could close",
     ),
@@ -418,9 +408,8 @@ JOB_ERRORS: Final = (
         "STEP 7 help: TUSEND",
         also=(Condition.UNREACHABLE,),
     ),
-    StatusRow(
+    unreached_row(
         0x80C7,
-        None,
         (*TCON, "TSEND", "TRCV", *UDP),
         "Time limit of the job",
         (
@@ -431,7 +420,6 @@ JOB_ERRORS: Final = (
             "the load of the interface and of the cycle",
             "a new edge at REQ",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help, Open User Communication",
         unreached="no manual says after which time; an attempt without an answer ends with 80C6",
     ),
@@ -468,9 +456,8 @@ JOB_ERRORS: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TRCV, TURCV",
     ),
-    StatusRow(
+    unreached_row(
         0x80C9,
-        None,
         TCON,
         "The caller is not the partner of CONNECT",
         (
@@ -481,7 +468,6 @@ JOB_ERRORS: Final = (
             "`ss -tn` and `tcpdump -ni any tcp port PORT`: who calls?",
             "RemoteAddress 0.0.0.0 and RemotePort 0 take any partner",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="a wrong caller is reset with a line in the ledger, and the block goes on waiting (7002)",
     ),

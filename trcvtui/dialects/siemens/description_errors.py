@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.states import SET_UP, TCON, UDP
 
 DESCRIPTION_ERRORS: Final = (
@@ -44,14 +44,12 @@ DESCRIPTION_ERRORS: Final = (
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         also=(Condition.WRONG_LOCAL_ADDRESS,),
     ),
-    StatusRow(
+    unreached_row(
         0x809C,
-        None,
         TCON,
         "Multicast needs an InterfaceId",
         ("UDP to a multicast group with InterfaceId 0", "the CPU has several ports and cannot choose one"),
         ("the hardware identifier of the port instead of 0", "whether multicast is meant at all"),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench joins no multicast group; a group as RemoteAddress shows 80A4",
     ),
@@ -164,9 +162,8 @@ DESCRIPTION_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TUSEND, TURCV",
     ),
-    StatusRow(
+    unreached_row(
         0x80B8,
-        None,
         TCON,
         "ID at the pin and in CONNECT differ",
         (
@@ -174,7 +171,6 @@ DESCRIPTION_ERRORS: Final = (
             "CONNECT was copied, ID was not changed",
         ),
         ("both numbers side by side", "one constant for both"),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="a block of the bench names its CONNECT and has no ID of its own beside it",
     ),
@@ -234,14 +230,12 @@ DESCRIPTION_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TCON",
     ),
-    StatusRow(
+    unreached_row(
         0x80D3,
-        None,
         ("TUSEND",),
         "The receiver's name is unknown",
         ("the name in a TADDR_SEND_QDN is not known", "the server for names did not answer"),
         ("`getent hosts NAME`", "an address in a TADDR_Param instead"),
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TADDR_Param",
         unreached="an [[addr]] of the project file has an address and no name",
     ),
@@ -354,8 +348,6 @@ _FAILURES: Final = {
     ),
 }
 _UNSURE: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
-_NO_DATAGRAM_TLS: Final = "a UDP connection has no secure structure: ActivateSecureConn cannot be written"
-_NOT_BEFORE: Final = "a job starts after the handshake: until then the connection is not up (80A1)"
 
 
 def _tls_row(code: int) -> StatusRow:
@@ -375,19 +367,16 @@ def _tls_row(code: int) -> StatusRow:
 
 TLS_ERRORS: Final = (
     *(_tls_row(code) for code in _FAILURES),
-    StatusRow(
+    unreached_row(
         0x80EA,
-        None,
         UDP,
         *_FAILURES[0x80EA],
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TURCV",
-        unreached=_NO_DATAGRAM_TLS,
+        unreached="a UDP connection has no secure structure: ActivateSecureConn cannot be written",
         unsure=_UNSURE,
     ),
-    StatusRow(
+    unreached_row(
         0x80EE,
-        None,
         ("TSEND", "TRCV"),
         "TLS: the handshake has not ended",
         (
@@ -395,8 +384,7 @@ TLS_ERRORS: Final = (
             "the partner does not go on with the handshake",
         ),
         ("start jobs after the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND, TRCV",
-        unreached=_NOT_BEFORE,
+        unreached="a job starts after the handshake: until then the connection is not up (80A1)",
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.connection_errors import CONNECTION_ERRORS, JOB_ERRORS
 from trcvtui.dialects.siemens.description_errors import DESCRIPTION_ERRORS, TLS_ERRORS
 from trcvtui.dialects.siemens.states import BOTH_C, JOBS, RCV_C, RECEIVE, SEND, SET_UP, STATES, TCON, UDP
@@ -27,9 +27,8 @@ def _never(
 ) -> list[StatusRow]:
     """Return the rows 16#8xyy of one pin that a bench without memory areas cannot show."""
     return [
-        StatusRow(
+        unreached_row(
             first + kind,
-            None,
             blocks,
             f"{pin}: {_ACCESS[kind][0]}",
             (_ACCESS[kind][1], "a pointer that is put together at run time has a wrong part"),
@@ -37,7 +36,6 @@ def _never(
                 f"the variable at {pin}, and the data block that it stands in: loaded, and accessible?",
                 "all parts of the pointer, one by one; or the symbol itself at the pin",
             ),
-            Reproducibility.NEVER,
             manual,
             unreached=_NO_MEMORY,
         )
@@ -104,9 +102,8 @@ PARAMETER_ERRORS: Final = (
         also=(Condition.DATA_EMPTY, Condition.AREA_CHANGED),
         unsure="what becomes of the bytes of such a job is not documented: here they are lost",
     ),
-    StatusRow(
+    unreached_row(
         0x8085,
-        None,
         TCON,
         "ID belongs to a configured connection",
         (
@@ -117,7 +114,6 @@ PARAMETER_ERRORS: Final = (
             "the connection table of the hardware configuration: which IDs does it use?",
             "another ID for the programmed connection",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench has no hardware configuration with connections of its own",
     ),
@@ -137,9 +133,8 @@ PARAMETER_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
     ),
-    StatusRow(
+    unreached_row(
         0x8086,
-        None,
         ("TDISCON", "T_DIAG", "TSEND", "TRCV", *UDP),
         "ID is out of range",
         (
@@ -150,13 +145,11 @@ PARAMETER_ERRORS: Final = (
             "the same constant at TCON, TSEND, TRCV and TDISCON",
             "the start-up of the program: which block runs before the ID is written?",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help, Open User Communication",
         unreached="these blocks name their CONNECT, and an ID that is wrong fails at TCON before them",
     ),
-    StatusRow(
+    unreached_row(
         0x8087,
-        None,
         SET_UP,
         "No more connections",
         (
@@ -167,7 +160,6 @@ PARAMETER_ERRORS: Final = (
             "the CPU's diagnostics: connection resources in use against those reserved",
             "CONT = 0 or TDISCON where a connection is no longer needed",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench shows a full budget as 80C3, which the manual gives for the same case",
     ),
@@ -240,9 +232,8 @@ PARAMETER_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TUSEND, TURCV, TADDR_Param",
     ),
-    StatusRow(
+    unreached_row(
         0x8090,
-        None,
         TCON,
         "The prepared connection does not fit",
         (
@@ -253,13 +244,11 @@ PARAMETER_ERRORS: Final = (
             "the TCONSettings call against the structure at CONNECT",
             "without TCONSettings: a description with everything in it",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench has no TCONSettings",
     ),
-    StatusRow(
+    unreached_row(
         0x8091,
-        None,
         BOTH_C,
         "Calls are nested too deep",
         (
@@ -270,7 +259,6 @@ PARAMETER_ERRORS: Final = (
             "the call structure of the program: how deep does this block stand?",
             "call it in the cyclic OB itself, and hand its outputs down",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C",
         unreached="the bench calls every instance from its task: nothing is nested",
     ),

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 
@@ -42,9 +42,7 @@ def _of_hardware(code: int, name: str, title: str) -> StatusRow:
     causes = ("SerialLineControl or the configuration of a terminal",)
     checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
     title = f"{code} COMERROR_{name}: {title}"
-    return StatusRow(
-        code, None, SERIAL, title, causes, checks, Reproducibility.NEVER, MANUAL, unreached=OF_HARDWARE
-    )
+    return unreached_row(code, SERIAL, title, causes, checks, MANUAL, OF_HARDWARE)
 
 
 NO_ERROR: Final = StatusRow(

@@ -32,11 +32,6 @@ MOST_LISTED: Final = 16
 ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
-def is_identifier(text: str) -> bool:
-    """Return whether the text is an IEC identifier, of the letters and digits of any script."""
-    return text.isidentifier()
-
-
 def hidden_in(path: str) -> str:
     """Return the control and bidirectional characters of a file's name, escaped; "" where it has none."""
     return one_line("".join(sorted({one for one in path if one in _TURNS or category(one) in _HIDDEN})))
@@ -44,7 +39,7 @@ def hidden_in(path: str) -> str:
 
 def parse_reference(text: str | None) -> str | None:
     """Return `C1` of `@C1`, None for any other text."""
-    return text[1:] if text and text.startswith("@") and is_identifier(text[1:]) else None
+    return text[1:] if text and text.startswith("@") and text[1:].isidentifier() else None
 
 
 def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
@@ -295,7 +290,7 @@ PORT: Final = whole(0, 65535)
 MESSAGES: Final = _list_of('messages such as ["hex 01 02", "random 8"]')
 STEPS: Final = _list_of('message names and pauses such as ["hello", "T#100ms"]')
 RULES: Final = _list_of('rules such as ["contains hex 05 send hex 06"]')
-NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
+NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if text.isidentifier() else None)
 UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)

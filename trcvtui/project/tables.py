@@ -20,7 +20,7 @@ from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
 from trcvtui.net.results import Endpoint, end_in_words
 from trcvtui.net.tap import PLACE, place_of
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
-from trcvtui.udt.literals import format_time, parse_integer, parse_time
+from trcvtui.udt.literals import format_time, parse_duration, parse_integer
 from trcvtui.udt.types import ELEMENTARY
 from trcvtui.wording import exact_size, parse_size
 
@@ -203,16 +203,9 @@ def _truth(value: object) -> bool | None:
     return bool(value) if isinstance(value, int) and value in (0, 1) else None
 
 
-def _duration(text: str) -> int | None:
-    try:
-        return parse_time(text)
-    except UserError:
-        return None
-
-
 def _duration_from(least: int) -> Callable[[str], int | None]:
     def read(text: str) -> int | None:
-        ns = _duration(text)
+        ns = parse_duration(text)
         return ns if ns is not None and ns >= least else None
 
     return read
@@ -220,7 +213,8 @@ def _duration_from(least: int) -> Callable[[str], int | None]:
 
 def _milliseconds(text: str) -> int | None:
     """Return the ms of a TIME, as TwinCAT counts it: 32 bits without a sign."""
-    ns = int(text) * 1_000_000 if text.isascii() and text.isdigit() and len(text) < 11 else _duration(text)
+    is_count = text.isascii() and text.isdigit() and len(text) < 11
+    ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
 
 

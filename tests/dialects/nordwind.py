@@ -44,12 +44,12 @@ def _row(code: int, title: str, conditions: tuple[Is, ...]) -> StatusRow:
         code,
         first,
         BLOCKS,
-        error,
         title,
         ("see the manual",),
         ("the cable",),
         Reproducibility.REAL,
         "3",
+        error,
         tuple(also),
     )
 

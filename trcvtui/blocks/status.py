@@ -32,12 +32,12 @@ class StatusRow(Struct, frozen=True):
     code: int
     condition: Condition | None
     blocks: tuple[str, ...]
-    error: bool
     title: str
     causes: tuple[str, ...]
     checks: tuple[str, ...]
     reach: Reproducibility
     manual: str
+    error: bool = True
     also: tuple[Condition, ...] = ()  # further conditions that show this code
     unreached: str = ""
     unsure: str = ""
@@ -57,6 +57,23 @@ class StatusRow(Struct, frozen=True):
 
     def causes_of(self, block: str) -> tuple[str, ...]:
         return tuple(line for line in self.causes if _is_of(line, block))
+
+
+def unreached_row(
+    code: int,
+    blocks: tuple[str, ...],
+    title: str,
+    causes: tuple[str, ...],
+    checks: tuple[str, ...],
+    manual: str,
+    unreached: str,
+    unsure: str = "",
+) -> StatusRow:
+    """Return a row that nothing on this bench shows."""
+    never = Reproducibility.NEVER
+    return StatusRow(
+        code, None, blocks, title, causes, checks, never, manual, unreached=unreached, unsure=unsure
+    )
 
 
 def _is_of(line: str, block: str) -> bool:

@@ -53,7 +53,7 @@ from trcvtui.project.edit import edited, undone
 from trcvtui.project.file import WORDS
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier, shown, whole, with_article
+from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, shown, whole, with_article
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE
 from trcvtui.udt.sources import parse_type
@@ -114,7 +114,7 @@ def _must(given: dict[str, str], key: str, names: list[str], what: str, words: W
 
 def _new_name(words: Words, project: Project) -> str:
     name = words.next("a name for the new instance")
-    if not is_identifier(name) or name in WORDS:
+    if not name.isidentifier() or name in WORDS:
         raise words.wrong(shown(name), IDENTIFIER_TEXT)
     if project.instance(name) is not None or project.data_decl(name) is not None:
         raise words.wrong(f"{shown(name)}, which is there already", "a name of its own", "taken")

@@ -10,8 +10,8 @@ from msgspec import Struct, field
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import StatusRow
-from trcvtui.errors import Problem, UserError
-from trcvtui.udt.literals import format_time, parse_time
+from trcvtui.errors import Problem
+from trcvtui.udt.literals import format_time, parse_duration
 
 SwitchValue = str | int | bool
 
@@ -167,13 +167,8 @@ def _bool(switch: Switch, given: object) -> SwitchValue | None:
 
 
 def _duration(switch: Switch, given: object) -> SwitchValue | None:
-    if not isinstance(given, str):
-        return None
-    try:
-        ns = parse_time(given)
-    except UserError:
-        return None
-    return ns if ns >= 0 else None
+    ns = parse_duration(given) if isinstance(given, str) else None
+    return ns if ns is not None and ns >= 0 else None
 
 
 def _count(switch: Switch, given: object) -> SwitchValue | None:

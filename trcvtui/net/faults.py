@@ -131,20 +131,12 @@ class FaultPlan:
 
 
 NOTHING: Final[Mapping[Handle, str]] = {}
-# The calls that a planned fault only stands before, and what the plan calls them.
+_BY_NAME: Final = ("set_reuse", "bind", "listen", "poll_add", "poll_del", "resolve", "connect")
+# The calls that a planned fault only stands before, and what the plan calls them; each look at a name is one.
 STOPPED: Final = {
-    "set_reuse": "set_reuse",
-    "bind": "bind",
-    "listen": "listen",
-    "poll_add": "poll_add",
-    "poll_del": "poll_del",
-    "resolve": "resolve",  # each look is a call
-    "connect": "connect",
-    "recv": "recv",
+    **{name: name for name in (*_BY_NAME, "recv", "send", "shutdown")},
     "recv_from": "recv",
-    "send": "send",
     "send_to": "send",
-    "shutdown": "shutdown",
     "probe": "shutdown",
 }
 

@@ -89,9 +89,6 @@ class SerialLines:
             self._streams.pop(instance).left()
             self._orphans.discard(instance)
 
-    def __contains__(self, name: str) -> bool:
-        return name in self._buffers
-
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(self._buffers)

@@ -28,7 +28,6 @@ from trcvtui.project.tables import (
     Given,
     Table,
     expected_name,
-    is_identifier,
     parse_reference,
     read_toml,
     shown,
@@ -420,7 +419,7 @@ class DocumentReader:
 
 def _label(entry: Mapping[str, Any], number: int) -> str:
     name = entry.get("name")
-    return name if isinstance(name, str) and is_identifier(name) else f"#{number}"
+    return name if isinstance(name, str) and name.isidentifier() else f"#{number}"
 
 
 @lru_cache(maxsize=4)  # an edit of the UDT files is looked at several times before it is one

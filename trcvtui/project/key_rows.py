@@ -166,10 +166,6 @@ def _no_keys(decl: Any) -> Keys:
     return []
 
 
-def finish_table(values: Values) -> None:
-    values.table.finish()
-
-
 class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
@@ -189,7 +185,7 @@ class TableRow(Struct, frozen=True):
     first_name: str = ""
     called: str = "name"
     also: Callable[[Values], dict[str, Any] | None] = lambda values: {}
-    finish: Callable[[Values], None] = finish_table
+    finish: Callable[[Values], None] = lambda values: values.table.finish()
     shares: tuple[str, ...] = ()
     asks_first: tuple[str, ...] = ()
     head: Callable[[Any], Keys] = _no_keys

@@ -346,5 +346,3 @@ class Project(Struct, frozen=True, eq=False):
 
     def task(self, name: str) -> Task | None:
         return next((t for t in self.tasks if t.name == name), None)
-
-    # -- a running PLC changes its program: another Project, the file stays as it is -------------------

@@ -20,7 +20,7 @@ from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
 from trcvtui.net.results import Endpoint, end_in_words
 from trcvtui.net.tap import PLACE, place_of
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
-from trcvtui.udt.literals import format_time, parse_integer, parse_time
+from trcvtui.udt.literals import format_time, parse_duration, parse_integer
 from trcvtui.udt.types import ELEMENTARY
 from trcvtui.wording import exact_size, parse_size
 
@@ -32,11 +32,6 @@ MOST_LISTED: Final = 16
 ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
-def is_identifier(text: str) -> bool:
-    """Return whether the text is an IEC identifier, of the letters and digits of any script."""
-    return text.isidentifier()
-
-
 def hidden_in(path: str) -> str:
     """Return the control and bidirectional characters of a file's name, escaped; "" where it has none."""
     return one_line("".join(sorted({one for one in path if one in _TURNS or category(one) in _HIDDEN})))
@@ -44,7 +39,7 @@ def hidden_in(path: str) -> str:
 
 def parse_reference(text: str | None) -> str | None:
     """Return `C1` of `@C1`, None for any other text."""
-    return text[1:] if text and text.startswith("@") and is_identifier(text[1:]) else None
+    return text[1:] if text and text.startswith("@") and text[1:].isidentifier() else None
 
 
 def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
@@ -208,16 +203,9 @@ def _truth(value: object) -> bool | None:
     return bool(value) if isinstance(value, int) and value in (0, 1) else None
 
 
-def _duration(text: str) -> int | None:
-    try:
-        return parse_time(text)
-    except UserError:
-        return None
-
-
 def _duration_from(least: int) -> Callable[[str], int | None]:
     def read(text: str) -> int | None:
-        ns = _duration(text)
+        ns = parse_duration(text)
         return ns if ns is not None and ns >= least else None
 
     return read
@@ -225,7 +213,8 @@ def _duration_from(least: int) -> Callable[[str], int | None]:
 
 def _milliseconds(text: str) -> int | None:
     """Return the ms of a TIME, as TwinCAT counts it: 32 bits without a sign."""
-    ns = int(text) * 1_000_000 if text.isascii() and text.isdigit() and len(text) < 11 else _duration(text)
+    is_count = text.isascii() and text.isdigit() and len(text) < 11
+    ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
 
 
@@ -295,7 +284,7 @@ PORT: Final = whole(0, 65535)
 MESSAGES: Final = _list_of('messages such as ["hex 01 02", "random 8"]')
 STEPS: Final = _list_of('message names and pauses such as ["hello", "T#100ms"]')
 RULES: Final = _list_of('rules such as ["contains hex 05 send hex 06"]')
-NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
+NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if text.isidentifier() else None)
 UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)

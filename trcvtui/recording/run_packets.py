@@ -31,7 +31,7 @@ class RunPackets:
         self._jobs: dict[str, int] = {}
         self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
         self._coming: WireCall | None = None  # its bytes stand in the next entry
-        self._at: dict[str, Callable[[Answered], Answered]] = {
+        self._at: dict[str, Callable[[Answered], Answered | None]] = {
             STEP: self._step,
             SHOWS: self._shows,
             "set_options": self._option,
@@ -72,23 +72,20 @@ class RunPackets:
     def take(self, entry: Answered) -> Answered:
         """Take an entry of the journal; return it with a pointer in place of bytes that packets carry."""
         made = self._at.get(entry[1])
-        return made(entry) if made else entry
+        return (made(entry) if made else None) or entry
 
-    def _step(self, entry: Answered) -> Answered:
+    def _step(self, entry: Answered) -> None:
         if isinstance(entry.answer, int):
             self._now = entry.answer
             self.wire.scan += 1
             self._scan_from = len(self.packets)
-        return entry
 
-    def _option(self, entry: Answered) -> Answered:
+    def _option(self, entry: Answered) -> None:
         if entry.args[-1]:
             self._layered.add(_handle_of(entry))
-        return entry
 
-    def _freed(self, entry: Answered) -> Answered:
+    def _freed(self, entry: Answered) -> None:
         self._layered.discard(_handle_of(entry))
-        return entry
 
     def _read(self, entry: Answered) -> Answered:
         if not isinstance(entry.answer, tuple):
@@ -118,7 +115,7 @@ class RunPackets:
         at = flows[1].told - len(data) - (entry.call == GAP + MESSAGE)
         return entry._replace(answer=self._place(flows[1], at, data))
 
-    def _sent(self, entry: Answered) -> Answered:
+    def _sent(self, entry: Answered) -> None:
         flows = self.wire.flows.get(_handle_of(entry))
         if flows is not None and isinstance(entry.answer, int):
             flow, is_whole = flows[0], entry.answer == entry.args[1]
@@ -126,20 +123,17 @@ class RunPackets:
                 end = flow.whole if flow.is_stream else flow.told - 1
                 flow.ends.append((self.wire.scan + (not flow.is_part), end))
             flow.is_part = not is_whole
-        return entry
 
-    def _probed(self, entry: Answered) -> Answered:
+    def _probed(self, entry: Answered) -> None:
         """Take that a probe failed as `shutdown` would: the partner's RST was quicker than ours."""
         call = WireCall(self._now, entry.owner, "shutdown", _handle_of(entry), (), entry.answer, b"")
         self._add(self.wire.of(call) if isinstance(entry.answer, Fault) else iter(()))
-        return entry
 
-    def _discarded(self, entry: Answered) -> Answered:
+    def _discarded(self, entry: Answered) -> None:
         flows = self.wire.flows.get(_handle_of(entry))
         if flows is not None and isinstance(entry.answer, int) and _handle_of(entry) not in self._layered:
             flows[1].taken += entry.answer
             flows[1].whole = max(flows[1].whole, flows[1].taken)
-        return entry
 
     # -- what points to packets -------------------------------------------------------------------------
 
@@ -164,7 +158,7 @@ class RunPackets:
 
     # -- comments ---------------------------------------------------------------------------------------
 
-    def _shows(self, shows: Answered) -> Answered:
+    def _shows(self, shows: Answered) -> None:
         connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
         ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
         readers = self._readers.setdefault(str(connect), set())
@@ -173,7 +167,7 @@ class RunPackets:
         if not (done or error) or not isinstance(status, int):
             if not busy and readers == {shows.owner}:  # its job was given up
                 theirs.give_up(self.wire.scan)
-            return shows
+            return
         job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
         size = "" if length is None or error else f" {length} B"
         ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self.wire.scan}"
@@ -192,7 +186,6 @@ class RunPackets:
             numbers = range(self._scan_from, len(self.packets))
             of_it = [number for number in numbers if connect in self.packets[number].owners]
             self.comments.setdefault(max(of_it, default=OF_JOURNAL), []).append(text)
-        return shows
 
     def _comment(self, text: str, flow: Flow, at: int, back: Flow) -> None:
         places, numbers = self._numbers.get(flow, ([], []))

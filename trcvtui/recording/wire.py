@@ -144,7 +144,7 @@ class WirePackets:
         self._port = FIRST_PORT
         self._number = 0  # of IP packets
         self._counted: dict[str, tuple[int, ...]] = {}  # errors of each serial line
-        self._at: dict[str, Callable[[WireCall], Iterator[WirePacket]]] = {
+        self._at: dict[str, Callable[[WireCall], Iterator[WirePacket] | None]] = {
             "local_addresses": self._addresses,
             "bind": self._bind,
             "local_end": self._local_end,
@@ -168,26 +168,23 @@ class WirePackets:
 
     def of(self, call: WireCall) -> Iterator[WirePacket]:
         made = self._at.get(call.call)
-        return made(call) if made else iter(())
+        return (made(call) if made else None) or iter(())
 
     # -- who is where -----------------------------------------------------------------------------------
 
-    def _addresses(self, call: WireCall) -> Iterator[WirePacket]:
+    def _addresses(self, call: WireCall) -> None:
         found = call.answer if isinstance(call.answer, tuple) else ()
         own = [each.address for each in found if isinstance(each, LocalAddress) and not each.loopback]
         self._address = next((address for address in own if octets(address)), self._address)
-        return iter(())
 
-    def _bind(self, call: WireCall) -> Iterator[WirePacket]:
+    def _bind(self, call: WireCall) -> None:
         end = call.args[0] if call.args else None
         if isinstance(end, Endpoint) and call.answer is None:
             self._bound[call.handle] = end
-        return iter(())
 
-    def _local_end(self, call: WireCall) -> Iterator[WirePacket]:
+    def _local_end(self, call: WireCall) -> None:
         if isinstance(call.answer, Endpoint):
             self._bound[call.handle] = call.answer
-        return iter(())
 
     def _is_own(self, end: Endpoint) -> bool:
         addresses = (end.address, ANY_ADDRESS)
@@ -492,25 +489,23 @@ class WirePackets:
             return
         self._counted[call.owner] = counted
         for event, had, has in zip(SERIAL_ERRORS, before, counted, strict=True):
-            head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
+            head = _serial_head(ns, event)
             for _ in range(min(has - had, MOST_ERRORS)):
                 yield WirePacket((call.owner,), call.owner, ns, head, 0)
 
     def _serial(self, call: WireCall) -> Iterator[WirePacket]:
         if call.data:
             ns, comes = self.wall_ns + call.at, call.call == "port read"
-            flow, at = self.newest.setdefault(call.owner, (Flow(), Flow()))[comes], 0
+            flow = self.newest.setdefault(call.owner, (Flow(), Flow()))[comes]
             at, flow.told = flow.told, flow.told + len(call.data)
             flow.ends.append((self.scan, flow.told))
-            head = _SERIAL(
-                ns // 10**9 & 0xFFFFFFFF,
-                ns % 10**9 // 1000,
-                SERIAL_RECEIVED if comes else SERIAL_SENT,
-                0,
-                0,
-            )
+            head = _serial_head(ns, SERIAL_RECEIVED if comes else SERIAL_SENT)
             size = len(call.data)
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)
+
+
+def _serial_head(ns: int, event: int) -> bytes:
+    return _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
 
 
 @lru_cache(1024)

@@ -11,6 +11,7 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
+from functools import partialmethod
 from typing import Final, TypeVar, cast
 
 from trcvtui.net.connection.connection import SocketUse
@@ -251,7 +252,7 @@ class ReplayedPartners(Replay):
 
     # -- calls of a kernel -----------------------------------------------------------------------------
 
-    def _open(self, owner: str, is_udp: bool = False) -> int | Fault:
+    def _at_socket(self, owner: str, is_udp: bool = False) -> int | Fault:
         if owner not in self.peers:
             failed = self._as_told(owner, "datagram_socket" if is_udp else "socket")
             if isinstance(failed, Fault):
@@ -261,11 +262,7 @@ class ReplayedPartners(Replay):
         socket.is_udp = is_udp
         return self._made
 
-    def _at_socket(self, owner: str) -> int | Fault:
-        return self._open(owner)
-
-    def _at_datagram_socket(self, owner: str) -> int | Fault:
-        return self._open(owner, is_udp=True)
+    _at_datagram_socket = partialmethod(_at_socket, is_udp=True)
 
     def _at_local_addresses(self, owner: str) -> object:
         known = self._as_told(owner, "local_addresses")
@@ -373,7 +370,7 @@ class ReplayedPartners(Replay):
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
                 self._give_up(socket.partner)
-        made = self._open(owner)
+        made = self._at_socket(owner)
         if isinstance(made, Fault):
             return made
         self._sockets[made].partner = partner
@@ -521,8 +518,7 @@ class ReplayedPartners(Replay):
         told = self._as_told(owner, call)
         return told if isinstance(told, Fault) else None
 
-    def _at_abort(self, owner: str, handle: int) -> object:
-        return self._at_close(owner, handle, RESET)
+    _at_abort = partialmethod(_at_close, call=RESET)
 
     # -- a serial line ---------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding, Job, NoJob, ScriptBlock
+from trcvtui.blocks.block import Binding, NoJob, RunningJob, ScriptBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
@@ -45,11 +45,13 @@ def shown_as(condition: Condition, outcome: Outcome) -> Outcome:
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
-def end_of_job(loss: ConnectionLoss, job: Job, course: StatusSequence, failed: Condition) -> Outcome:
-    """Return what ends a job whose connection is gone; a connection that we have closed is no longer up."""
-    if loss.kind is LossKind.OURS:
-        return Outcome(Condition.NOT_CONNECTED, loss_cause(loss, job))
-    return Outcome(course.job_loss.get(loss.kind, failed), loss_cause(loss, job))
+def end_of_job(loss: ConnectionLoss, job: RunningJob, course: StatusSequence, failed: Condition) -> Outcome:
+    """End a job whose connection is gone; a connection that we have closed is no longer up."""
+    is_ours = loss.kind is LossKind.OURS
+    condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
+    cause = loss_cause(loss, job)
+    job.abandon(loss.reason)
+    return Outcome(condition, cause)
 
 
 IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)

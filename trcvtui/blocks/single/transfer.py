@@ -53,9 +53,7 @@ class SingleTsend(JobBlock):
 
     def _lost(self, loss: ConnectionLoss) -> Outcome:
         self._link.end([])
-        shown = end_of_job(loss, self.job, self._course, Condition.SEND_FAILED)
-        self.job.abandon(loss.reason)
-        return shown
+        return end_of_job(loss, self.job, self._course, Condition.SEND_FAILED)
 
 
 class TusendOnConnect(SingleTsend):
@@ -104,9 +102,7 @@ class SingleTrcv(JobBlock):
 
     def _lost(self, loss: ConnectionLoss) -> Outcome:
         self._link.end([])
-        shown = end_of_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
-        self.job.abandon(loss.reason)
-        return shown
+        return end_of_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
 
     def _no_link(self) -> Outcome:
         """Return 80A1, or 80C4 while somebody builds the connection again."""

@@ -1,12 +1,13 @@
 """Baosky STATUS words of the normal course: the codes that the manual lists above its exceptions.
 
-A row names the _C blocks; baosky_inner_blocks.py adds the others.
+A row names the _C blocks; status.py adds the others.
 Causes and checks speak to the person at the cabinet: which pin to look at, which command to type.
 `ss`, `nc`, `ip` and `tcpdump` are meant for the machine that runs the bench.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -16,12 +17,12 @@ RECEIVE: Final = ("TRCV_C",)
 SEND: Final = ("TSEND_C",)
 BOTH: Final = RECEIVE + SEND
 
+_state: Final = partial(StatusRow, error=False)
 STATES: Final = (
-    StatusRow(
+    _state(
         0x0000,
         Condition.NOT_CALLED,
         BOTH,
-        False,
         "Not called",
         (
             "the program has not called this instance yet",
@@ -37,11 +38,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    StatusRow(
+    _state(
         0x0001,
         Condition.CREATING,
         BOTH,
-        False,
         "Creating the socket",
         (
             "CONT (TCON: REQ) has just risen; this shows for one scan",
@@ -54,11 +54,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    StatusRow(
+    _state(
         0x7000,
         Condition.NO_JOB,
         BOTH,
-        False,
         "No job, and no connection",
         (
             "CONT was never set; EN_R or a REQ edge alone builds no connection",
@@ -74,11 +73,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    StatusRow(
+    _state(
         0x7001,
         Condition.CREATED,
         BOTH,
-        False,
         "Socket created",
         (
             "the first step of the set-up worked; this shows for one scan",
@@ -91,11 +89,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    StatusRow(
+    _state(
         0x7002,
         Condition.ESTABLISHING,
         BOTH,
-        False,
         "Connecting, or waiting for the partner",
         (
             "passive: no partner has called yet, or a wrong one was turned away",
@@ -113,11 +110,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
     ),
-    StatusRow(
+    _state(
         0x7003,
         Condition.CLOSING,
         BOTH,
-        False,
         "Closing the connection",
         (
             "CONT fell: 7007 and 7000 follow, or 7000 alone when nothing was connected",
@@ -131,11 +127,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    StatusRow(
+    _state(
         0x7004,
         Condition.CONNECTED,
         BOTH,
-        False,
         "Connected, nothing asked for",
         (
             "the connection has just come up; one scan before 7006 when EN_R is 1",
@@ -152,11 +147,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
     ),
-    StatusRow(
+    _state(
         0x7005,
         Condition.SENDING,
         SEND,
-        False,
         "Sending",
         (
             "a send job has started; at least one scan, however fast the line",
@@ -171,11 +165,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
-    StatusRow(
+    _state(
         0x7006,
         Condition.RECEIVING,
         RECEIVE,
-        False,
         "Receiving, or ready and waiting",
         (
             "nothing has come: normal with EN_R = 1; a cut line or a partner without power looks the same "
@@ -193,11 +186,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
-    StatusRow(
+    _state(
         0x7007,
         Condition.CLOSED,
         BOTH,
-        False,
         "Closed by this side",
         (
             "CONT fell while connected: 7000 follows",
@@ -211,11 +203,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    StatusRow(
+    _state(
         0x7008,
         Condition.RECEIVED,
         RECEIVE,
-        False,
         "Frame received",
         (
             "static: all the bytes that LEN (or DATA) asks for are here",
@@ -229,11 +220,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
-    StatusRow(
+    _state(
         0x7009,
         Condition.SENT,
         SEND,
-        False,
         "Frame handed over",
         (
             "the local network stack has taken every byte",
@@ -247,11 +237,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
-    StatusRow(
+    _state(
         0x8000,
         Condition.RESETTING,
         BOTH,
-        False,
         "Resetting the connection",
         (
             "COM_RST (T_RESET: REQ) rose while connected; 7003, 7007 and 7002 follow",

@@ -15,7 +15,6 @@ CONNECTION_ERRORS: Final = (
         0x8080,
         Condition.NO_SOCKET,
         BOTH,
-        True,
         "No socket left",
         (
             "all connections of the PLC model are in use (T3: 8, T4: 32)",
@@ -34,7 +33,6 @@ CONNECTION_ERRORS: Final = (
         0x8081,
         Condition.WRONG_LOCAL_ADDRESS,
         BOTH,
-        True,
         "LocalAddress is not usable",
         (
             "no network port of this PLC has that address",
@@ -53,7 +51,6 @@ CONNECTION_ERRORS: Final = (
         0x8082,
         Condition.REUSE_FAILED,
         BOTH,
-        True,
         "Address reuse was refused",
         (
             "the descriptor was closed or replaced under the socket",
@@ -71,7 +68,6 @@ CONNECTION_ERRORS: Final = (
         0x8083,
         Condition.BIND_FAILED,
         BOTH,
-        True,
         "LocalPort could not be taken",
         (
             "another program or another CONNECT already listens on this address and port",
@@ -91,7 +87,6 @@ CONNECTION_ERRORS: Final = (
         0x8084,
         Condition.POLL_ADD_FAILED,
         BOTH,
-        True,
         "Socket could not be watched",
         (
             "the user's limit of epoll watches is reached (ENOSPC)",
@@ -109,7 +104,6 @@ CONNECTION_ERRORS: Final = (
         0x8086,
         Condition.ACCEPT_FAILED,
         BOTH,
-        True,
         "A client could not be accepted",
         (
             "no free file descriptor: the client waits in the queue and believes that it is connected",
@@ -128,7 +122,6 @@ CONNECTION_ERRORS: Final = (
         0x8087,
         Condition.POLL_DEL_FAILED,
         BOTH,
-        True,
         "Socket could not be taken off the watch",
         (
             "the descriptor was closed before it was unregistered (EBADF)",
@@ -145,7 +138,6 @@ CONNECTION_ERRORS: Final = (
         0x80A0,
         Condition.CONNECT_FAILED,
         BOTH,
-        True,
         "The partner could not be reached (active side)",
         (
             "ECONNREFUSED: the machine is there, but no program listens on RemotePort",
@@ -166,7 +158,6 @@ CONNECTION_ERRORS: Final = (
         0x80A1,
         Condition.NOT_CONNECTED,
         BOTH,
-        True,
         "Asked for data without a connection",
         (
             "EN_R was 1 or REQ rose before the connection was up; harmless for one scan at the start",
@@ -186,7 +177,6 @@ CONNECTION_ERRORS: Final = (
         0x80A2,
         Condition.DISCONNECT_FAILED,
         BOTH,
-        True,
         "Closing failed",
         (
             "the partner had reset the connection just before CONT fell (ENOTCONN)",
@@ -203,7 +193,6 @@ CONNECTION_ERRORS: Final = (
         0x80A3,
         Condition.RESET_FAILED,
         BOTH,
-        True,
         "Reset failed",
         (
             "the partner had reset the connection just before COM_RST rose (ENOTCONN)",
@@ -227,7 +216,6 @@ JOB_ERRORS: Final = (
         0x80A4,
         Condition.DATA_EMPTY,
         BOTH,
-        True,
         "DATA has no byte",
         (
             "no variable is bound to DATA",
@@ -245,7 +233,6 @@ JOB_ERRORS: Final = (
         0x80A5,
         Condition.LENGTH_WRONG,
         BOTH,
-        True,
         "LEN does not fit",
         (
             "LEN is larger than DATA, often after DATA was made smaller or its UDT changed",
@@ -264,7 +251,6 @@ JOB_ERRORS: Final = (
         0x80A6,
         Condition.SHORT_FRAME,
         RECEIVE,
-        True,
         "Frame ended too early (static mode)",
         (
             "the partner closed when only part of LEN had come",
@@ -283,7 +269,6 @@ JOB_ERRORS: Final = (
         0x80A7,
         Condition.NO_BUFFER,
         BOTH,
-        True,
         "No buffer for the job",
         (
             "more jobs run at the same time than the PLC has buffers",
@@ -301,7 +286,6 @@ JOB_ERRORS: Final = (
         0x80A8,
         Condition.SEND_BUFFER_FULL,
         SEND,
-        True,
         "Send buffer is full",
         (
             "the partner does not read, so not one byte of this job found room",
@@ -319,7 +303,6 @@ JOB_ERRORS: Final = (
         0x80A9,
         Condition.SEND_FAILED,
         SEND,
-        True,
         "Sending failed",
         (
             "the partner reset the connection: crash, kill, or a close with bytes left unread (ECONNRESET)",
@@ -337,7 +320,6 @@ JOB_ERRORS: Final = (
         0x80AA,
         Condition.RECEIVE_FAILED,
         RECEIVE,
-        True,
         "Receiving failed",
         (
             "the partner reset the connection: crash, kill, or an abortive close (ECONNRESET)",
@@ -357,7 +339,6 @@ JOB_ERRORS: Final = (
         0x80AB,
         Condition.LINK_DEAD,
         BOTH,
-        True,
         "The link is dead",
         (
             "cable, switch or power at the partner: no answer for 3 x KeepAliveTimeInterval",
@@ -376,7 +357,6 @@ JOB_ERRORS: Final = (
         0x80AC,
         Condition.QUEUE_FULL,
         BOTH,
-        True,
         "Job queue is full",
         (
             "more blocks connect, close or reset in one scan than the queue carries",
@@ -394,7 +374,6 @@ JOB_ERRORS: Final = (
         0x80C3,
         Condition.CONNECT_IN_USE,
         BOTH,
-        True,
         "CONNECT is used by another block of this kind",
         (
             "another TRCV_C with EN_R=1 (or a sending TSEND_C) works on the same CONNECT",
@@ -415,7 +394,6 @@ JOB_ERRORS: Final = (
         0x80C5,
         Condition.PARTNER_CLOSED,
         BOTH,
-        True,
         "The partner closed during the job",
         (
             "the partner's program ended or closed its connection",

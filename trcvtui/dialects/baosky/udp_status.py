@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -14,13 +15,14 @@ IN: Final = ("URECV_C",)
 OUT: Final = ("USEND_C",)
 UDP: Final = IN + OUT
 MANUAL: Final = "Baosky library manual 7.15.14, 7.15.15"
+_error: Final = partial(StatusRow, manual=MANUAL)
+_state: Final = partial(_error, error=False)
 
 UDP_STATES: Final = (
-    StatusRow(
+    _state(
         0x0000,
         Condition.NOT_CALLED,
         UDP,
-        False,
         "Not called",
         ("the program has not called this instance yet", "the PLC is in STOP: its UDP sockets are closed"),
         (
@@ -28,13 +30,11 @@ UDP_STATES: Final = (
             "the instance's task: is it in the project, and does it come round?",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x0001,
         Condition.CREATING,
         UDP,
-        False,
         "Creating the UDP socket",
         (
             "CONT has just risen; this shows for one scan",
@@ -47,13 +47,11 @@ UDP_STATES: Final = (
             "switch retry: the pause between two attempts",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7000,
         Condition.NO_JOB,
         UDP,
-        False,
         "No job: CONT is 0",
         (
             "CONT is 0, so there is no socket, whatever REQ or EN_R say",
@@ -64,13 +62,11 @@ UDP_STATES: Final = (
             "datagrams that arrive now are lost without a word to the sender",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7001,
         Condition.CREATED,
         UDP,
-        False,
         "Ready: the UDP socket is there",
         (
             "the socket is bound; UDP has no connection, so this is the ready state",
@@ -81,13 +77,11 @@ UDP_STATES: Final = (
             "`ss -uln`: the port is listed; Recv-Q counts bytes that wait for EN_R",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7003,
         Condition.CLOSING,
         UDP,
-        False,
         "Releasing the UDP socket",
         (
             "CONT has just fallen; this shows for one scan",
@@ -98,13 +92,11 @@ UDP_STATES: Final = (
             "another block on this UDP_CONFIG loses the socket with it and makes it anew (0001, 7001)",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7005,
         Condition.SENDING,
         OUT,
-        False,
         "Sending a datagram",
         (
             "REQ rose while ready: the stack was given the datagram in this very scan",
@@ -115,13 +107,11 @@ UDP_STATES: Final = (
             "a further REQ edge in this scan is not seen",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7006,
         Condition.RECEIVING,
         IN,
-        False,
         "Waiting for a datagram",
         (
             "EN_R is 1 and no datagram has come since the last job",
@@ -134,13 +124,11 @@ UDP_STATES: Final = (
             "a firewall on this machine drops datagrams without a trace here",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7007,
         Condition.CLOSED,
         UDP,
-        False,
         "UDP socket released",
         (
             "CONT fell while the socket was there; this shows for one scan",
@@ -151,13 +139,11 @@ UDP_STATES: Final = (
             "other blocks on this UDP_CONFIG with CONT=1 make the socket anew",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7008,
         Condition.RECEIVED,
         IN,
-        False,
         "Datagram received",
         (
             "one datagram is one job: RCVD_LEN is its size, also when it is shorter than LEN",
@@ -169,13 +155,11 @@ UDP_STATES: Final = (
             "UDP may lose, double and reorder: only a number inside the telegram can tell",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _state(
         0x7009,
         Condition.SENT,
         OUT,
-        False,
         "Datagram handed over",
         (
             "the local network stack has the whole datagram",
@@ -186,7 +170,6 @@ UDP_STATES: Final = (
             "`tcpdump udp port N` at the partner; only an answer in your own protocol proves the arrival",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
 )
 
@@ -195,11 +178,10 @@ UDP_STATES: Final = (
 # The manual's own words: 80A5 above 2048 bytes.
 
 UDP_ERRORS: Final = (
-    StatusRow(
+    _error(
         0x8080,
         Condition.NO_SOCKET,
         UDP,
-        True,
         "No socket left",
         (
             "the system has no free descriptor or no memory for a UDP socket",
@@ -210,13 +192,11 @@ UDP_ERRORS: Final = (
             "the next attempt follows by itself (switch retry)",
         ),
         Reproducibility.INJECTED,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x8081,
         Condition.WRONG_LOCAL_ADDRESS,
         UDP,
-        True,
         "LocalAddress is no port of this PLC",
         (
             "LocalAddress of the UDP_CONFIG is 0.0.0.0 or was left out",
@@ -228,13 +208,11 @@ UDP_ERRORS: Final = (
             "a UDP_CONFIG that was copied from another PLC still holds that one's address",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x8083,
         Condition.BIND_FAILED,
         UDP,
-        True,
         "LocalPort cannot be bound",
         (
             "another UDP_CONFIG, or another program, has this UDP port",
@@ -246,13 +224,11 @@ UDP_ERRORS: Final = (
             "LocalPort 0 takes a free one",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x8084,
         Condition.POLL_ADD_FAILED,
         UDP,
-        True,
         "Socket not taken into the poll set",
         ("the system refused one more descriptor in the poll set", "a planned fault on poll_add"),
         (
@@ -260,24 +236,20 @@ UDP_ERRORS: Final = (
             "the socket is closed again and the next attempt follows by itself (switch retry)",
         ),
         Reproducibility.INJECTED,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x8087,
         Condition.POLL_DEL_FAILED,
         UDP,
-        True,
         "Socket not taken out of the poll set",
         ("the descriptor was closed underneath, which no bench command does", "a planned fault on poll_del"),
         ("the ledger names the errno", "the socket is closed all the same; 7000 follows"),
         Reproducibility.INJECTED,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A1,
         Condition.NOT_CONNECTED,
         UDP,
-        True,
         "Asked for data before the socket was there",
         (
             "USEND_C: REQ rose before 7001; this edge is lost",
@@ -289,24 +261,20 @@ UDP_ERRORS: Final = (
             "switch not_connected: URECV_C shows it once, as long as it lasts, or never",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A2,
         Condition.DISCONNECT_FAILED,
         UDP,
-        True,
         "Releasing the socket failed",
         ("the call that closes the socket answered an error", "a planned fault on close"),
         ("the ledger names the errno", "the socket is gone all the same; 7000 follows"),
         Reproducibility.INJECTED,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A4,
         Condition.DATA_EMPTY,
         UDP,
-        True,
         "DATA has no byte",
         ("no variable is bound to DATA", "the bound variable has size 0, or was shrunk to nothing"),
         (
@@ -314,13 +282,11 @@ UDP_ERRORS: Final = (
             "the size of the variable: `trcvtui udt show FILE`; on the bench `resize`",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A5,
         Condition.LENGTH_WRONG,
         UDP,
-        True,
         "LEN does not fit into a datagram",
         (
             "LEN is above 2048, the longest datagram of these blocks",
@@ -333,13 +299,11 @@ UDP_ERRORS: Final = (
             "the socket stays; as soon as LEN fits the job starts",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A7,
         Condition.NO_BUFFER,
         UDP,
-        True,
         "No buffer for the job",
         (
             "more jobs run at the same time than there are buffers (switch buffers)",
@@ -350,13 +314,11 @@ UDP_ERRORS: Final = (
             "URECV_C tries again in each scan, USEND_C with the next REQ edge",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A8,
         Condition.SEND_BUFFER_FULL,
         OUT,
-        True,
         "Send buffer full",
         (
             "the stack has no room for the datagram now; it was not sent",
@@ -364,13 +326,11 @@ UDP_ERRORS: Final = (
         ),
         ("send it again with a new REQ edge", "`ss -un` Send-Q, and the speed of the interface"),
         Reproducibility.INJECTED,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80A9,
         Condition.SEND_FAILED,
         OUT,
-        True,
         "The datagram could not be sent",
         (
             "ADDR holds no target: RemoteAddress 0.0.0.0 or RemotePort 0",
@@ -383,13 +343,11 @@ UDP_ERRORS: Final = (
             "a partner that is merely off or does not listen shows 7009, never this",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80AA,
         Condition.RECEIVE_FAILED,
         IN,
-        True,
         "The datagram could not be taken",
         (
             "it is larger than LEN (LEN=0: than DATA); it is lost, DATA and ADDR stay as they were",
@@ -401,13 +359,11 @@ UDP_ERRORS: Final = (
             "switch large_datagram = cut takes the first bytes instead",
         ),
         Reproducibility.REAL,
-        MANUAL,
     ),
-    StatusRow(
+    _error(
         0x80C3,
         Condition.CONNECT_IN_USE,
         UDP,
-        True,
         "UDP_CONFIG already in use",
         (
             "another block of the same kind works on this UDP_CONFIG: one URECV_C with EN_R=1 at a time",
@@ -419,7 +375,6 @@ UDP_ERRORS: Final = (
             "CONT to 0 on any block of this UDP_CONFIG frees it",
         ),
         Reproducibility.LOGIC,
-        MANUAL,
     ),
 )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.states import BOTH_C, CLOSE, RCV_C, SEND, SEND_C, SET_UP, TCON, UDP
 
 CONNECTION_ERRORS: Final = (
@@ -13,7 +13,6 @@ CONNECTION_ERRORS: Final = (
         0x80A1,
         Condition.PORT_IN_USE,
         SET_UP,
-        True,
         "The connection or the local port is taken",
         (
             "another program or another CONNECT already listens on this port",
@@ -32,7 +31,6 @@ CONNECTION_ERRORS: Final = (
         0x80A1,
         Condition.NOT_CONNECTED,
         ("TSEND", "TRCV", *UDP),
-        True,
         "There is no connection to work on",
         (
             "TCON (or the _C block) has not built it yet, or TDISCON has closed it",
@@ -50,7 +48,6 @@ CONNECTION_ERRORS: Final = (
         0x80A2,
         Condition.PORT_RESERVED,
         SET_UP,
-        True,
         "The local port is the system's own",
         (
             "one of 20, 21, 80, 102, 135, 161, 162, 443, 34962 to 34964, or from 49152 on",
@@ -67,7 +64,6 @@ CONNECTION_ERRORS: Final = (
         0x80A3,
         Condition.FOUND_CLOSED,
         BOTH_C,
-        True,
         "The connection was found closed",
         (
             "the partner closed or reset it while no job ran here",
@@ -89,7 +85,6 @@ CONNECTION_ERRORS: Final = (
         0x80A3,
         Condition.ENDPOINT_THERE,
         TCON,
-        True,
         "This connection is there already",
         (
             "TCON has built it before: it stands, or its endpoint waits for the partner to come again",
@@ -108,7 +103,6 @@ CONNECTION_ERRORS: Final = (
         0x80A3,
         Condition.ENDPOINT_GONE,
         ("TDISCON", "T_DIAG"),
-        True,
         "There is no such connection",
         (
             "it is not built yet: no TCON, no _C block that CONT, REQ or EN_R asks",
@@ -125,7 +119,6 @@ CONNECTION_ERRORS: Final = (
         0x80A4,
         Condition.REMOTE_WRONG,
         (*SET_UP, "TUSEND"),
-        True,
         "The partner's address cannot be used",
         (
             "RemoteAddress is the CPU's own address, a broadcast or a multicast address",
@@ -142,7 +135,6 @@ CONNECTION_ERRORS: Final = (
         0x80A7,
         Condition.RESET_IN_JOB,
         SEND_C,
-        True,
         "COM_RST came while a send job ran",
         (
             "the program resets the connection without a look at BUSY",
@@ -159,7 +151,6 @@ CONNECTION_ERRORS: Final = (
         0x80A7,
         Condition.RESET_IN_JOB,
         TCON,
-        True,
         "TDISCON came before TCON had ended",
         (
             "the program closes the connection while TCON still waits for the partner",
@@ -176,7 +167,6 @@ CONNECTION_ERRORS: Final = (
         0x80AA,
         Condition.LET_GO,
         BOTH_C,
-        True,
         "The other block let the connection go",
         (
             "two _C blocks share a connection, and CONT of the other one ended it",
@@ -197,7 +187,6 @@ CONNECTION_ERRORS: Final = (
         0x80B1,
         Condition.AREA_CHANGED,
         (*SEND, "TUSEND", "T_DIAG"),
-        True,
         "DATA was changed before the job ended",
         (
             "DATA got another type or size while the job ran (T_DIAG: RESULT)",
@@ -211,11 +200,9 @@ CONNECTION_ERRORS: Final = (
         "STEP 7 help: TSEND, T_DIAG, TUSEND",
         unsure="values written into DATA are not noticed: it was copied in the scan of the edge",
     ),
-    StatusRow(
+    unreached_row(
         0x80B1,
-        None,
         ("TRCV", "TURCV"),
-        True,
         "DATA was changed before the job ended",
         (
             "DATA got another type or size while the job ran",
@@ -225,22 +212,18 @@ CONNECTION_ERRORS: Final = (
             "`trcvtui status 8085 --block TRCV`: the code that this bench shows for it",
             "BUSY has to be 0 before DATA or its type may change",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TRCV, TURCV",
         unreached="the manual gives 8085 for the same case, and that is shown",
     ),
 )
 
 LEGACY_ERRORS: Final = (
-    StatusRow(
+    unreached_row(
         0x80A0,
-        None,
         SET_UP,
-        True,
         "Group of 80A1 and 80A2",
         ("the port is taken, by the user or by the system", "instructions before 3.0 do not tell which"),
         ("`ss -ltnp 'sport = :PORT'` names the holder", "LocalPort: take one from 2000 to 5000"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench always knows which of the two it is",
     ),
@@ -248,7 +231,6 @@ LEGACY_ERRORS: Final = (
         0x80A5,
         Condition.ID_OTHER,
         SET_UP,
-        True,
         "ID in use",
         (
             "another connection of the program has this ID, and other settings",
@@ -262,15 +244,12 @@ LEGACY_ERRORS: Final = (
         "STEP 7 help: TCON",
         unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
-    StatusRow(
+    unreached_row(
         0x80B2,
-        None,
         SET_UP,
-        True,
         "CONNECT is in load memory only",
         ("the data block of CONNECT has the attribute `only store in load memory`", "it was never loaded"),
         ("attributes of that data block", "a CONNECT in the instance of the block itself"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench has no load memory",
     ),
@@ -283,7 +262,6 @@ JOB_ERRORS: Final = (
         0x80C3,
         Condition.NO_SOCKET,
         (*BOTH_C, *TCON, *CLOSE, "TSEND", "TRCV", *UDP),
-        True,
         "No resources, or the ID is busy elsewhere",
         (
             "all connections of the CPU are in use, or the process has no free file descriptor",
@@ -305,7 +283,6 @@ JOB_ERRORS: Final = (
         0x80C4,
         Condition.NOT_NOW,
         (*SET_UP, *CLOSE, "TSEND", "TRCV", "TURCV"),
-        True,
         "Not possible at this moment",
         (
             "TRCV, TRCV_C: EN_R is 1 while the connection is built again, or in the scan after its loss",
@@ -331,11 +308,9 @@ JOB_ERRORS: Final = (
         ),
         unsure="80C4 for one scan after 80C5 is a recommended reading",
     ),
-    StatusRow(
+    unreached_row(
         0x80C4,
-        None,
         ("T_DIAG",),
-        True,
         "Not possible at this moment",
         (
             "an internal error of the CPU that passes",
@@ -345,7 +320,6 @@ JOB_ERRORS: Final = (
             "a new edge at REQ some scans later",
             "the diagnostic buffer of the CPU",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: T_DIAG",
         unreached="to read how a connection stands takes no call that can fail",
     ),
@@ -353,7 +327,6 @@ JOB_ERRORS: Final = (
         0x80C4,
         Condition.SEND_BUFFER_FULL,
         ("TUSEND",),
-        True,
         "Not possible at this moment",
         (
             "the stack has no room for the datagram",
@@ -370,7 +343,6 @@ JOB_ERRORS: Final = (
         0x80C5,
         Condition.PARTNER_CLOSED,
         _LINKED,
-        True,
         "The partner refused or closed",
         (
             "active: the machine is there, but no program listens on RemotePort (ECONNREFUSED)",
@@ -387,18 +359,15 @@ JOB_ERRORS: Final = (
         "STEP 7 help, Open User Communication",
         also=(Condition.REFUSED,),
     ),
-    StatusRow(
+    unreached_row(
         0x80C5,
-        None,
         UDP,
-        True,
         "The partner closed",
         ("a connection has been ended by its partner", "never with datagrams between two IP addresses"),
         (
             "whether the partner is there at all: only an answer of its own can tell",
             "`tcpdump -ni any udp port PORT`: does anything come back?",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TURCV",
         unreached="datagrams have no connection that a partner could close",
     ),
@@ -406,7 +375,6 @@ JOB_ERRORS: Final = (
         0x80C6,
         Condition.UNREACHABLE,
         _LINKED,
-        True,
         "The partner cannot be reached",
         (
             "no route, no answer to ARP, or no answer at all within the time of an attempt",
@@ -427,7 +395,6 @@ JOB_ERRORS: Final = (
         0x80C6,
         Condition.SEND_FAILED,
         ("TUSEND",),
-        True,
         "The network did not take the datagram",
         (
             "no route to the address in ADDR (ENETUNREACH, EHOSTUNREACH)",
@@ -441,11 +408,9 @@ JOB_ERRORS: Final = (
         "STEP 7 help: TUSEND",
         also=(Condition.UNREACHABLE,),
     ),
-    StatusRow(
+    unreached_row(
         0x80C7,
-        None,
         (*TCON, "TSEND", "TRCV", *UDP),
-        True,
         "Time limit of the job",
         (
             "the CPU has not ended the job in its own time",
@@ -455,7 +420,6 @@ JOB_ERRORS: Final = (
             "the load of the interface and of the cycle",
             "a new edge at REQ",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help, Open User Communication",
         unreached="no manual says after which time; an attempt without an answer ends with 80C6",
     ),
@@ -463,7 +427,6 @@ JOB_ERRORS: Final = (
         0x80C8,
         Condition.ID_OTHER,
         SET_UP,
-        True,
         "ID in use with other settings",
         (
             "another connection of the program has this ID",
@@ -481,7 +444,6 @@ JOB_ERRORS: Final = (
         0x80C9,
         Condition.MESSAGE_TOO_LONG,
         (*RCV_C, "TRCV", "TURCV"),
-        True,
         "The message is longer than DATA or LEN",
         (
             "ISO-on-TCP: the partner's message has more bytes than this job has room for",
@@ -494,11 +456,9 @@ JOB_ERRORS: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TRCV, TURCV",
     ),
-    StatusRow(
+    unreached_row(
         0x80C9,
-        None,
         TCON,
-        True,
         "The caller is not the partner of CONNECT",
         (
             "another machine calls on this port",
@@ -508,7 +468,6 @@ JOB_ERRORS: Final = (
             "`ss -tn` and `tcpdump -ni any tcp port PORT`: who calls?",
             "RemoteAddress 0.0.0.0 and RemotePort 0 take any partner",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="a wrong caller is reset with a line in the ledger, and the block goes on waiting (7002)",
     ),

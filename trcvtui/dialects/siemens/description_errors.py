@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.states import SET_UP, TCON, UDP
 
 DESCRIPTION_ERRORS: Final = (
@@ -13,7 +13,6 @@ DESCRIPTION_ERRORS: Final = (
         0x809A,
         Condition.DESCRIPTION_LENGTH,
         SET_UP,
-        True,
         "CONNECT has the wrong length",
         (
             "the bytes at CONNECT are more or fewer than their structure has",
@@ -31,7 +30,6 @@ DESCRIPTION_ERRORS: Final = (
         0x809B,
         Condition.INTERFACE_WRONG,
         SET_UP,
-        True,
         "InterfaceId is wrong",
         (
             "InterfaceId is 0, which only a description with a name may have",
@@ -46,15 +44,12 @@ DESCRIPTION_ERRORS: Final = (
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         also=(Condition.WRONG_LOCAL_ADDRESS,),
     ),
-    StatusRow(
+    unreached_row(
         0x809C,
-        None,
         TCON,
-        True,
         "Multicast needs an InterfaceId",
         ("UDP to a multicast group with InterfaceId 0", "the CPU has several ports and cannot choose one"),
         ("the hardware identifier of the port instead of 0", "whether multicast is meant at all"),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench joins no multicast group; a group as RemoteAddress shows 80A4",
     ),
@@ -62,7 +57,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B3,
         Condition.NEEDS_ADDR,
         (*SET_UP, "TUSEND"),
-        True,
         "Faulty description, or UDP without ADDR",
         (
             "the description is one of UDP, and this block has no ADDR",
@@ -81,7 +75,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B3,
         Condition.OTHER_TRANSPORT,
         ("TSEND", "TRCV", "TURCV"),
-        True,
         "The block does not fit the connection",
         (
             "TSEND or TRCV on a connection of UDP: TUSEND and TURCV are meant",
@@ -98,7 +91,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B4,
         Condition.TSAP_WRONG,
         SET_UP,
-        True,
         "The local TSAP is not allowed",
         (
             "LocalTSelector is empty, or has two bytes and does not begin with E0",
@@ -117,7 +109,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B5,
         Condition.UDP_ACTIVE,
         SET_UP,
-        True,
         "UDP cannot be established actively",
         (
             "ConnectionType is UDP and ActiveEstablished is TRUE",
@@ -131,7 +122,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B6,
         Condition.TYPE_WRONG,
         SET_UP,
-        True,
         "ConnectionType is wrong",
         (
             "the type does not belong to this structure: TCON_IP_v4 takes 0B, 11, 13; TCON_IP_RFC 0C, 12",
@@ -148,7 +138,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80B7,
         Condition.PARAMETER_WRONG,
         SET_UP,
-        True,
         "A field of the description is wrong",
         (
             "active with RemotePort 0 or RemoteAddress 0.0.0.0; passive or UDP with LocalPort 0",
@@ -167,25 +156,21 @@ DESCRIPTION_ERRORS: Final = (
         0x80B7,
         Condition.PARAMETER_WRONG,
         UDP,
-        True,
         "ADDR has not 8 bytes",
         ("another structure than TADDR_Param stands at ADDR", "a hand-made one without the two spare bytes"),
         ("the type of the variable at ADDR", "TADDR_Param: 4 bytes address, 2 port, 2 that are 0"),
         Reproducibility.LOGIC,
         "STEP 7 help: TUSEND, TURCV",
     ),
-    StatusRow(
+    unreached_row(
         0x80B8,
-        None,
         TCON,
-        True,
         "ID at the pin and in CONNECT differ",
         (
             "pin ID of TCON has another number than field ID of CONNECT",
             "CONNECT was copied, ID was not changed",
         ),
         ("both numbers side by side", "one constant for both"),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="a block of the bench names its CONNECT and has no ID of its own beside it",
     ),
@@ -193,7 +178,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80CE,
         Condition.INTERFACE_BARE,
         SET_UP,
-        True,
         "The local interface has no address",
         (
             "the port has the address 0.0.0.0: not configured, or still waiting for DHCP",
@@ -210,7 +194,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80D0,
         Condition.NAME_EMPTY,
         SET_UP,
-        True,
         "The partner's name is empty",
         ("RemoteQDN has no character", "the bytes of the STRING are shifted: its length byte is 0"),
         ("RemoteQDN: two bytes of header, then the name", "an active end needs a name with a dot after it"),
@@ -221,7 +204,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80D1,
         Condition.NAME_NOT_FULL,
         SET_UP,
-        True,
         "The partner's name is not fully qualified",
         ("the dot at the end is missing: plc.example. is meant", "only the host's own name was given"),
         ("the last character of RemoteQDN", "`getent hosts NAME`: what is its full name?"),
@@ -232,7 +214,6 @@ DESCRIPTION_ERRORS: Final = (
         0x80D2,
         Condition.NO_RESOLVER,
         SET_UP,
-        True,
         "No server for names",
         ("no DNS server is configured on the CPU", "on this bench: the project names no resolver"),
         ("the DNS servers of the CPU; here `/etc/resolv.conf`", "an address instead of a name: TCON_IP_v4"),
@@ -243,22 +224,18 @@ DESCRIPTION_ERRORS: Final = (
         0x80D3,
         Condition.NAME_UNKNOWN,
         SET_UP,
-        True,
         "The partner's name is unknown",
         ("no DNS server knows the name", "the server did not answer in time"),
         ("`getent hosts NAME` and `nslookup NAME`", "a mistake in RemoteQDN: letters, dots, the last dot"),
         Reproducibility.LOGIC,
         "STEP 7 help: TCON",
     ),
-    StatusRow(
+    unreached_row(
         0x80D3,
-        None,
         ("TUSEND",),
-        True,
         "The receiver's name is unknown",
         ("the name in a TADDR_SEND_QDN is not known", "the server for names did not answer"),
         ("`getent hosts NAME`", "an address in a TADDR_Param instead"),
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TADDR_Param",
         unreached="an [[addr]] of the project file has an address and no name",
     ),
@@ -371,8 +348,6 @@ _FAILURES: Final = {
     ),
 }
 _UNSURE: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
-_NO_DATAGRAM_TLS: Final = "a UDP connection has no secure structure: ActivateSecureConn cannot be written"
-_NOT_BEFORE: Final = "a job starts after the handshake: until then the connection is not up (80A1)"
 
 
 def _tls_row(code: int) -> StatusRow:
@@ -381,7 +356,6 @@ def _tls_row(code: int) -> StatusRow:
         code,
         _SHOWN_BY[code],
         SET_UP,
-        True,
         title,
         causes,
         checks,
@@ -393,30 +367,24 @@ def _tls_row(code: int) -> StatusRow:
 
 TLS_ERRORS: Final = (
     *(_tls_row(code) for code in _FAILURES),
-    StatusRow(
+    unreached_row(
         0x80EA,
-        None,
         UDP,
-        True,
         *_FAILURES[0x80EA],
-        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TURCV",
-        unreached=_NO_DATAGRAM_TLS,
+        unreached="a UDP connection has no secure structure: ActivateSecureConn cannot be written",
         unsure=_UNSURE,
     ),
-    StatusRow(
+    unreached_row(
         0x80EE,
-        None,
         ("TSEND", "TRCV"),
-        True,
         "TLS: the handshake has not ended",
         (
             "a job came before the secure connection was ready",
             "the partner does not go on with the handshake",
         ),
         ("start jobs after the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND, TRCV",
-        unreached=_NOT_BEFORE,
+        unreached="a job starts after the handshake: until then the connection is not up (80A1)",
     ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -24,12 +25,12 @@ ALL: Final = BOTH_C + SINGLE
 # Causes and checks speak to the person at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the
 # machine that runs the bench.
 
+_state: Final = partial(StatusRow, error=False)
 STATES: Final = (
-    StatusRow(
+    _state(
         0x0000,
         Condition.FINISHED,
         ALL,
-        False,
         "A job ended well (DONE = 1), or not called",
         (
             "with DONE (TRCV, TRCV_C, TURCV: NDR): the job ended in this very scan",
@@ -45,11 +46,10 @@ STATES: Final = (
         "STEP 7 help, Open User Communication; Siemens FAQ 109479564",
         also=(Condition.NOT_CALLED, Condition.SENT, Condition.RECEIVED),
     ),
-    StatusRow(
+    _state(
         0x0001,
         Condition.JOB_BEGINS,
         BOTH_C,
-        False,
         "The connection is up",
         (
             "REQ or EN_R stood at 1 while the connection was built: its job starts here, with BUSY = 1",
@@ -65,11 +65,10 @@ STATES: Final = (
         also=(Condition.ESTABLISHED,),
         unsure="whether a connection that no job waits for shows it, too: switch status_0001_always",
     ),
-    StatusRow(
+    _state(
         0x0001,
         Condition.NOTHING_TO_RESET,
         ("T_RESET",),
-        False,
         "There was no connection to reset",
         (
             "the endpoint is there, but the partner has not come yet or has just gone",
@@ -82,11 +81,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: T_RESET",
     ),
-    StatusRow(
+    _state(
         0x0003,
         Condition.CLOSED,
         BOTH_C,
-        False,
         "The connection is closed",
         (
             "CONT fell while a connection stood; 7003 has shown before",
@@ -101,11 +99,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
-    StatusRow(
+    _state(
         0x7000,
         Condition.NO_JOB,
         BOTH_C,
-        False,
         "No job, and no connection",
         (
             "CONT is 0; with cont_mode level REQ and EN_R mean nothing without it",
@@ -121,11 +118,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
-    StatusRow(
+    _state(
         0x7000,
         Condition.NO_JOB,
         SINGLE,
-        False,
         "No job",
         (
             "REQ has not risen, or stays 1 since the last job: one edge, one job",
@@ -138,11 +134,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
-    StatusRow(
+    _state(
         0x7001,
         Condition.CREATING,
         BOTH_C,
-        False,
         "Starting to build the connection",
         (
             "CONT has just risen; cont_mode manual: or REQ has, or EN_R is 1; this shows for one scan",
@@ -156,11 +151,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="that it shows again after 80AA and a failed attempt is an inference",
     ),
-    StatusRow(
+    _state(
         0x7001,
         Condition.STARTED,
         SINGLE,
-        False,
         "A job starts",
         (
             "REQ has just risen (TRCV, TURCV: EN_R is 1 and the next job begins)",
@@ -173,11 +167,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
-    StatusRow(
+    _state(
         0x7002,
         Condition.ESTABLISHING,
         BOTH_C,
-        False,
         "Connecting, or waiting for the partner",
         (
             "passive: no partner has come, or another one was turned away",
@@ -195,11 +188,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         also=(Condition.CREATED,),
     ),
-    StatusRow(
+    _state(
         0x7002,
         Condition.RUNNING,
         SINGLE,
-        False,
         "The job is running",
         (
             "TCON: the partner has not come or answered yet",
@@ -216,11 +208,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help, Open User Communication",
     ),
-    StatusRow(
+    _state(
         0x7003,
         Condition.CLOSING,
         BOTH_C,
-        False,
         "Closing the connection",
         (
             "CONT fell: 0003 and 7000 follow; cont_mode manual: after the job, if one waits or runs",
@@ -237,11 +228,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="7003 after COM_RST and before an error is not documented",
     ),
-    StatusRow(
+    _state(
         0x7004,
         Condition.CONNECTED,
         BOTH_C,
-        False,
         "Connected, nothing asked for",
         (
             "TSEND_C: no rising edge at REQ; a REQ that stays 1 sends once only",
@@ -257,11 +247,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
-    StatusRow(
+    _state(
         0x7005,
         Condition.SENDING,
         SEND_C,
-        False,
         "Sending",
         (
             "a send job has started; at least one scan, however fast the line",
@@ -275,11 +264,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
-    StatusRow(
+    _state(
         0x7006,
         Condition.RECEIVING,
         RCV_C,
-        False,
         "Receiving, or ready and waiting",
         (
             "nothing has come: normal with EN_R = 1; a cut line or a partner without power looks the same "

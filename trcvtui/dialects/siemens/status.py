@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.connection_errors import CONNECTION_ERRORS, JOB_ERRORS
 from trcvtui.dialects.siemens.description_errors import DESCRIPTION_ERRORS, TLS_ERRORS
 from trcvtui.dialects.siemens.states import BOTH_C, JOBS, RCV_C, RECEIVE, SEND, SET_UP, STATES, TCON, UDP
@@ -27,18 +27,15 @@ def _never(
 ) -> list[StatusRow]:
     """Return the rows 16#8xyy of one pin that a bench without memory areas cannot show."""
     return [
-        StatusRow(
+        unreached_row(
             first + kind,
-            None,
             blocks,
-            True,
             f"{pin}: {_ACCESS[kind][0]}",
             (_ACCESS[kind][1], "a pointer that is put together at run time has a wrong part"),
             (
                 f"the variable at {pin}, and the data block that it stands in: loaded, and accessible?",
                 "all parts of the pointer, one by one; or the symbol itself at the pin",
             ),
-            Reproducibility.NEVER,
             manual,
             unreached=_NO_MEMORY,
         )
@@ -51,7 +48,6 @@ PARAMETER_ERRORS: Final = (
         0x8081,
         Condition.ENDPOINT_GONE,
         ("T_RESET",),
-        True,
         "No connection of this ID",
         (
             "no block was asked to connect it: TCON, TSEND_C or TRCV_C",
@@ -69,7 +65,6 @@ PARAMETER_ERRORS: Final = (
         0x8085,
         Condition.LENGTH_WRONG,
         (*SEND, "TUSEND"),
-        True,
         "LEN is out of range",
         (
             "LEN is above the limit of the CPU: 8192 on an S7-1200, 65536 on an S7-1500; UDP 1472, 2048",
@@ -90,7 +85,6 @@ PARAMETER_ERRORS: Final = (
         0x8085,
         Condition.LENGTH_WRONG,
         (*RECEIVE, "TURCV"),
-        True,
         "LEN is out of range, or was changed",
         (
             "LEN or DATA was changed after the job had begun (BUSY = 1)",
@@ -108,11 +102,9 @@ PARAMETER_ERRORS: Final = (
         also=(Condition.DATA_EMPTY, Condition.AREA_CHANGED),
         unsure="what becomes of the bytes of such a job is not documented: here they are lost",
     ),
-    StatusRow(
+    unreached_row(
         0x8085,
-        None,
         TCON,
-        True,
         "ID belongs to a configured connection",
         (
             "a connection of the hardware configuration has the same ID",
@@ -122,7 +114,6 @@ PARAMETER_ERRORS: Final = (
             "the connection table of the hardware configuration: which IDs does it use?",
             "another ID for the programmed connection",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench has no hardware configuration with connections of its own",
     ),
@@ -130,7 +121,6 @@ PARAMETER_ERRORS: Final = (
         0x8086,
         Condition.ID_WRONG,
         SET_UP,
-        True,
         "ID is out of range",
         (
             "ID in the connection description is 0 or above 4095",
@@ -143,11 +133,9 @@ PARAMETER_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
     ),
-    StatusRow(
+    unreached_row(
         0x8086,
-        None,
         ("TDISCON", "T_DIAG", "TSEND", "TRCV", *UDP),
-        True,
         "ID is out of range",
         (
             "pin ID is 0 or above 4095",
@@ -157,15 +145,12 @@ PARAMETER_ERRORS: Final = (
             "the same constant at TCON, TSEND, TRCV and TDISCON",
             "the start-up of the program: which block runs before the ID is written?",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help, Open User Communication",
         unreached="these blocks name their CONNECT, and an ID that is wrong fails at TCON before them",
     ),
-    StatusRow(
+    unreached_row(
         0x8087,
-        None,
         SET_UP,
-        True,
         "No more connections",
         (
             "the CPU has no programmed connection left",
@@ -175,7 +160,6 @@ PARAMETER_ERRORS: Final = (
             "the CPU's diagnostics: connection resources in use against those reserved",
             "CONT = 0 or TDISCON where a connection is no longer needed",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C, TCON",
         unreached="the bench shows a full budget as 80C3, which the manual gives for the same case",
     ),
@@ -183,7 +167,6 @@ PARAMETER_ERRORS: Final = (
         0x8088,
         Condition.LEN_OVER_DATA,
         JOBS,
-        True,
         "LEN and DATA do not go together",
         (
             "LEN is larger than DATA, often after DATA was made smaller; 65535 was ad hoc before 3.0",
@@ -205,7 +188,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.NO_DESCRIPTION,
         SET_UP,
-        True,
         "CONNECT is no connection description",
         (
             "CONNECT points to something else than a TCON structure",
@@ -222,7 +204,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.RESULT_WRONG,
         ("T_DIAG",),
-        True,
         "RESULT cannot hold the answer",
         (
             "no variable is bound to RESULT (in a project file: data)",
@@ -239,7 +220,6 @@ PARAMETER_ERRORS: Final = (
         0x8089,
         Condition.NO_DESCRIPTION,
         UDP,
-        True,
         "ADDR is of the wrong type",
         (
             "ADDR is no TADDR_Param, TADDR_SEND_QDN (TUSEND; not on this bench) or TADDR_RCV_IP (TURCV)",
@@ -252,11 +232,9 @@ PARAMETER_ERRORS: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TUSEND, TURCV, TADDR_Param",
     ),
-    StatusRow(
+    unreached_row(
         0x8090,
-        None,
         TCON,
-        True,
         "The prepared connection does not fit",
         (
             "a connection made with TCONSettings is meant for another protocol or interface",
@@ -266,15 +244,12 @@ PARAMETER_ERRORS: Final = (
             "the TCONSettings call against the structure at CONNECT",
             "without TCONSettings: a description with everything in it",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="the bench has no TCONSettings",
     ),
-    StatusRow(
+    unreached_row(
         0x8091,
-        None,
         BOTH_C,
-        True,
         "Calls are nested too deep",
         (
             "the block is called at the deepest level that the CPU allows",
@@ -284,33 +259,36 @@ PARAMETER_ERRORS: Final = (
             "the call structure of the program: how deep does this block stand?",
             "call it in the cyclic OB itself, and hand its outputs down",
         ),
-        Reproducibility.NEVER,
         "STEP 7 help: TSEND_C",
         unreached="the bench calls every instance from its task: nothing is nested",
     ),
-    StatusRow(
-        0x8822,
-        Condition.DATA_MISSING,
-        (*SEND, "TUSEND"),
-        True,
-        "DATA: no such area",
-        (
-            "nothing is bound to DATA",
-            "DATA points beyond the end of its data block",
-        ),
-        (
-            "pin DATA of the call, in a project file the key `data` of the instance",
-            "the size of the data block, if the pointer is built at run time",
-        ),
-        Reproducibility.LOGIC,
-        "STEP 7 help: TSEND_C",
-        unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
+    *(
+        StatusRow(
+            code,
+            Condition.DATA_MISSING,
+            blocks,
+            "DATA: no such area",
+            (
+                "nothing is bound to DATA",
+                "DATA points beyond the end of its data block",
+            ),
+            (
+                "pin DATA of the call, in a project file the key `data` of the instance",
+                "the size of the data block, if the pointer is built at run time",
+            ),
+            Reproducibility.LOGIC,
+            manual,
+            unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
+        )
+        for code, blocks, manual in (
+            (0x8822, (*SEND, "TUSEND"), "STEP 7 help: TSEND_C"),
+            (0x8922, (*RECEIVE, "TURCV"), "STEP 7 help: TRCV_C"),
+        )
     ),
     StatusRow(
         0x8824,
         Condition.DATA_REFUSED,
         (*SEND, "TUSEND"),
-        True,
         "DATA: a type that cannot be sent",
         (
             "DATA is a BOOL or an ARRAY OF BOOL",
@@ -325,28 +303,9 @@ PARAMETER_ERRORS: Final = (
         unsure="that BOOL is refused is documented; that it shows this code is inferred",
     ),
     StatusRow(
-        0x8922,
-        Condition.DATA_MISSING,
-        (*RECEIVE, "TURCV"),
-        True,
-        "DATA: no such area",
-        (
-            "nothing is bound to DATA",
-            "DATA points beyond the end of its data block",
-        ),
-        (
-            "pin DATA of the call, in a project file the key `data` of the instance",
-            "the size of the data block, if the pointer is built at run time",
-        ),
-        Reproducibility.LOGIC,
-        "STEP 7 help: TRCV_C",
-        unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
-    ),
-    StatusRow(
         0x8924,
         Condition.DATA_REFUSED,
         (*RECEIVE, "TURCV"),
-        True,
         "DATA: a type that cannot be received into",
         (
             "DATA is a BOOL or an ARRAY OF BOOL",

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.status import Reproducibility, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 
@@ -34,7 +34,7 @@ def _row(
 ) -> StatusRow:
     title = f"{code} COMERROR_{name}: {title}"
     return StatusRow(
-        code, condition, blocks, True, title, causes, checks, Reproducibility.LOGIC, MANUAL, unsure=unsure
+        code, condition, blocks, title, causes, checks, Reproducibility.LOGIC, MANUAL, unsure=unsure
     )
 
 
@@ -42,16 +42,13 @@ def _of_hardware(code: int, name: str, title: str) -> StatusRow:
     causes = ("SerialLineControl or the configuration of a terminal",)
     checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
     title = f"{code} COMERROR_{name}: {title}"
-    return StatusRow(
-        code, None, SERIAL, True, title, causes, checks, Reproducibility.NEVER, MANUAL, unreached=OF_HARDWARE
-    )
+    return unreached_row(code, SERIAL, title, causes, checks, MANUAL, OF_HARDWARE)
 
 
 NO_ERROR: Final = StatusRow(
     0,
     Condition.NOT_CALLED,
     SERIAL,
-    False,
     "0 COMERROR_NOERROR: no error",
     (
         "the block waits for bytes, has some, or has delivered a frame",
@@ -63,6 +60,7 @@ NO_ERROR: Final = StatusRow(
     ),
     Reproducibility.LOGIC,
     "TwinCAT TF6340 help, ReceiveData",
+    error=False,
     also=(
         Condition.NO_JOB,
         Condition.FRAME_AWAITED,

@@ -304,17 +304,15 @@ class SetUp:
         return None
 
     def _set_options(self, handle: Handle) -> None:
-        refused = self._kernel.set_options(handle, self.options())
-        if refused:
-            self._note(EventKind.OPTION_REFUSED, None, ", ".join(refused))
-
-    def options(self) -> SocketOptions:
-        return SocketOptions(
+        options = SocketOptions(
             nodelay=self.config.send_delay_opt,
             keep_alive_s=self.config.keep_alive_s,
             small_buffers=self._policy.small_buffers,
             session=self.config.session,
         )
+        refused = self._kernel.set_options(handle, options)
+        if refused:
+            self._note(EventKind.OPTION_REFUSED, None, ", ".join(refused))
 
     def free(self) -> Fault | None:
         """Close the listener and withdraw the attempt."""

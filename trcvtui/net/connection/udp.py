@@ -72,10 +72,8 @@ class UdpSetUp(SetUp):
         return None
 
     def free(self) -> Fault | None:
-        """Withdraw the attempt, and give its ID back."""
-        self.local, self.is_withdrawn = None, False
-        self._connection_ids.give_back(self._holder)
-        return self.free_attempt()
+        self.local = None
+        return super().free()
 
     def free_attempt(self) -> Fault | None:
         if self.hearing is not None:

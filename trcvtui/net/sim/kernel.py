@@ -41,10 +41,9 @@ COST_OF_A_BYTE: Final = 2
 class DatagramWire:
     """Carries datagrams between the sockets of the one machine."""
 
-    def __init__(self, wire: SimWire, latency: int) -> None:
+    def __init__(self, wire: SimWire) -> None:
         self.wire = wire
         self.ports = PortTable()
-        self._latency = latency
         self._bound: dict[int, list[SimDatagrams]] = {}
 
     def enter(self, socket: SimDatagrams) -> None:
@@ -62,13 +61,8 @@ class DatagramWire:
 
     def carry(self, owner: str, source: Endpoint, remote: Endpoint, data: bytes) -> None:
         """Carry one datagram, unless the sender's link is down."""
-        if not self.wire.is_up(owner, owner):
-            return
-        if self._latency:
-            due = self.wire.now + self._latency
-            self.wire.at(due, lambda: self._deliver(owner, source, remote, data))
-        else:
-            self._deliver(owner, source, remote, data)
+        if self.wire.is_up(owner, owner):
+            self.wire.after_latency(partial(self._deliver, owner, source, remote, data))
 
     def _deliver(self, owner: str, source: Endpoint, remote: Endpoint, data: bytes) -> None:
         for target in self._sockets_at(remote):
@@ -215,7 +209,7 @@ class SimKernel:
     ) -> None:
         self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
         self.wire.broadcasts |= {broadcast_at(each) for each in addresses if each not in not_ethernet}
-        self.datagrams = DatagramWire(self.wire, latency_ns)
+        self.datagrams = DatagramWire(self.wire)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
         self._random = Chance(seed)
         self._not_ethernet = not_ethernet

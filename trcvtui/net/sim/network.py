@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from msgspec.structs import replace
@@ -148,6 +149,13 @@ class SimWire:
     def cancel(self, ticket: Ticket | None) -> None:
         self.agenda.cancel(ticket)
 
+    def after_latency(self, act: Callable[[], None]) -> None:
+        """Do what comes of something that leaves now; without latency inside the call."""
+        if self._latency:
+            self.at(self.now + self._latency, act)
+        else:
+            act()
+
     # -- links ---------------------------------------------------------------------------------------
 
     def set_link(self, owner: str, up: bool) -> None:
@@ -173,10 +181,7 @@ class SimWire:
         partner = source.partner
         if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
             return
-        if self._latency:
-            self.at(self.now + self._latency, lambda: self._deliver(source, partner, segment))
-        else:
-            self._deliver(source, partner, segment)
+        self.after_latency(partial(self._deliver, source, partner, segment))
 
     def _deliver(self, source: SimStream, partner: SimStream, segment: Segment) -> None:
         if self._down and not self.is_up(source.owner, partner.owner):
@@ -229,10 +234,8 @@ class SimWire:
         if client.local == client.remote:
             client.partner = client
             client.open(client.answer_syn().edge)
-        elif self._latency:
-            self.at(self.now + self._latency, lambda: self._syn_arrives(client))
         else:
-            self._syn_arrives(client)
+            self.after_latency(partial(self._syn_arrives, client))
 
     def _syn_arrives(self, client: SimStream) -> None:
         if client.phase is not StreamPhase.SYN_SENT:
@@ -240,7 +243,7 @@ class SimWire:
         at_any = Endpoint(ANY_ADDRESS, client.remote.port)
         listener = self._listeners.get(client.remote) or self._listeners.get(at_any)
         if listener is None:
-            self._refuse(client)
+            self.after_latency(partial(self._refusal_arrives, client))
         elif self.is_up(client.owner, listener.owner):
             server = client.partner or self._admit(listener, client)
             if server is not None:
@@ -285,12 +288,6 @@ class SimWire:
         made = SimStream(self, name, claim, local, remote, Tuning(send_room=PLAYED_ROOM))
         made.always_answers = True
         return made
-
-    def _refuse(self, client: SimStream) -> None:
-        if self._latency:
-            self.at(self.now + self._latency, lambda: self._refusal_arrives(client))
-        else:
-            client.arrive(RESET)
 
     def _refusal_arrives(self, client: SimStream) -> None:
         if client.owner not in self._down and client.phase is StreamPhase.SYN_SENT:

@@ -77,9 +77,6 @@ class TimerQueue:
             self._cancelled -= 1
         return self._heap[0][0] if self._heap else None
 
-    def __len__(self) -> int:
-        return len(self._heap)
-
 
 class TimerResult(Enum):
     """What a clock says when it strikes."""

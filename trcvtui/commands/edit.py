@@ -12,8 +12,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from msgspec.structs import replace
-
 from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.commands.peer import (
     check_library,
@@ -24,7 +22,7 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, unquoted
+from trcvtui.commands.tokens import Words, unquoted, within
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_left_alone
@@ -185,7 +183,7 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
         folder, file = os.path.split(path if is_here else project.base / path)
         path = f"{way_to(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
-    try:
+    with within(where):
         decl = read_entry(UDT, {"file": path}, project, path)
         assert isinstance(decl, UdtFile)
         types, names, wrong = _types_of(decl, project)
@@ -196,10 +194,6 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
                 f"a second file of this name, so that {lost[0]} is called otherwise" if lost else "no type"
             )
             raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
-    except UserError as refused:
-        raise UserError(
-            [replace(each, where=f"{where}: {each.where}") for each in refused.problems]
-        ) from None
     return decl
 
 

@@ -27,7 +27,6 @@ from trcvtui.commands.tokens import (
     Words,
     duration,
     leaf_bytes,
-    leaf_value,
     parse_payload,
     text_bytes,
     text_in_quotes,
@@ -63,6 +62,7 @@ from trcvtui.project.tables import Kind, expected_name, shown, whole
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.layout.layout import BYTE_ORDERS, lay_out
+from trcvtui.udt.layout.values import decode_leaf
 
 # -- what is sent --------------------------------------------------------------------------------------------
 
@@ -337,12 +337,9 @@ FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the com
 
 def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
     """Return a `check` command; raise UserError."""
-    word = words.next("on or off")
-    if word == "off":
+    if words.choice("on", "off") == "off":
         words.finish()
         return CheckOff(peer)
-    if word != "on":
-        raise words.wrong(shown(word), "on or off")
     size, every, instance = DEFAULT_CHECK_SIZE, DEFAULT_CHECK_NS, ""
     while words:
         key, equals, text = words.next("").partition("=")
@@ -375,13 +372,10 @@ SEND: Final = "send"
 
 def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
     """Return a `reply` command; raise UserError."""
-    word = words.next("on or off")
-    if word == "off":
+    if words.choice("on", "off") == "off":
         number = value_of(RULE, words.next(""), "", words.where) if words else 0
         words.finish()
         return ReplyOff(peer, number)
-    if word != "on":
-        raise words.wrong(shown(word), "on or off")
     return parse_rule(words, project, peer)
 
 
@@ -425,7 +419,7 @@ def _field(words: Words, project: Project) -> FieldIs:
     except UserError:
         raise words.wrong(f"'{target}', which is not one value", f"a member of {name}") from None
     content = leaf_bytes(layout, leaf, value, words.where)
-    return FieldIs(name, leaf.path, leaf_value(layout, leaf, content), layout)
+    return FieldIs(name, leaf.path, decode_leaf(layout, leaf, content), layout)
 
 
 MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {

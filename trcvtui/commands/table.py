@@ -35,10 +35,10 @@ _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like 
 
 
 def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
-    return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
+    return " ".join(f"{name}={pin_text(name, value)}" for name, value in pins)
 
 
-def _pin_text(name: str, value: bool | int | str) -> str:
+def pin_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
     if is_time(name):

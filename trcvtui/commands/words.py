@@ -13,46 +13,17 @@ from msgspec import Struct
 from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.counters_and_checksums import Fill
 from trcvtui.commands.patterns import TracePattern
-from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.plc import commands
-from trcvtui.project.project import (
-    CertificateDecl,
-    ComBufferDecl,
-    DataDecl,
-    Declaration,
-    Edits,
-    InstanceDecl,
-    MessageDecl,
-    PeerDecl,
-    SequenceDecl,
-    TapDecl,
-    UdtFile,
-    WatchDecl,
-)
+from trcvtui.project.project import DataDecl, Declaration, Edits, InstanceDecl
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout
-
-AddedDecl = (
-    ConnectConfig
-    | UdpConfig
-    | AddrParam
-    | ComBufferDecl
-    | InstanceDecl
-    | PeerDecl
-    | MessageDecl
-    | SequenceDecl
-    | CertificateDecl
-    | WatchDecl
-    | TapDecl
-    | UdtFile
-)
 
 
 @dataclass(frozen=True, slots=True)
 class Add:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
-    decl: AddedDecl
+    decl: Declaration
     with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
     text: str = field(default="", compare=False)  # as it was written, where more is made on the way
     port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`

@@ -105,11 +105,6 @@ class StreamTransport(_Transport):
     def can_send(self) -> bool:
         return self._handle is not None
 
-    @property
-    def listening_port(self) -> int | None:
-        """Return the port that it listens on, None while it does not."""
-        return self._port if self._listener is not None else None
-
     # -- commands ------------------------------------------------------------------------------------
 
     def listen(self) -> str:
@@ -342,7 +337,6 @@ class DatagramTransport(_Transport):
     _handle: Handle | None = None
     _hearing: Handle | None = None  # a second socket, for broadcasts
     _heard: Endpoint | None = None  # the end that sent last
-    listening_port: int | None = None  # of TCP
 
     @property
     def state(self) -> str:

@@ -382,7 +382,7 @@ def parse_undo(words: Words, project: Project) -> Undo:
     if not edits:
         raise words.wrong("undo without an edit", "add, set or remove of a part of the project before it")
     _refuse_to_leave(edits, project, f"{words.where}: undo")
-    return Undo(edits)
+    return Undo()
 
 
 def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:

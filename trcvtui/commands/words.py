@@ -14,7 +14,7 @@ from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.counters_and_checksums import Fill
 from trcvtui.commands.patterns import TracePattern
 from trcvtui.plc import commands
-from trcvtui.project.project import DataDecl, Declaration, Edits, InstanceDecl
+from trcvtui.project.project import DataDecl, Declaration, InstanceDecl
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout
 
@@ -58,11 +58,8 @@ class Remove:
     decl: Declaration = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
+class Undo(Struct, frozen=True):
     """`undo`: the newest edit of the project is taken back."""
-
-    edits: Edits = field(compare=False)
 
 
 Remedy = Add | AddData | Change | Remove | Undo

@@ -359,12 +359,10 @@ class BenchApp(TerminalApp):
         await press_from_afar(self.main, key, missing)
 
     def action_description(self) -> None:
-        if self.screen is self.main:
-            self.on_description_wanted()
-
-    def on_description_wanted(self) -> None:
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
+        if self.screen is not self.main:
+            return
         configs = [each for each in self.view_model.project.connects if each.description is not None]
         instance = self.view_model.instance
         if configs and instance is not None:
@@ -534,9 +532,11 @@ def _replay_screen(app: BenchApp) -> MainScreen:
 
 
 def _is_for_replay(screen: object) -> bool:
-    from trcvtui.tui.replay import may_open
+    """Return whether a replay may open a screen above the panes: none that is there to change something."""
+    from trcvtui.tui.forms.add_screen import AddScreen
+    from trcvtui.tui.scenarios.screen import ScenariosScreen
 
-    return may_open(screen)
+    return not isinstance(screen, AddScreen | ScenariosScreen)
 
 
 def run_app(

@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
+from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
 from trcvtui.commands.words import PeerPlay, PeerSend
@@ -40,6 +40,7 @@ class Peer:
         self.decl = decl
         self.stalled = False
         self.queues = PeerQueues(decl.name, journal)
+        self.inbox, self.replies = self.queues.inbox, self.queues.replies
         options = replace(PEER_OPTIONS, small_buffers=policy.small_buffers, session=decl.session)
         transport = DatagramTransport if decl.udp else StreamTransport
         self.transport: DatagramTransport | StreamTransport = transport(
@@ -66,14 +67,6 @@ class Peer:
     @property
     def can_send(self) -> bool:
         return self.transport.can_send
-
-    @property
-    def inbox(self) -> Inbox:
-        return self.queues.inbox
-
-    @property
-    def replies(self) -> Replies:
-        return self.queues.replies
 
     @property
     def unsent(self) -> int:

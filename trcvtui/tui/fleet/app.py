@@ -269,7 +269,7 @@ class FleetApp(TerminalApp):
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
-            self.screen.draw()
+            self.screen.card.draw()
 
     def tell_first(self) -> None:
         if self.problems:

@@ -529,7 +529,6 @@ class Bench:
         self.submit(*orders)
 
     def mend(self, command: Remedy) -> str:
-        """Let the project be another one, and what runs with it."""
         edited = after(command, self.project)
         for edit in edits_of(command, self.project):
             wrong = self._take(edit, edited)

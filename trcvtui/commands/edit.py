@@ -148,7 +148,6 @@ PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 
 def parse_add(words: Words, project: Project) -> Add | AddData:
-    """Return `add KIND NAME ...`; raise UserError."""
     kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
     if kind == UDT:  # a name with blanks needs no quotes
         return Add(_udt_file(unquoted(words.rest_text("a file of types")), project, words.where))
@@ -350,10 +349,8 @@ def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
 
 
 def _changes(kind: str, words: Words) -> dict[str, Any]:
-    if kind == "message":
-        return _message(words)
-    if kind == "sequence":
-        return _CONTENT["sequence"](words)
+    if kind in ("message", "sequence"):
+        return _CONTENT[kind](words)
     bare = kind == "data" and "=" not in words.peek()
     content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
     if not content:
@@ -425,7 +422,8 @@ def told(command: Remedy, project: Project) -> str:
     if isinstance(command, Add) and isinstance(command.decl, UdtFile):
         return _types_told(command.decl, project)
     if isinstance(command, Add | AddData):
-        return told_on_the_way(command)
+        made = command.with_it if isinstance(command, Add) else ()
+        return f"with {', '.join(map(_made, made))}" if made else ""
     said = [_told(edit) for edit in edits_of(command, project)]
     anew = dict.fromkeys(what for edit in edits_of(command, project) for what in _anew(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
@@ -435,12 +433,6 @@ def told(command: Remedy, project: Project) -> str:
 def port_text(port: int) -> str:
     """Return the words that a chosen port has at the end of a line."""
     return f" LocalPort={port}"
-
-
-def told_on_the_way(command: Add | AddData) -> str:
-    """Return what is made beside an instance, "" for nothing."""
-    made = command.with_it if isinstance(command, Add) else ()
-    return f"with {', '.join(map(_made, made))}" if made else ""
 
 
 def _made(decl: Declaration) -> str:

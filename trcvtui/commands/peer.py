@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol, cast
+from typing import Final, Protocol, cast
 
 from msgspec import Struct
 
@@ -41,15 +41,9 @@ from trcvtui.commands.words import (
     Contains,
     FieldIs,
     Match,
-    PeerClose,
-    PeerConnect,
-    PeerListen,
+    PeerAction,
     PeerPlay,
-    PeerResume,
-    PeerRst,
     PeerSend,
-    PeerShutdown,
-    PeerStall,
     ReplyOff,
     ReplyOn,
     Starts,
@@ -227,7 +221,6 @@ def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
 
 
 def parse_play(words: Words, project: Project, peer: str) -> PeerPlay:
-    """Return `play NAME`; raise UserError."""
     name = words.next("the name of a sequence")
     words.finish()
     known = {sequence.name: sequence for sequence in project.sequences}
@@ -306,7 +299,6 @@ ANY: Final = "any"
 
 
 def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop:
-    """Return a `try-splits` command; raise UserError."""
     if words.peek() == "stop":
         words.next("")
         return TryStop(peer)
@@ -336,7 +328,6 @@ FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the com
 
 
 def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
-    """Return a `check` command; raise UserError."""
     if words.choice("on", "off") == "off":
         words.finish()
         return CheckOff(peer)
@@ -371,7 +362,6 @@ SEND: Final = "send"
 
 
 def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
-    """Return a `reply` command; raise UserError."""
     if words.choice("on", "off") == "off":
         number = value_of(RULE, words.next(""), "", words.where) if words else 0
         words.finish()
@@ -524,21 +514,15 @@ class ActsOnReplies(Protocol):
     def remove(self, number: int, peer: str) -> str: ...
 
 
-class SimpleVerb(NamedTuple):
-    """One row a word of a peer with nothing after it: its frozen command, and what the peer does."""
-
-    record: type[Any]
-    act: Callable[[ActsOnPeer, int], str]  # the peer, the time in ns
-
-
-SIMPLE: Final = {
-    "connect": SimpleVerb(PeerConnect, lambda peer, now: peer.connect(now)),
-    "listen": SimpleVerb(PeerListen, lambda peer, now: peer.listen()),
-    "close": SimpleVerb(PeerClose, lambda peer, now: peer.close()),
-    "rst": SimpleVerb(PeerRst, lambda peer, now: peer.rst()),
-    "shutdown": SimpleVerb(PeerShutdown, lambda peer, now: peer.shutdown()),
-    "stall": SimpleVerb(PeerStall, lambda peer, now: peer.stall()),
-    "resume": SimpleVerb(PeerResume, lambda peer, now: peer.resume()),
+# The words of a peer with nothing after them, and what it does at a time in ns.
+SIMPLE: Final[dict[str, Callable[[ActsOnPeer, int], str]]] = {
+    "connect": lambda peer, now: peer.connect(now),  # one attempt of an active peer
+    "listen": lambda peer, now: peer.listen(),  # a passive one opens its listener, where it has none
+    "close": lambda peer, now: peer.close(),  # FIN
+    "rst": lambda peer, now: peer.rst(),  # RST
+    "shutdown": lambda peer, now: peer.shutdown(),  # FIN, but it keeps reading (half-close)
+    "stall": lambda peer, now: peer.stall(),  # it stops reading, so that the window closes
+    "resume": lambda peer, now: peer.resume(),  # it reads again
 }
 TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
     "send": parse_any_send,
@@ -553,7 +537,6 @@ OF_UDP: Final = "one of " + ", ".join(verb for verb in VERBS if verb not in OF_C
 
 
 def parse_peer_command(words: Words, project: Project) -> BenchCommand:
-    """Return a `peer` command; raise UserError."""
     peer = parse_peer(words, project)
     verb = words.next(f"one of {', '.join(VERBS)}")
     if verb not in VERBS:
@@ -572,5 +555,4 @@ def parse_peer_command(words: Words, project: Project) -> BenchCommand:
         raise words.wrong(
             f"listen of the active peer '{peer.name}'", "connect, or a peer with active = false"
         )
-    command: BenchCommand = SIMPLE[verb].record(peer.name)
-    return command
+    return PeerAction(peer.name, verb)

@@ -133,7 +133,6 @@ class FleetLine:
 
     @property
     def missing(self) -> int:
-        """Return how many events there were that have not come."""
         return sum(each.log.missing for each in self.instances.values())
 
     @property

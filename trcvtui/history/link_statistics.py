@@ -40,8 +40,6 @@ TURNED_AWAY: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND
 
 
 class _LinkFacts:
-    """One CONNECT."""
-
     def __init__(self) -> None:
         self.incarnation = 0
         self.up_since: ScanStamp | None = None

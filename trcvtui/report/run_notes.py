@@ -207,7 +207,6 @@ class RunNotes:
             each.lane.go_on(self.until.t_ns)
 
     def last(self, name: str) -> InstanceSnapshot | None:
-        """Return an instance after the last scan."""
         return self.snapshot.instance(name) if self.snapshot is not None else None
 
     def _of(self, name: str) -> InstanceNotes:

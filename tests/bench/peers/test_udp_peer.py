@@ -15,7 +15,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.bench.peers.transports import DatagramTransport
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import PeerRst, PeerSend
+from trcvtui.commands.words import PeerAction, PeerSend
 from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Datagram, Endpoint, Fault
@@ -240,7 +240,7 @@ def test_a_udp_peer_of_a_project_listens_at_load_and_says_its_messages_by_itself
         bench.step()
         heard += air.heard(air.plc)
     assert heard == [b"hello", b"\x01", b"\x02"]
-    assert bench.do(PeerRst("P1")) == "P1 speaks UDP: there is no connection to rst"
+    assert bench.do(PeerAction("P1", "rst")) == "P1 speaks UDP: there is no connection to rst"
     air.kernel.close(air.plc)
     bench.close()
     assert bench.leaks() == ()

@@ -185,7 +185,6 @@ class Outbox:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes wait, those of all repetitions included."""
         return sum(sending.unsent for sending in self._sendings)
 
 

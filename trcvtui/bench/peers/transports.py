@@ -82,7 +82,6 @@ class StreamTransport(_Transport):
 
     @property
     def state(self) -> str:
-        """Return closed, listening, connecting, connected, reset or refused."""
         if self._handle is not None:
             return "connected"
         if self._attempt is not None:

@@ -245,8 +245,6 @@ def help_rows(width: int) -> list[Row]:
 
 
 class FleetApp(TerminalApp):
-    """Hears the broker, shows the fleet."""
-
     BINDINGS: ClassVar = [Binding("q", "quit", show=False), Binding("P", "picture", show=False)]
 
     def __init__(

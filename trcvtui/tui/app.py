@@ -398,15 +398,13 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main and not self.refuses():
             self.card = DoctorScreen(self.view_model)
-            self.push_screen(self.card, self._doctor_left)
+            self.push_screen(self.card, self._card_left)
 
-    def _doctor_left(self, place: EvidencePlace | None) -> None:
+    def _card_left(self, place: EvidencePlace | None) -> None:
         self.card = None
-        if place is None:
-            return
-        if place.line:
+        if place is not None and place.line:
             self.main.action_prompt(place.line)
-        else:
+        elif place is not None:
             self.main.go_to_place(place)
 
     def on_curve_wanted(self, message: CurveWanted) -> None:
@@ -414,10 +412,7 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main:
             self.card = CurveScreen(self.view_model, message.path)
-            self.push_screen(self.card, self._curve_left)
-
-    def _curve_left(self, nothing: None) -> None:
-        self.card = None
+            self.push_screen(self.card, self._card_left)
 
     # -- the project --------------------------------------------------------------------------------
 

@@ -102,8 +102,12 @@ class Checking:
         self._echo = Checker(command.size)
         self._sent = 0
         self._next = 0
-        self.instance = command.instance  # whose DATA is judged, "" where none is
-        peer.inbox.checker = self._echo
+        peer.queues.inbox.checker = self._echo
+
+    @property
+    def instance(self) -> str:
+        """Return the instance whose DATA is judged, "" where none is."""
+        return self._command.instance
 
     def due(self, now: int) -> int | None:
         return self._next if self._peer.can_send and not self._peer.unsent else None
@@ -119,7 +123,7 @@ class Checking:
             self._data.take(data)
 
     def end(self) -> None:
-        self._peer.inbox.checker = None
+        self._peer.queues.inbox.checker = None
 
     def snapshot(self) -> CheckSnapshot:
         data = self._data.tally() if self._data is not None else None
@@ -156,7 +160,6 @@ class Bench:
         self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
-        self._time = lambda: self.now
         now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
         self._work, self._peers_work = self._new_work(now_ns), ScanBudget(now_ns)
         self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
@@ -174,7 +177,7 @@ class Bench:
         if seam is not None:
             seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
-        self.plan.fired = lambda owner, fault: self._tell(BenchNote(owner, "fault fired", str(fault)))
+        self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
@@ -202,6 +205,9 @@ class Bench:
         from trcvtui.recording.seam import SeamWork
 
         return SeamWork(self._seam, now_ns)
+
+    def _time(self) -> int:
+        return self.now
 
     def _plc_kernel(self) -> ReadyKernel:
         make = self._with_sessions if self._has_sessions else self._tapped
@@ -270,6 +276,9 @@ class Bench:
         from trcvtui.recording.journal import WorkWaits
 
         self._tell(WorkWaits(connect, what, partner, why))
+
+    def _fault_fired(self, owner: str, fault: object) -> None:
+        self._tell(BenchNote(owner, "fault fired", str(fault)))
 
     def _tell(self, note: Note) -> None:
         if self._seam is not None:

@@ -209,7 +209,7 @@ def test_a_passive_peer_reads_clients_that_reset_before_it_looks_and_whoever_com
         write(wire, client, word)
         wire.kernel.abort(client)
     wire.until(lambda: peer.is_in("reset"))
-    assert peer.inbox.total == len(b"one,two,three") and peer.has_received(b"three")
+    assert peer.queues.inbox.total == len(b"one,two,three") and peer.has_received(b"three")
 
 
 def test_a_peer_whose_send_meets_the_reset_reads_what_came_before_it(wire: Wire) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.bench.peers.queues import PeerQueues
+from trcvtui.bench.peers.queues import PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
 from trcvtui.commands.words import PeerPlay, PeerSend
@@ -40,7 +40,6 @@ class Peer:
         self.decl = decl
         self.stalled = False
         self.queues = PeerQueues(decl.name, journal)
-        self.inbox, self.replies = self.queues.inbox, self.queues.replies
         options = replace(PEER_OPTIONS, small_buffers=policy.small_buffers, session=decl.session)
         transport = DatagramTransport if decl.udp else StreamTransport
         self.transport: DatagramTransport | StreamTransport = transport(
@@ -69,13 +68,17 @@ class Peer:
         return self.transport.can_send
 
     @property
+    def replies(self) -> Replies:
+        return self.queues.replies
+
+    @property
     def unsent(self) -> int:
         """Return how many bytes are still to come, those of all repetitions included."""
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""
-        return self.inbox.is_exactly(payload)
+        return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
         return PeerSnapshot(
@@ -87,10 +90,10 @@ class Peer:
             stalled=self.stalled,
             messages_sent=self.queues.messages,
             bytes_sent=self.queues.bytes_sent,
-            bytes_received=self.inbox.total,
+            bytes_received=self.queues.inbox.total,
             pending=self.unsent,
-            last_received=self.inbox.last[-LAST_SHOWN:],
-            received_here=self.inbox.count,
+            last_received=self.queues.inbox.last[-LAST_SHOWN:],
+            received_here=self.queues.inbox.count,
             udp=self.decl.udp,
             replies=self.replies.snapshot(),
             last_sent=tuple(self.queues.last_sent),

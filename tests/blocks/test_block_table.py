@@ -134,7 +134,7 @@ def test_it_is_called_and_its_waves_have_its_pins(project: Project) -> None:
 
 
 def _levels(wave: Waveform, pin: str) -> list[int | None]:
-    return [wave.lane(pin).at(scan) for scan in range(1, 7)]
+    return [wave.lanes[pin].at(scan) for scan in range(1, 7)]
 
 
 def test_its_status_words_are_explained(capsys: pytest.CaptureFixture[str]) -> None:

@@ -119,7 +119,7 @@ CREATES = st.builds(
         st.dictionaries(st.sampled_from(["EN_R", "ADHOC"]), TRUTH).map(lambda pins: tuple(pins.items())),
     ),
 )
-OF_A_PEER = (words.PeerClose, words.PeerRst, words.PeerShutdown, words.PeerStall, words.PeerResume)
+OF_A_PEER = ("close", "rst", "shutdown", "stall", "resume")
 BENCH_COMMANDS = st.one_of(
     st.builds(words.Set, st.just("X"), some_of(INPUTS)),
     st.builds(words.Pulse, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
@@ -129,9 +129,9 @@ BENCH_COMMANDS = st.one_of(
     CREATES,
     st.just(words.PlcStop()),
     st.just(words.PlcRun()),
-    st.just(words.PeerConnect("P1")),
-    st.just(words.PeerListen("P2")),
-    *(st.builds(kind, st.sampled_from(["P1", "P2"])) for kind in OF_A_PEER),
+    st.just(words.PeerAction("P1", "connect")),
+    st.just(words.PeerAction("P2", "listen")),
+    st.builds(words.PeerAction, st.sampled_from(["P1", "P2"]), st.sampled_from(OF_A_PEER)),
     SENDS,
     FILLED,
     st.builds(words.ReplyOn, st.just("P1"), MATCHES, SENDS | FILLED),

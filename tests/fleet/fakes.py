@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import cast
 
+from msgspec.structs import replace
+
 from trcvtui.fleet.broker import BrokerConnection, IncomingMessage, News, Subscribed
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
@@ -44,7 +46,7 @@ def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> Figure
 
 
 ONLINE = StateMessage("online", NOW, "0.1.0", "pc-7")
-OFF = ONLINE.in_state("offline", NOW + 5)
+OFF = replace(ONLINE, state="offline", t=NOW + 5)
 
 
 class FakeBroker:

@@ -165,7 +165,7 @@ def test_a_finding_and_a_stuck_job_are_no_good_lines_and_the_oldest_of_a_kind_co
         ("old", FINDING), ("new", FINDING), ("stuck", STUCK), ("good", GOOD),
     ]  # fmt: skip
     assert lines[0].cause == "byte order" and lines[2].since(NOW + 21) == NOW - 0.2
-    fleet.tell("s/a", ONLINE.in_state("stale", NOW))
+    fleet.tell("s/a", replace(ONLINE, state="stale", t=NOW))
     assert {line.shows for line in fleet.seen.ordered(NOW)} == {STALE}
 
 
@@ -182,7 +182,7 @@ def test_events_that_waited_for_the_broker_are_dated_when_they_were() -> None:
 def test_a_clock_that_is_wrong_hides_no_error_keeps_none_for_ever_and_is_told(wrong: float) -> None:
     fleet = Fleet()
     seen, at = fleet.seen, NOW + wrong
-    seen.take(Topic("s", "a", "", "", "state"), ONLINE.in_state("online", at), NOW)
+    seen.take(Topic("s", "a", "", "", "state"), replace(ONLINE, state="online", t=at), NOW)
     seen.take(Topic("s", "a", "L", "", "figures"), figures(errors=3, t=at), NOW)
     seen.take(Topic("s", "a", "L", "T", "status"), replace(status(), t=at), NOW)
     seen.take(Topic("s", "a", "L", "T", "event"), event(1, t=at), NOW)

@@ -57,7 +57,7 @@ def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Wave
     assert row(wave, "RxTimeout") == "▁▁▁▁▁▁▁▁▁▁▁▁▁▔▔▔▔▔▁▁▁▁▁"
     assert row(wave, "LenReceiveData") == "│0──│4──│0───│3───│16──"
     assert row(wave, "Error") == "│0────────────────│23──"
-    assert [wave.lane("Error").at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
+    assert [wave.lanes["Error"].at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
 
 
 def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Waveform) -> None:

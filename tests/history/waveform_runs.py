@@ -87,7 +87,7 @@ class Run:
         return self.scenario_folder.of(instance)
 
     def lane(self, pin: str, instance: str = RECEIVER) -> PinWaveform:
-        return self.wave(instance).lane(pin)
+        return self.wave(instance).lanes[pin]
 
 
 def connected() -> Run:

@@ -253,7 +253,7 @@ def test_the_wave_of_the_other_run_ends_where_the_screen_stands() -> None:
         wave, other = cache.of(INSTANCE), cache.of(name)
         assert wave.until_scan == other.until_scan == scan
         assert max(other.edge_scans) <= scan
-        done, beside = wave.lane("DONE"), other.lane("DONE")
+        done, beside = wave.lanes["DONE"], other.lanes["DONE"]
         assert done.at(91) == 1 and beside.at(91) == 1
         assert (done.at(93), beside.at(93)) == (0, 1)  # the second byte is a job of its own
 

@@ -129,7 +129,7 @@ async def test_enter_types_the_remedy_and_waits_for_another_enter() -> None:
     async with card(FixedJudge(*FOUND)) as (newcomer, _screen):
         await newcomer.press("enter")
         prompt = newcomer.app.main.prompt
-        assert prompt.is_open and prompt._input is not None
+        assert prompt.is_open
         assert prompt._input.value == "set TRCV_C_1 LEN=20"
         await newcomer.press("enter")
         await newcomer.look(2)

@@ -24,7 +24,7 @@ def found(*mends: dict[str, Any], tried: bool = True) -> FixedJudge:
 
 def typed(newcomer: Newcomer) -> str:
     prompt = newcomer.app.main.prompt
-    return prompt._input.value if prompt.is_open and prompt._input is not None else ""
+    return prompt._input.value if prompt.is_open else ""
 
 
 def did(newcomer: Newcomer) -> list[str]:
@@ -92,7 +92,7 @@ async def test_a_len_that_the_block_refuses_is_mended_from_its_card(size: tuple[
         assert "ERROR" in looker.line("16#80", "status")
         status = looker.app.main.status
         await looker.press("l")
-        assert looker.app.main.prompt._input.value == "set TRCV_C_1 LEN=0"  # type: ignore[union-attr]
+        assert looker.app.main.prompt._input.value == "set TRCV_C_1 LEN=0"
         await looker.press("escape")
         status.click(9, status._do_rows[0])
         await looker.press("enter")

@@ -183,7 +183,7 @@ async def test_a_whole_form_in_one_burst_with_the_key_that_opens_it_and_the_line
         )
         line = "add connect C9 ActiveEstablished=false LocalAddress=127.0.0.1 LocalPort=7001"
         assert looker.lines == [line]
-        assert looker.app.main.prompt._input.value == "trigger y"  # type: ignore[union-attr]
+        assert looker.app.main.prompt._input.value == "trigger y"
 
 
 async def test_another_block_in_one_burst_keeps_what_is_typed_after_it() -> None:

@@ -102,7 +102,7 @@ class Checking:
         self._echo = Checker(command.size)
         self._sent = 0
         self._next = 0
-        peer.inbox.checker = self._echo
+        peer.queues.inbox.checker = self._echo
 
     @property
     def instance(self) -> str:
@@ -123,7 +123,7 @@ class Checking:
             self._data.take(data)
 
     def end(self) -> None:
-        self._peer.inbox.checker = None
+        self._peer.queues.inbox.checker = None
 
     def snapshot(self) -> CheckSnapshot:
         data = self._data.tally() if self._data is not None else None
@@ -538,7 +538,6 @@ class Bench:
         self.submit(*orders)
 
     def mend(self, command: Remedy) -> str:
-        """Let the project be another one, and what runs with it."""
         edited = after(command, self.project)
         for edit in edits_of(command, self.project):
             wrong = self._take(edit, edited)

@@ -7,14 +7,14 @@ from typing import Protocol
 
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.table import is_time, shown_by
+from trcvtui.blocks.table import shown_by
 from trcvtui.commands import words
+from trcvtui.commands.table import pin_text
 from trcvtui.plc.port_hints import port_away
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
-from trcvtui.udt.literals import format_time
 
 
 class Watched(Protocol):
@@ -48,7 +48,7 @@ def holds(bench: Watched, condition: words.Condition) -> bool:
 def found(bench: Watched, condition: words.Condition) -> str:
     match condition:
         case words.PinsAre(instance, pins):
-            shown = " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
+            shown = " ".join(f"{pin}={pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
             return "; ".join(part for part in (shown, _port_away(bench, instance)) if part)
         case words.PeerIs(peer, _):
             return bench.peers[peer].snapshot().state
@@ -71,12 +71,6 @@ def pin_now(bench: Watched, instance: str, pin: str) -> PinValue:
         return bench.runtime.outputs(instance).pin(pin)
     # An instance that no scan has created yet has pins, and they are 0.
     return bench.runtime.inputs(instance).get(pin, 0)
-
-
-def _pin_text(pin: str, value: PinValue) -> str:
-    if is_time(pin):
-        return format_time(value * 1_000_000)
-    return f"{value:04X}" if pin == "STATUS" else str(int(value))
 
 
 def _hex(payload: bytes) -> str:

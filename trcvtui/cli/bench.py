@@ -35,7 +35,6 @@ FORMATS = ("text", "jsonl", "junit")
 
 
 def add_run(parser: CommandParser) -> None:
-    parser.set_defaults(command=_run)
     add_project(parser)
     add_kernel(parser)
     add_netns(parser)
@@ -54,7 +53,6 @@ def _run(args: Args) -> int:
 
 
 def add_serve(parser: CommandParser) -> None:
-    parser.set_defaults(command=_serve)
     add_project(parser)
     add_kernel(parser)
     parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
@@ -75,7 +73,6 @@ def _serve(args: Args) -> int:
 
 
 def add_examples(parser: CommandParser) -> None:
-    parser.set_defaults(command=_examples)
     parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
 
 
@@ -89,7 +86,6 @@ def _examples(args: Args) -> int:
 
 
 def add_scenario(parser: CommandParser) -> None:
-    parser.set_defaults(command=_scenario)
     parser.last_words = lambda: f"formats: {', '.join(FORMATS)}; {dialect_names()}"
     parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path)
     add_kernel(parser, "sim")
@@ -114,7 +110,6 @@ def _scenario(args: Args) -> int:
 
 
 def add_record_command(parser: CommandParser) -> None:
-    parser.set_defaults(command=_record)
     add_project(parser)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="of the numbered files")
     add_kernel(parser)
@@ -136,7 +131,6 @@ def _record(args: Args) -> int:
 
 
 def add_replay(parser: CommandParser) -> None:
-    parser.set_defaults(command=_replay)
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
@@ -166,14 +160,13 @@ def _replay(args: Args) -> int:
 
 def add_recording(parser: CommandParser) -> None:
     rows = {
-        "strip": ("a copy to hand on", _add_strip),
-        "dissector": ("print what shows the journal in Wireshark (Lua)", _add_dissector),
+        "strip": ("a copy to hand on", _add_strip, _strip),
+        "dissector": ("print what shows the journal in Wireshark (Lua)", lambda parser: None, _dissector),
     }
     add_commands(parser, rows, required=True)
 
 
 def _add_strip(parser: CommandParser) -> None:
-    parser.set_defaults(command=_strip)
     parser.add_argument("source", metavar="IN", type=given)
     parser.add_argument("target", metavar="OUT", type=given)
     parser.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
@@ -191,10 +184,6 @@ def _strip(args: Args) -> int:
     return GOOD
 
 
-def _add_dissector(parser: CommandParser) -> None:
-    parser.set_defaults(command=_dissector)
-
-
 def _dissector(args: Args) -> int:
     from trcvtui.recording.strip import dissector
 
@@ -203,11 +192,11 @@ def _dissector(args: Args) -> int:
 
 
 COMMANDS = {
-    "run": ("the screen; makes a new file, too", "new.toml", add_run),
-    "examples": ("projects and stories to try", "", add_examples),
-    "serve": ("the screen in a browser", "bench.toml --port 8000", add_serve),
-    "scenario": ("a test without a screen", "test.toml --format junit", add_scenario),
-    "record": ("keep what a bench does", "bench.toml --out runs", add_record_command),
-    "replay": ("a recording again, step by step", "run.pcapng", add_replay),
-    "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", add_recording),
+    "run": ("the screen; makes a new file, too", "new.toml", add_run, _run),
+    "examples": ("projects and stories to try", "", add_examples, _examples),
+    "serve": ("the screen in a browser", "bench.toml --port 8000", add_serve, _serve),
+    "scenario": ("a test without a screen", "test.toml --format junit", add_scenario, _scenario),
+    "record": ("keep what a bench does", "bench.toml --out runs", add_record_command, _record),
+    "replay": ("a recording again, step by step", "run.pcapng", add_replay, _replay),
+    "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", add_recording, None),
 }

@@ -30,7 +30,6 @@ def _add_certificates(parser: CommandParser) -> None:
 
 
 def add_agent(parser: CommandParser) -> None:
-    parser.set_defaults(command=_agent)
     add_project(parser)
     add_kernel(parser)
     parser.add_argument("--site", default="default", help="of the topics; default: default")
@@ -89,7 +88,6 @@ def _agent(args: Args) -> int:
 
 
 def add_fleet(parser: CommandParser) -> None:
-    parser.set_defaults(command=_fleet)
     parser.add_argument("url", metavar="mqtts://HOST", help=BROKER)
     parser.add_argument("--site", metavar="PATTERN", default="*", help='such as "plant*"; default: all')
     _add_certificates(parser)
@@ -114,6 +112,6 @@ def _fleet(args: Args) -> int:
 
 
 COMMANDS = {
-    "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", add_agent),
-    "fleet": ("all agents on one screen", "mqtts://HOST", add_fleet),
+    "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", add_agent, _agent),
+    "fleet": ("all agents on one screen", "mqtts://HOST", add_fleet, _fleet),
 }

@@ -45,7 +45,6 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
 
 
 def add_watch(parser: CommandParser) -> None:
-    parser.set_defaults(command=_watch)
     about = "pcapng or pcap, also .gz; one capture; - is stdin, as it grows"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     _add_shadows(parser)
@@ -103,7 +102,6 @@ who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 
 
 def add_tap(parser: CommandParser) -> None:
-    parser.set_defaults(command=_tap)
     places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
     parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
     about = "the other end; ADDR is 127.0.0.1 where it lacks"
@@ -167,7 +165,6 @@ def _taps_of(project: Path | None) -> list[Route]:
 
 
 def add_conversations(parser: CommandParser) -> None:
-    parser.set_defaults(command=_conversations)
     about = "pcapng or pcap, also .gz; one capture"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     add_project(parser, "on whose ports a PLC listens")
@@ -187,7 +184,6 @@ def _conversations(args: Args) -> int:
 
 
 def add_doctor(parser: CommandParser) -> None:
-    parser.set_defaults(command=_doctor)
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     add_plc(parser)
@@ -268,7 +264,6 @@ def _run_for(path: Path, args: Args, folder: str) -> list[str]:
 
 
 def add_report(parser: CommandParser) -> None:
-    parser.set_defaults(command=_report)
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording or a capture, also .gz")
     about = "a new file, or an older report"
     parser.add_argument("--out", metavar="REPORT.html", required=True, type=Path, help=about)
@@ -287,7 +282,6 @@ def _report(args: Args) -> int:
 
 
 def add_messages(parser: CommandParser) -> None:
-    parser.set_defaults(command=_messages)
     about = "a recording, one capture, or a project (.toml) with --for"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     add_project(parser, "whose instances look on at a capture")
@@ -329,10 +323,10 @@ def _messages(args: Args) -> int:
 
 
 COMMANDS = {
-    "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch),
-    "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap),
-    "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations),
-    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages),
-    "doctor": ("name what is wrong", "line.pcapng", add_doctor),
-    "report": ("one page to send on", "line.pcapng --out line.html", add_report),
+    "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch, _watch),
+    "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap, _tap),
+    "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations, _conversations),
+    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages, _messages),
+    "doctor": ("name what is wrong", "line.pcapng", add_doctor, _doctor),
+    "report": ("one page to send on", "line.pcapng --out line.html", add_report, _report),
 }

@@ -16,7 +16,6 @@ from trcvtui.errors import mistake
 
 
 def add_status(parser: CommandParser) -> None:
-    parser.set_defaults(command=_status)
     parser.last_words = dialect_names
     parser.add_argument(
         "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
@@ -57,7 +56,6 @@ def _status(args: Args) -> int:
 
 
 def add_st(parser: CommandParser) -> None:
-    parser.set_defaults(command=_st)
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
     parser.add_argument("--short", action="store_true", help="only pins that differ from their defaults")
@@ -76,7 +74,6 @@ def _st(args: Args) -> int:
 
 
 def add_completion(parser: CommandParser) -> None:
-    parser.set_defaults(command=_completion)
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
     parser.description = 'Prints what completes `trcvtui` in a shell: eval "$(trcvtui completion bash)"'
 
@@ -105,8 +102,8 @@ def _prepare(parser: CommandParser) -> None:
 
 
 COMMANDS = {
-    "status": ("explain a STATUS code", "80C5", add_status),
-    "st": ("instances as calls in Structured Text", "bench.toml", add_st),
-    "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", add_udt),
-    "completion": ("commands and options for a shell", "bash", add_completion),
+    "status": ("explain a STATUS code", "80C5", add_status, _status),
+    "st": ("instances as calls in Structured Text", "bench.toml", add_st, _st),
+    "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", add_udt, None),
+    "completion": ("commands and options for a shell", "bash", add_completion, _completion),
 }

@@ -9,12 +9,12 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from trcvtui import __version__
 from trcvtui.cli import bench, fleet, line, look_up
-from trcvtui.cli.options import GOOD, WRONG_INPUT, Args, CommandParser, add_commands, add_theme
+from trcvtui.cli.options import GOOD, WRONG_INPUT, Add, Args, CommandParser, Run, add_commands, add_theme
 from trcvtui.cli.screen import open_screen
 from trcvtui.cli.streams import take_streams
 from trcvtui.errors import UserError
@@ -22,7 +22,7 @@ from trcvtui.paths import demo_path
 
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
-GROUPS: Final = {
+GROUPS: Final[Mapping[str, Mapping[str, tuple[str, str, Add, Run]]]] = {
     "Bench: a PLC with its partners, on this machine": bench.COMMANDS,
     "Line: the traffic of real devices": line.COMMANDS,
     "Look up": look_up.COMMANDS,
@@ -83,7 +83,7 @@ def parser_of(given: Sequence[str]) -> CommandParser:
     parser.given = given
     parser.set_defaults(command=lambda args: open_screen(demo_path(), "live", theme=args.theme))
     add_theme(parser, None)
-    rows = {name: (about, add) for name, (about, _, add) in COMMANDS.items()}
+    rows = {name: (about, add, run) for name, (about, _, add, run) in COMMANDS.items()}
     add_commands(parser, rows, "COMMAND", help=argparse.SUPPRESS, prog="trcvtui")
     return parser
 
@@ -94,7 +94,7 @@ def _overview() -> str:
     lines += ["Without a command: the built-in demo."]
     for title, group in GROUPS.items():
         lines += ["", title]
-        lines += [f"  {f'{name} {example}':38}  {about}" for name, (about, example, _) in group.items()]
+        lines += [f"  {f'{name} {example}':38}  {about}" for name, (about, example, *_) in group.items()]
     lines += ["", "Each line is an example: type `trcvtui` before it."]
     lines += ["`trcvtui COMMAND --help` tells the rest."]
     return "\n".join(lines)

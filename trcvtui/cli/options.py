@@ -60,7 +60,9 @@ class CommandParser(argparse.ArgumentParser):
         return super().format_help()
 
 
-Row = tuple[str, Callable[[CommandParser], None]]  # what a command does; what adds its arguments
+Add = Callable[[CommandParser], None]  # its arguments
+Run = Callable[[Args], int] | None  # None: one of the commands below it
+Row = tuple[str, Add, Run]  # what a command does, in words
 Rows = Mapping[str, Row]
 
 
@@ -68,9 +70,10 @@ def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **set
     """Let the first word be a command; where it was given, it is made alone: each takes a millisecond."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
-        about, add = rows[name]
+        about, add, run = rows[name]
         made = commands.add_parser(name, help=about)
         made.given = parser.given[1:]
+        made.set_defaults(command=run)
         add(made)
 
 

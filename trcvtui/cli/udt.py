@@ -24,10 +24,8 @@ def add_udt(parser: CommandParser) -> None:
     add_commands(parser, COMMANDS, required=True)
 
 
-def _add_type(
-    parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
-) -> None:
-    _add_files(parser, command)
+def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = False) -> None:
+    _add_files(parser)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
@@ -43,8 +41,7 @@ def _add_type(
         add_format(parser, *formats)
 
 
-def _add_files(parser: CommandParser, command: Callable[[Args], int]) -> None:
-    parser.set_defaults(command=command)
+def _add_files(parser: CommandParser) -> None:
     parser.last_words = _last_words
     about = "the file that declares the type, a folder of such files, or - for stdin"
     parser.add_argument("file", metavar="FILE", type=given, help=about)
@@ -81,19 +78,19 @@ def _printing(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
     return run
 
 
-def _add_types(parser: CommandParser) -> None:
-    _add_type(parser, _printing("list_types", bad=WRONG_INPUT), ("text", "json"))
+def _add_plain(parser: CommandParser) -> None:
+    _add_type(parser, ("text", "json"))
 
 
 def _add_decode(parser: CommandParser) -> None:
-    _add_type(parser, _printing("decode"), ("text", "json", "md", "csv"))
+    _add_type(parser, ("text", "json", "md", "csv"))
     parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
 
 
 def _add_encode(parser: CommandParser) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
-    _add_type(parser, _printing("encode"), tuple(BYTE_FORMS))
+    _add_type(parser, tuple(BYTE_FORMS))
     about = "an object of path: value"
     parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
 
@@ -101,7 +98,7 @@ def _add_encode(parser: CommandParser) -> None:
 def _add_export(parser: CommandParser) -> None:
     from trcvtui.udt.exports import LANGUAGES
 
-    _add_type(parser, _printing("export"))
+    _add_type(parser)
     about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
     parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
     parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
@@ -109,13 +106,13 @@ def _add_export(parser: CommandParser) -> None:
 
 
 def _add_compare(parser: CommandParser) -> None:
-    _add_type(parser, _printing("compare"), ("text", "json"), twice=True)
+    _add_type(parser, ("text", "json"), twice=True)
     more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
 def _add_fit(parser: CommandParser) -> None:
-    _add_type(parser, _printing("fit"), ("text", "json"))
+    _add_plain(parser)
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
@@ -127,7 +124,7 @@ def _add_fit(parser: CommandParser) -> None:
 
 
 def _add_cure(parser: CommandParser) -> None:
-    _add_type(parser, _cure, twice=True)
+    _add_type(parser, twice=True)
     parser.description = (
         "Prints the type for our side that lies as theirs does, and swap code for the sender where the byte "
         "orders differ. A layout option given once is theirs, given twice ours and theirs."
@@ -145,15 +142,16 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
-    "types": ("all types of a file", _add_types),
-    "show": (
-        "members with offset, size, type; padding",
-        lambda parser: _add_type(parser, _printing("show"), ("text", "json")),
+    "types": ("all types of a file", _add_plain, _printing("list_types", bad=WRONG_INPUT)),
+    "show": ("members with offset, size, type; padding", _add_plain, _printing("show")),
+    "decode": ("bytes to values, as far as they go", _add_decode, _printing("decode")),
+    "encode": ("values to bytes, as hex on stdout", _add_encode, _printing("encode")),
+    "export": ("the type for Wireshark", _add_export, _printing("export")),
+    "compare": ("two layouts side by side; exit 1 where they differ", _add_compare, _printing("compare")),
+    "fit": (
+        "which layout, byte order or other cause fits the bytes; exit 1: not sure",
+        _add_fit,
+        _printing("fit"),
     ),
-    "decode": ("bytes to values, as far as they go", _add_decode),
-    "encode": ("values to bytes, as hex on stdout", _add_encode),
-    "export": ("the type for Wireshark", _add_export),
-    "compare": ("two layouts side by side; exit 1 where they differ", _add_compare),
-    "fit": ("which layout, byte order or other cause fits the bytes; exit 1: not sure", _add_fit),
-    "cure": ("the type or the swap code that cures a mismatch", _add_cure),
+    "cure": ("the type or the swap code that cures a mismatch", _add_cure, _cure),
 }

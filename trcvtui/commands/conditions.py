@@ -10,12 +10,11 @@ from msgspec import Struct
 from trcvtui.blocks.table import MARKS, block_row
 from trcvtui.commands.patterns import parse_pattern
 from trcvtui.commands.tokens import (
+    FORMS,
     KEPT_BYTES,
     Words,
     duration,
-    is_payload,
     leaf_bytes,
-    leaf_value,
     parse_payload,
     pin_value,
     struct_bytes,
@@ -41,6 +40,7 @@ from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
 from trcvtui.project.tables import expected_name, shown
 from trcvtui.udt.layout.layout import Leaf
 from trcvtui.udt.layout.layout_tree import find
+from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.wording import count
 
 TARGET_FORM: Final = "rx, rx.speed, rx[3] or rx+4 (byte 4)"
@@ -114,7 +114,7 @@ def parse_write(words: Words, project: Project) -> Write:
 
 
 def _bytes_for(target: Target, words: Words, project: Project) -> bytes:
-    if is_payload(words.peek()):
+    if words.peek() in FORMS:
         return _fitting(target, parse_payload(words, project).content, words)
     if words.peek().startswith("{") and not target.is_raw:
         return _struct_for(target, words.rest_text(VALUE_FORM), words)
@@ -144,7 +144,7 @@ def parse_data_condition(words: Words, project: Project) -> Condition:
     """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError."""
     start = words.place
     target = parse_target(words, project)
-    if is_payload(words.peek()):
+    if words.peek() in FORMS:
         payload = _fitting(target, parse_payload(words, project).content, words)
         return DataIs(target.decl.name, target.offset, payload, words.written(start))
     leaf = target.leaf(words)
@@ -154,7 +154,7 @@ def parse_data_condition(words: Words, project: Project) -> Condition:
     return MemberIs(
         target.decl.name,
         leaf.path,
-        leaf_value(layout, leaf, leaf_bytes(layout, leaf, value, words.where)),
+        decode_leaf(layout, leaf, leaf_bytes(layout, leaf, value, words.where)),
     )
 
 

@@ -12,8 +12,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from msgspec.structs import replace
-
 from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.commands.peer import (
     check_library,
@@ -24,7 +22,7 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, unquoted
+from trcvtui.commands.tokens import Words, unquoted, within
 from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_left_alone
@@ -150,7 +148,6 @@ PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 
 def parse_add(words: Words, project: Project) -> Add | AddData:
-    """Return `add KIND NAME ...`; raise UserError."""
     kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
     if kind == UDT:  # a name with blanks needs no quotes
         return Add(_udt_file(unquoted(words.rest_text("a file of types")), project, words.where))
@@ -185,7 +182,7 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
         folder, file = os.path.split(path if is_here else project.base / path)
         path = f"{way_to(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
-    try:
+    with within(where):
         decl = read_entry(UDT, {"file": path}, project, path)
         assert isinstance(decl, UdtFile)
         types, names, wrong = _types_of(decl, project)
@@ -196,10 +193,6 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
                 f"a second file of this name, so that {lost[0]} is called otherwise" if lost else "no type"
             )
             raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
-    except UserError as refused:
-        raise UserError(
-            [replace(each, where=f"{where}: {each.where}") for each in refused.problems]
-        ) from None
     return decl
 
 
@@ -356,10 +349,8 @@ def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
 
 
 def _changes(kind: str, words: Words) -> dict[str, Any]:
-    if kind == "message":
-        return _message(words)
-    if kind == "sequence":
-        return _CONTENT["sequence"](words)
+    if kind in ("message", "sequence"):
+        return _CONTENT[kind](words)
     bare = kind == "data" and "=" not in words.peek()
     content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
     if not content:
@@ -388,7 +379,7 @@ def parse_undo(words: Words, project: Project) -> Undo:
     if not edits:
         raise words.wrong("undo without an edit", "add, set or remove of a part of the project before it")
     _refuse_to_leave(edits, project, f"{words.where}: undo")
-    return Undo(edits)
+    return Undo()
 
 
 def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
@@ -431,7 +422,8 @@ def told(command: Remedy, project: Project) -> str:
     if isinstance(command, Add) and isinstance(command.decl, UdtFile):
         return _types_told(command.decl, project)
     if isinstance(command, Add | AddData):
-        return told_on_the_way(command)
+        made = command.with_it if isinstance(command, Add) else ()
+        return f"with {', '.join(map(_made, made))}" if made else ""
     said = [_told(edit) for edit in edits_of(command, project)]
     anew = dict.fromkeys(what for edit in edits_of(command, project) for what in _anew(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
@@ -441,12 +433,6 @@ def told(command: Remedy, project: Project) -> str:
 def port_text(port: int) -> str:
     """Return the words that a chosen port has at the end of a line."""
     return f" LocalPort={port}"
-
-
-def told_on_the_way(command: Add | AddData) -> str:
-    """Return what is made beside an instance, "" for nothing."""
-    made = command.with_it if isinstance(command, Add) else ()
-    return f"with {', '.join(map(_made, made))}" if made else ""
 
 
 def _made(decl: Declaration) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol, cast
+from typing import Final, Protocol, cast
 
 from msgspec import Struct
 
@@ -27,7 +27,6 @@ from trcvtui.commands.tokens import (
     Words,
     duration,
     leaf_bytes,
-    leaf_value,
     parse_payload,
     text_bytes,
     text_in_quotes,
@@ -42,15 +41,9 @@ from trcvtui.commands.words import (
     Contains,
     FieldIs,
     Match,
-    PeerClose,
-    PeerConnect,
-    PeerListen,
+    PeerAction,
     PeerPlay,
-    PeerResume,
-    PeerRst,
     PeerSend,
-    PeerShutdown,
-    PeerStall,
     ReplyOff,
     ReplyOn,
     Starts,
@@ -63,6 +56,7 @@ from trcvtui.project.tables import Kind, expected_name, shown, whole
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.layout.layout import BYTE_ORDERS, lay_out
+from trcvtui.udt.layout.values import decode_leaf
 
 # -- what is sent --------------------------------------------------------------------------------------------
 
@@ -227,7 +221,6 @@ def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
 
 
 def parse_play(words: Words, project: Project, peer: str) -> PeerPlay:
-    """Return `play NAME`; raise UserError."""
     name = words.next("the name of a sequence")
     words.finish()
     known = {sequence.name: sequence for sequence in project.sequences}
@@ -306,7 +299,6 @@ ANY: Final = "any"
 
 
 def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop:
-    """Return a `try-splits` command; raise UserError."""
     if words.peek() == "stop":
         words.next("")
         return TryStop(peer)
@@ -336,13 +328,9 @@ FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the com
 
 
 def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
-    """Return a `check` command; raise UserError."""
-    word = words.next("on or off")
-    if word == "off":
+    if words.choice("on", "off") == "off":
         words.finish()
         return CheckOff(peer)
-    if word != "on":
-        raise words.wrong(shown(word), "on or off")
     size, every, instance = DEFAULT_CHECK_SIZE, DEFAULT_CHECK_NS, ""
     while words:
         key, equals, text = words.next("").partition("=")
@@ -374,14 +362,10 @@ SEND: Final = "send"
 
 
 def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
-    """Return a `reply` command; raise UserError."""
-    word = words.next("on or off")
-    if word == "off":
+    if words.choice("on", "off") == "off":
         number = value_of(RULE, words.next(""), "", words.where) if words else 0
         words.finish()
         return ReplyOff(peer, number)
-    if word != "on":
-        raise words.wrong(shown(word), "on or off")
     return parse_rule(words, project, peer)
 
 
@@ -425,7 +409,7 @@ def _field(words: Words, project: Project) -> FieldIs:
     except UserError:
         raise words.wrong(f"'{target}', which is not one value", f"a member of {name}") from None
     content = leaf_bytes(layout, leaf, value, words.where)
-    return FieldIs(name, leaf.path, leaf_value(layout, leaf, content), layout)
+    return FieldIs(name, leaf.path, decode_leaf(layout, leaf, content), layout)
 
 
 MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {
@@ -530,21 +514,15 @@ class ActsOnReplies(Protocol):
     def remove(self, number: int, peer: str) -> str: ...
 
 
-class SimpleVerb(NamedTuple):
-    """One row a word of a peer with nothing after it: its frozen command, and what the peer does."""
-
-    record: type[Any]
-    act: Callable[[ActsOnPeer, int], str]  # the peer, the time in ns
-
-
-SIMPLE: Final = {
-    "connect": SimpleVerb(PeerConnect, lambda peer, now: peer.connect(now)),
-    "listen": SimpleVerb(PeerListen, lambda peer, now: peer.listen()),
-    "close": SimpleVerb(PeerClose, lambda peer, now: peer.close()),
-    "rst": SimpleVerb(PeerRst, lambda peer, now: peer.rst()),
-    "shutdown": SimpleVerb(PeerShutdown, lambda peer, now: peer.shutdown()),
-    "stall": SimpleVerb(PeerStall, lambda peer, now: peer.stall()),
-    "resume": SimpleVerb(PeerResume, lambda peer, now: peer.resume()),
+# The words of a peer with nothing after them, and what it does at a time in ns.
+SIMPLE: Final[dict[str, Callable[[ActsOnPeer, int], str]]] = {
+    "connect": lambda peer, now: peer.connect(now),  # one attempt of an active peer
+    "listen": lambda peer, now: peer.listen(),  # a passive one opens its listener, where it has none
+    "close": lambda peer, now: peer.close(),  # FIN
+    "rst": lambda peer, now: peer.rst(),  # RST
+    "shutdown": lambda peer, now: peer.shutdown(),  # FIN, but it keeps reading (half-close)
+    "stall": lambda peer, now: peer.stall(),  # it stops reading, so that the window closes
+    "resume": lambda peer, now: peer.resume(),  # it reads again
 }
 TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
     "send": parse_any_send,
@@ -559,7 +537,6 @@ OF_UDP: Final = "one of " + ", ".join(verb for verb in VERBS if verb not in OF_C
 
 
 def parse_peer_command(words: Words, project: Project) -> BenchCommand:
-    """Return a `peer` command; raise UserError."""
     peer = parse_peer(words, project)
     verb = words.next(f"one of {', '.join(VERBS)}")
     if verb not in VERBS:
@@ -578,5 +555,4 @@ def parse_peer_command(words: Words, project: Project) -> BenchCommand:
         raise words.wrong(
             f"listen of the active peer '{peer.name}'", "connect, or a peer with active = false"
         )
-    command: BenchCommand = SIMPLE[verb].record(peer.name)
-    return command
+    return PeerAction(peer.name, verb)

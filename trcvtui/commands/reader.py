@@ -16,7 +16,6 @@ from trcvtui.commands.tokens import (
     Payload,
     Words,
     duration,
-    is_payload,
     parse_payload,
     pin_value,
     value_of,
@@ -210,7 +209,7 @@ def parse_feed(words: Words, project: Project) -> FeedLine:
         words.next(BREAK)
         return FeedLine(name, None)
     form = words.peek()
-    if form and not is_payload(form):
+    if form and form not in FORMS:
         expected = expected_name(form, (*FORMS, BREAK), "form of payload")
         raise words.wrong(shown(words.next(BREAK)), expected)
     payload = parse_payload(words, project)
@@ -264,12 +263,12 @@ def _input(name: str, instance: InstanceDecl, words: Words, project: Project) ->
 
 
 def parse_plc_command(words: Words, project: Project) -> PlcStop | PlcRun:
-    return PlcRun() if _one_of(words, "stop", "run") == "run" else PlcStop()
+    return PlcRun() if words.choice("stop", "run") == "run" else PlcStop()
 
 
 def parse_link(words: Words, project: Project) -> Link:
     name = words.one_of(project.links(), "CONNECT")
-    return Link(name, _one_of(words, "down", "up") == "up")
+    return Link(name, words.choice("down", "up") == "up")
 
 
 def parse_doctor(words: Words, project: Project) -> Doctor:
@@ -302,12 +301,12 @@ INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
 
 def parse_tap(words: Words, project: Project) -> Intervene:
     name = words.one_of([tap.name for tap in project.taps], "tap")
-    to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
+    to_plc = words.choice("to-plc", "from-plc") == "to-plc"
     conversation = 0
     if words.peek() == "conversation":
         words.next("conversation")
         conversation = value_of(CONVERSATION, words.next("N"), "conversation ", words.where)
-    verb = _one_of(words, *INTERVENTIONS)
+    verb = words.choice(*INTERVENTIONS)
     tail = words.cut(lambda word: word == "conversation")
     if tail:
         if len(tail) != 2:
@@ -328,13 +327,6 @@ def parse_tap(words: Words, project: Project) -> Intervene:
         raise words.wrong(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
     words.finish()
     return Intervene(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
-
-
-def _one_of(words: Words, *known: str) -> str:
-    word = words.next(" or ".join(known))
-    if word not in known:
-        raise words.wrong(shown(word), " or ".join(known))
-    return word
 
 
 SERIAL_LINE: Final = 'ComBuffer with source = "serial"'

@@ -18,7 +18,7 @@ from trcvtui.commands import completion, reader, words
 from trcvtui.commands.conditions import parse_expect, parse_instance, parse_mark, parse_wait, parse_write
 from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
-from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
+from trcvtui.commands.peer import SIMPLE, ActsOnPeer, parse_peer_command
 from trcvtui.commands.reader import after, parse_create, parse_resize
 from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
@@ -35,10 +35,10 @@ _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like 
 
 
 def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
-    return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
+    return " ".join(f"{name}={pin_text(name, value)}" for name, value in pins)
 
 
-def _pin_text(name: str, value: bool | int | str) -> str:
+def pin_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
     if is_time(name):
@@ -257,14 +257,6 @@ _MENDED: Final = tuple(
 )
 
 
-def _simple(verb: str, row: SimpleVerb) -> RecordRow:
-    return RecordRow(
-        row.record,
-        lambda c: f"peer {c.peer} {verb}",
-        lambda bench, c: row.act(bench.peers[c.peer], bench.now),
-    )
-
-
 _PEER: Final = (
     RecordRow(
         words.PeerSend,
@@ -276,7 +268,11 @@ _PEER: Final = (
         lambda c: f"peer {c.peer} play {c.name}",
         lambda bench, c: bench.peers[c.peer].play(c, bench.now),
     ),
-    *(_simple(verb, row) for verb, row in SIMPLE.items()),
+    RecordRow(
+        words.PeerAction,
+        lambda c: f"peer {c.peer} {c.verb}",
+        lambda bench, c: SIMPLE[c.verb](bench.peers[c.peer], bench.now),
+    ),
     RecordRow(
         words.ReplyOn,
         lambda c: f"peer {c.peer} reply on {rule_text(c)}",

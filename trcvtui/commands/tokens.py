@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from pathlib import Path
 from typing import Final
@@ -22,9 +23,8 @@ from trcvtui.project.keys import kind_of
 from trcvtui.project.project import Project
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole, with_article
 from trcvtui.udt.byte_text import parse_hex
-from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
-from trcvtui.udt.layout.values import decode_leaf, encode, encode_leaf
+from trcvtui.udt.layout.values import encode, encode_leaf
 from trcvtui.udt.literals import NAME
 from trcvtui.udt.sources import parse_type
 
@@ -62,7 +62,8 @@ def _named(letter: str, digits: str) -> str:
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
     """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
     values = dict(members_of(braces, where))
-    return _told(where, lambda: encode(layout, values))
+    with within(where):
+        return encode(layout, values)
 
 
 def members_of(braces: str, where: str) -> list[tuple[str, str]]:
@@ -108,16 +109,15 @@ def _joined(path: str, name: str) -> str:
 
 def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
     """Return the bytes of one value, such as 12.5, TRUE, T#5s or 'abc'."""
-    return _told(where, lambda: encode_leaf(layout, leaf, unquoted(text)))
+    with within(where):
+        return encode_leaf(layout, leaf, unquoted(text))
 
 
-def leaf_value(layout: Layout, leaf: Leaf, payload: bytes) -> Value:
-    return decode_leaf(layout, leaf, payload)
-
-
-def _told(where: str, act: Callable[[], bytes]) -> bytes:
+@contextmanager
+def within(where: str) -> Iterator[None]:
+    """Let the mistakes inside begin with where they stand."""
     try:
-        return act()
+        yield
     except UserError as refused:
         raise UserError(
             replace(problem, where=f"{where}: {problem.where}") for problem in refused.problems
@@ -335,6 +335,13 @@ class Words:
             raise self.unknown(word, known, what)
         return word
 
+    def choice(self, *known: str) -> str:
+        """Take the next word, which is one of a few; raise UserError."""
+        word = self.next(" or ".join(known))
+        if word not in known:
+            raise self.wrong(shown(word), " or ".join(known))
+        return word
+
     def unknown(self, name: str, known: Iterable[str], what: str) -> UserError:
         """Return the mistake that a name is none of those that are known; `what` says what they are."""
         return self.wrong(shown(name), expected_name(name, known, what), "unknown")
@@ -349,10 +356,6 @@ class Payload(Struct, frozen=True):
 
     content: bytes
     text: str
-
-
-def is_payload(word: str) -> bool:
-    return word in FORMS
 
 
 def parse_payload(words: Words, project: Project) -> Payload:

@@ -13,46 +13,17 @@ from msgspec import Struct
 from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.counters_and_checksums import Fill
 from trcvtui.commands.patterns import TracePattern
-from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.plc import commands
-from trcvtui.project.project import (
-    CertificateDecl,
-    ComBufferDecl,
-    DataDecl,
-    Declaration,
-    Edits,
-    InstanceDecl,
-    MessageDecl,
-    PeerDecl,
-    SequenceDecl,
-    TapDecl,
-    UdtFile,
-    WatchDecl,
-)
+from trcvtui.project.project import DataDecl, Declaration, InstanceDecl
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout
-
-AddedDecl = (
-    ConnectConfig
-    | UdpConfig
-    | AddrParam
-    | ComBufferDecl
-    | InstanceDecl
-    | PeerDecl
-    | MessageDecl
-    | SequenceDecl
-    | CertificateDecl
-    | WatchDecl
-    | TapDecl
-    | UdtFile
-)
 
 
 @dataclass(frozen=True, slots=True)
 class Add:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
-    decl: AddedDecl
+    decl: Declaration
     with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
     text: str = field(default="", compare=False)  # as it was written, where more is made on the way
     port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`
@@ -87,11 +58,8 @@ class Remove:
     decl: Declaration = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
+class Undo(Struct, frozen=True):
     """`undo`: the newest edit of the project is taken back."""
-
-    edits: Edits = field(compare=False)
 
 
 Remedy = Add | AddData | Change | Remove | Undo
@@ -150,7 +118,6 @@ class SetMark:
         return (*write, *length)
 
     def line(self) -> str:
-        """Return the command as it is written."""
         written = self.text or (f"hex {self.payload.hex(' ')}" if self.payload else NONE)
         return f"{self.mark} {self.instance} {written}"
 
@@ -221,30 +188,11 @@ class PlcRun(Struct, frozen=True):
     """`plc run`: CPU RUN."""
 
 
-class PeerCommand(Struct, frozen=True):
-    """What needs to say no more than which peer."""
+class PeerAction(Struct, frozen=True):
+    """`peer P1 connect`: a verb with nothing after it, see `SIMPLE` in commands/peer.py."""
 
     peer: str
-
-
-class PeerConnect(PeerCommand, frozen=True):
-    """`peer P1 connect`: one attempt of an active peer."""
-
-
-class PeerListen(PeerCommand, frozen=True):
-    """`peer P1 listen`: a passive peer opens its listener, where it has none."""
-
-
-class PeerClose(PeerCommand, frozen=True):
-    """`peer P1 close`: FIN."""
-
-
-class PeerRst(PeerCommand, frozen=True):
-    """`peer P1 rst`: RST."""
-
-
-class PeerShutdown(PeerCommand, frozen=True):
-    """`peer P1 shutdown`: FIN, but keep reading (half-close)."""
+    verb: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,8 +233,10 @@ class CheckOn(Struct, frozen=True):
     instance: str = ""
 
 
-class CheckOff(PeerCommand, frozen=True):
+class CheckOff(Struct, frozen=True):
     """`peer P1 check off`: no more frames."""
+
+    peer: str
 
 
 class ReplyOn(Struct, frozen=True):
@@ -320,16 +270,10 @@ class TrySplits:
     text: str = field(default="", compare=False)
 
 
-class TryStop(PeerCommand, frozen=True):
+class TryStop(Struct, frozen=True):
     """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
 
-
-class PeerStall(PeerCommand, frozen=True):
-    """`peer P1 stall`: stop reading, so that the window closes."""
-
-
-class PeerResume(PeerCommand, frozen=True):
-    """`peer P1 resume`: read again."""
+    peer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -468,10 +412,10 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    Set | Pulse | Write | Create | Delete | Remedy | Download | Resize | PlcStop | PlcRun | PeerConnect
-    | PeerListen | PeerClose | PeerRst | PeerShutdown | PeerSend | PeerPlay | CheckOn | CheckOff | ReplyOn
-    | ReplyOff | TrySplits | TryStop | PeerStall | PeerResume | FeedLine | SetMark | Link | Intervene | Doctor
-    | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace
+    Set | Pulse | Write | Create | Delete | Remedy | Download | Resize | PlcStop | PlcRun | PeerAction
+    | PeerSend | PeerPlay | CheckOn | CheckOff | ReplyOn | ReplyOff | TrySplits | TryStop | FeedLine
+    | SetMark | Link | Intervene | Doctor | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect
+    | ExpectTrace
 )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.commands.conditions import base_name, parse_instance, parse_target
-from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
+from trcvtui.commands.tokens import Words, leaf_bytes, pin_value
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
@@ -31,6 +31,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.snapshots.bench import PeerSnapshot, TriggerEvent
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
+from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import StringType
 
 COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
@@ -137,7 +138,7 @@ class ConditionText(NamedTuple):
     def of_leaf(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
         self._check_order("a text", isinstance(leaf.type, StringType))
         if isinstance(leaf.type, StringType) or leaf.bit is not None:
-            read: Callable[[bytes], Any] = partial(leaf_value, layout, leaf)
+            read: Callable[[bytes], Any] = partial(decode_leaf, layout, leaf)
         else:
             code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
             read = lambda part: code.unpack(part)[0]  # noqa: E731

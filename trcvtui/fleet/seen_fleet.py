@@ -7,7 +7,8 @@ Rule 2: times are those of our clock. How wrong an agent's clock is, its live me
 from __future__ import annotations
 
 from collections import deque
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeVar
 
 from msgspec.structs import replace
 
@@ -22,6 +23,9 @@ from trcvtui.fleet.topics import (
     StatusMessage,
     Topic,
 )
+
+K = TypeVar("K")
+V = TypeVar("V")
 
 MOST_NAMES: Final = 30_000  # of agents, lines and instances together
 HOUR_S: Final = 3600
@@ -129,7 +133,6 @@ class FleetLine:
 
     @property
     def missing(self) -> int:
-        """Return how many events there were that have not come."""
         return sum(each.log.missing for each in self.instances.values())
 
     @property
@@ -233,7 +236,8 @@ class SeenFleet:
         if message is None:
             self._forget(topic)
             return
-        agent = self._agent(topic)
+        site, name, on = topic.site, topic.agent, topic.line
+        agent = self._known(self.agents, topic[:2], "agent", name, lambda: FleetAgent(site, name))
         is_will = isinstance(message, StateMessage) and message.state == "offline"  # its time is of the begin
         if not is_retained and isinstance(message, FiguresMessage | RecentMessage):
             agent.hear(message.t, wall)
@@ -243,7 +247,7 @@ class SeenFleet:
             agent.state, agent.is_heard = message, True
             agent.since = wall if is_will and not is_retained else agent.at(message.t, wall)
             return
-        line = self._line(agent, topic.line)
+        line = self._known(agent.lines, on, "line", on, lambda: FleetLine(agent, on))
         if isinstance(message, FiguresMessage):
             line.figures = message
             return
@@ -261,7 +265,7 @@ class SeenFleet:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
-                agent.state, agent.since = agent.state.in_state("offline", wall), wall
+                agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall
                 self.version += 1
 
     def _take_events(
@@ -275,33 +279,19 @@ class SeenFleet:
                 bucket = int(at // BUCKET_S)
                 line.errors[bucket] = line.errors.get(bucket, 0) + 1
 
-    def _agent(self, topic: Topic) -> FleetAgent:
-        found = self.agents.get(topic[:2])
-        if found is None:
-            self._make_room("agent", topic.agent)
-            found = self.agents[topic[:2]] = FleetAgent(topic.site, topic.agent)
-        return found
-
-    def _line(self, agent: FleetAgent, name: str) -> FleetLine:
-        found = agent.lines.get(name)
-        if found is None:
-            self._make_room("line", name)
-            found = agent.lines[name] = FleetLine(agent, name)
-        return found
-
     def _instance(self, line: FleetLine, name: str) -> FleetInstance:
-        found = line.instances.get(name)
-        if found is None:
-            self._make_room("instance", name)
-            found = line.instances[name] = FleetInstance(name)
-            if line.agent.has_begun:
-                found.log.begin()
+        found = self._known(line.instances, name, "instance", name, lambda: FleetInstance(name))
+        if line.agent.has_begun:
+            found.log.begin()
         return found
 
-    def _make_room(self, what: str, name: str) -> None:
-        if self.names >= MOST_NAMES:
-            raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
-        self.names += 1
+    def _known(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:
+        if key not in of:
+            if self.names >= MOST_NAMES:
+                raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
+            self.names += 1
+            of[key] = make()
+        return of[key]
 
     def _forget(self, topic: Topic) -> None:
         agent = self.agents.get(topic[:2])

@@ -104,10 +104,6 @@ class StateMessage(FleetMessage, frozen=True):
     version: str
     host: str
 
-    def in_state(self, state: str, t: float) -> StateMessage:
-        """Return what the same agent tells in another state, or its last will."""
-        return StateMessage(state, t, self.version, self.host)
-
 
 class StatusMessage(
     FleetMessage,

@@ -40,8 +40,6 @@ TURNED_AWAY: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND
 
 
 class _LinkFacts:
-    """One CONNECT."""
-
     def __init__(self) -> None:
         self.incarnation = 0
         self.up_since: ScanStamp | None = None
@@ -56,7 +54,6 @@ class _LinkFacts:
         self.losses = 0
         self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
         self.drop: Drop | None = None
-        self.drops = 0
 
     def forget_failures(self) -> None:
         self.failures.clear()
@@ -106,7 +103,6 @@ class LinkStatistics:
         is_adhoc = started is not None and started.adhoc
         if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
             return
-        link.drops += 1
         end = event.offset + event.size
         need = started.size if started is not None else 0
         link.drop = Drop(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
@@ -118,7 +114,7 @@ class LinkStatistics:
             link.up_since, link.down_since = at, None
             link.forget_failures()
             link.turned.clear()
-            link.drop, link.drops = None, 0
+            link.drop = None
         elif event.what in ENDINGS:
             self._ended(link, at, event)
         elif event.what in (EventKind.ATTEMPT_FAILED, EventKind.ACCEPT_FAILED):
@@ -224,7 +220,6 @@ class LinkStatistics:
             drop=drop,
             drop_cuts=bool(after and after.first) if drop is not None and messages.count else None,
             after_drop=after,
-            drops=link.drops,
             up_since=link.up_since,
             down_since=_later(link.down_since, self._asked.get(instance)),
             attempt=self._attempt(link, instance),

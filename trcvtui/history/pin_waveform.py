@@ -6,6 +6,7 @@ Rule: what was left out is a gap; nothing about it is guessed.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
@@ -228,7 +229,7 @@ class Waveform:
         self.number = 0  # of the last change that is known
         self.until_scan = self.until_ns = 0
         self.interval_ns = 1
-        self.lanes: dict[str, PinWaveform] = {}
+        self.lanes = defaultdict[str, PinWaveform](PinWaveform)
         self.edges: list[Line] = []
         self.edge_scans: list[int] = []
         self.gaps: list[tuple[int, int]] = []
@@ -263,7 +264,7 @@ class Waveform:
 
     def _set(self, scan: int, t_ns: int, pins: PinValues) -> None:
         for pin, value in pins:
-            self.lane(pin).add(scan, t_ns, value)
+            self.lanes[pin].add(scan, t_ns, value)
         if not self._anchors or self._anchors[-1][0] < scan:
             self._anchors.append((scan, t_ns))
             if len(self._anchors) > 2 * KEPT:
@@ -277,14 +278,9 @@ class Waveform:
 
     # -- what is asked ------------------------------------------------------------------------------
 
-    def lane(self, pin: str) -> PinWaveform:
-        if pin not in self.lanes:
-            self.lanes[pin] = PinWaveform()
-        return self.lanes[pin]
-
     def polled(self, pin: str) -> PolledWaveform:
         if pin not in self._polled:
-            self._polled[pin] = PolledWaveform(self.lane(pin))
+            self._polled[pin] = PolledWaveform(self.lanes[pin])
         return self._polled[pin]
 
     def pin_that_shows(self, what: str) -> str | None:

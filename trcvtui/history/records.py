@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from operator import attrgetter
-from typing import Final, NamedTuple, Protocol, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from msgspec import Struct
 
@@ -99,14 +99,7 @@ class MessageSpan(NamedTuple):
         return self.first + self.size >= self.whole
 
 
-class Spanned(Protocol):
-    @property
-    def position(self) -> int: ...
-    @property
-    def stop(self) -> int: ...
-
-
-Span = TypeVar("Span", bound=Spanned)
+Span = TypeVar("Span", JobSpan, RecvSpan, MessageSpan)
 
 
 def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
@@ -320,7 +313,6 @@ class Facts(Struct, frozen=True):
     job_began: ScanStamp | None = None
     job_adhoc: bool = False
     drop: Drop | None = None
-    drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on after the last drop
     after_drop: MessageSpan | None = None  # the message that holds the first byte after it
     up_since: ScanStamp | None = None

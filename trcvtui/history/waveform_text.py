@@ -68,7 +68,7 @@ def value_text(pin: str, value: int | None) -> str:
 
 
 def lane_of(wave: Waveform, name: str) -> PinWaveform:
-    return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lane(pin_of(name))
+    return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lanes[pin_of(name)]
 
 
 def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
@@ -170,7 +170,7 @@ RANK: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
 
 
 def _codes(wave: Waveform, window: Window) -> list[Piece]:
-    columns = wave.columns(wave.lane("STATUS"), window)
+    columns = wave.columns(wave.lanes["STATUS"], window)
     found = []
     for x, column in enumerate(columns):
         if column is not None and column.changes and _is_narrow(columns, x):

@@ -26,7 +26,7 @@ from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project
 
-NOBODY_LOOKED = DoctorSnapshot()
+NOBODY_LOOKED, NO_TIMING = DoctorSnapshot(), EngineTiming()
 Few = Meta(max_length=64)  # a picture is made at once: what a screen asks for is bounded
 
 
@@ -65,21 +65,20 @@ class BenchUpdate(Struct, frozen=True):
 
     `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
     the screen does not know it yet. `player` is there while a scenario is loaded, `trial` from the first
-    `try-splits` on. `facts` come of the instances
-    in `partial_of`. `armed` is the trigger that is waited for; with `fired` this is the picture of the very
-    scan in which one fired, and the PLC has gone on since.
+    `try-splits` on. `facts` come of the instances in `partial_of`. `armed` is the trigger that is waited for;
+    with `fired` this is the picture of the very scan in which one fired, and the PLC has gone on since.
     """
 
     snapshot: Snapshot
-    lines: tuple[Line, ...]
-    lines_skipped: int
-    data: tuple[tuple[str, bytes], ...]
-    partial: tuple[tuple[str, bytes], ...]
     peers: tuple[PeerSnapshot, ...]
-    answers: tuple[Answer, ...]
-    timing: EngineTiming
-    holding: bool
     kernel: str
+    lines: tuple[Line, ...] = ()
+    lines_skipped: int = 0
+    data: tuple[tuple[str, bytes], ...] = ()
+    partial: tuple[tuple[str, bytes], ...] = ()
+    answers: tuple[Answer, ...] = ()
+    timing: EngineTiming = NO_TIMING
+    holding: bool = False
     bench: int = 0
     project_number: int = 0
     project: Project | None = None

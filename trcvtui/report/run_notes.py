@@ -25,7 +25,6 @@ from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
-from trcvtui.snapshots.bench import EngineTiming
 
 T = TypeVar("T")
 K = TypeVar("K")
@@ -207,7 +206,6 @@ class RunNotes:
             each.lane.go_on(self.until.t_ns)
 
     def last(self, name: str) -> InstanceSnapshot | None:
-        """Return an instance after the last scan."""
         return self.snapshot.instance(name) if self.snapshot is not None else None
 
     def _of(self, name: str) -> InstanceNotes:
@@ -311,14 +309,7 @@ class RunNotes:
         declared = filter(None, map(bench.project.instance, names))
         return BenchUpdate(
             snapshot=bench.runtime.snapshot(bench.faults()),
-            lines=(),
-            lines_skipped=0,
-            data=(),
-            partial=(),
             peers=bench.peer_snapshots(),
-            answers=(),
-            timing=EngineTiming(),
-            holding=False,
             kernel=bench.kernel_name,
             facts=tuple((each.name, self._statistics.facts(each.name, each.connect)) for each in declared),
         )

@@ -359,12 +359,10 @@ class BenchApp(TerminalApp):
         await press_from_afar(self.main, key, missing)
 
     def action_description(self) -> None:
-        if self.screen is self.main:
-            self.on_description_wanted()
-
-    def on_description_wanted(self) -> None:
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
+        if self.screen is not self.main:
+            return
         configs = [each for each in self.view_model.project.connects if each.description is not None]
         instance = self.view_model.instance
         if configs and instance is not None:
@@ -400,15 +398,13 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main and not self.refuses():
             self.card = DoctorScreen(self.view_model)
-            self.push_screen(self.card, self._doctor_left)
+            self.push_screen(self.card, self._card_left)
 
-    def _doctor_left(self, place: EvidencePlace | None) -> None:
+    def _card_left(self, place: EvidencePlace | None) -> None:
         self.card = None
-        if place is None:
-            return
-        if place.line:
+        if place is not None and place.line:
             self.main.action_prompt(place.line)
-        else:
+        elif place is not None:
             self.main.go_to_place(place)
 
     def on_curve_wanted(self, message: CurveWanted) -> None:
@@ -416,10 +412,7 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main:
             self.card = CurveScreen(self.view_model, message.path)
-            self.push_screen(self.card, self._curve_left)
-
-    def _curve_left(self, nothing: None) -> None:
-        self.card = None
+            self.push_screen(self.card, self._card_left)
 
     # -- the project --------------------------------------------------------------------------------
 
@@ -534,9 +527,11 @@ def _replay_screen(app: BenchApp) -> MainScreen:
 
 
 def _is_for_replay(screen: object) -> bool:
-    from trcvtui.tui.replay import may_open
+    """Return whether a replay may open a screen above the panes: none that is there to change something."""
+    from trcvtui.tui.forms.add_screen import AddScreen
+    from trcvtui.tui.scenarios.screen import ScenariosScreen
 
-    return may_open(screen)
+    return not isinstance(screen, AddScreen | ScenariosScreen)
 
 
 def run_app(

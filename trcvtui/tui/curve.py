@@ -231,7 +231,6 @@ def _label(trace: MemberTrace, y: int, height: int) -> str:
 
 
 def _figures(trace: MemberTrace, in_view: int) -> Row:
-    """Return the row with the figures of a member."""
     leaf, drawn = trace.leaf, trace.curve
     now = "-" if trace.now is None else "?" if trace.now is NOT_KNOWN else value_text(leaf, trace.now)
     parts = (f"{leaf.path or 'value'} ", trace.style), (f"now {now}", "strong")

@@ -65,9 +65,7 @@ def squeeze(text: str, width: int) -> str:
     return f"{_fitting(text, width - 1 - tail)}…{end}"
 
 
-def plain(text: str) -> str:
-    """Return text with every control character spelled out: what came from outside stays one line."""
-    return one_line(text)
+plain: Final = one_line  # control characters are spelled out: what came from outside stays one line
 
 
 @lru_cache(maxsize=64)

@@ -79,23 +79,8 @@ class ButtonPointed(Message):
     """Another button is under the cursor or the mouse, or none is any more."""
 
 
-@dataclass
-class PaneWanted(Message):
-    """The pane of this digit shall have the focus."""
-
-    digit: int
-
-
 class ScenarioChosen(Message):
     """Another scenario file was chosen in the list: its text shall be shown."""
-
-
-class DescriptionWanted(Message):
-    """The connection description of the selected instance shall be shown byte for byte."""
-
-
-class ScenarioWanted(Message):
-    """The chosen scenario shall be loaded."""
 
 
 class RowSelected(Message):

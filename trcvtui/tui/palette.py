@@ -153,7 +153,6 @@ ALSO: Final = {
 
 
 def search_words(title: str, about: str) -> set[str]:
-    """Return the words by which an action is found."""
     text = f"{title} {about}".casefold()
     also = [words for words, those in ALSO.items() if any(each in text for each in those)]
     return set(re.findall(r"\w+", " ".join([text, *also])))

@@ -7,17 +7,16 @@ from typing import ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical
-from textual.suggester import Suggester
+from textual.containers import Vertical
 from textual.timer import Timer
 from textual.widget import Widget
-from textual.widgets import Input, Static
+from textual.widgets import Input
 
 from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Row, row
-from trcvtui.tui.widgets.typed_lines import TypedField
+from trcvtui.tui.widgets.typed_lines import TypedField, TypedLine
 
 KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
@@ -93,8 +92,8 @@ class PromptInput(TypedField):
         Binding("escape", "close", show=False),
     ]
 
-    def __init__(self, prompt: Prompt, suggester: Suggester) -> None:
-        super().__init__(suggester=suggester)
+    def __init__(self, prompt: Prompt) -> None:
+        super().__init__()
         self._prompt = prompt
 
     def action_recall(self, step: int) -> None:
@@ -119,13 +118,7 @@ class PromptInput(TypedField):
 class Prompt(Vertical):
     """Echo and, while open, the input; remembers what was typed and which lines wait for their answer."""
 
-    DEFAULT_CSS = """
-    Prompt { height: auto; background: $background; }
-    Prompt #open-line { height: 1; display: none; background: $panel; padding: 0 1; }
-    Prompt Static { width: 2; color: $accent; text-style: bold; }
-    Prompt PromptInput { background: $panel; width: 1fr; }
-    Prompt PromptInput:focus { background: $panel; background-tint: $primary 12%; }
-    """
+    DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 
     def __init__(
         self,
@@ -139,8 +132,9 @@ class Prompt(Vertical):
         self._submit = submit
         self._echo = EchoLine()
         self.foretell = self._echo.foretell  # what is wrong with a line that is typed elsewhere
-        self._open_line = Horizontal(id="open-line")
-        self._input: PromptInput | None = None
+        self._input = PromptInput(self)
+        self._open_line = TypedLine(":", self._input)
+        self._open_line.id, self._open_line.display = "open-line", False
         self._focus_before: Widget | None = None
         self._lines: list[str] = []
         self._at = 0
@@ -150,7 +144,7 @@ class Prompt(Vertical):
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
-        return [self._echo, self._open_line]
+        return [self._echo]
 
     # -- open and closed ----------------------------------------------------------------------------
 
@@ -158,8 +152,8 @@ class Prompt(Vertical):
         """Make the input, so that it is there before the first key is obeyed."""
         from trcvtui.tui.completion import BenchSuggester
 
-        self._input = PromptInput(self, BenchSuggester(lambda: self._view_model.project))
-        await self._open_line.mount(Static(":", markup=False), self._input)
+        self._input.suggester = BenchSuggester(lambda: self._view_model.project)
+        await self.mount(self._open_line)
 
     @property
     def is_open(self) -> bool:
@@ -171,7 +165,7 @@ class Prompt(Vertical):
         Each line of `then` goes after the ✓ of the one before, if the text is sent as it is.
         """
         self._steps, self._after = (text, *then), -1
-        if self._input is None:
+        if not self._input.is_attached:
             return
         if not self.is_open:
             self._focus_before = self.screen.focused
@@ -195,7 +189,7 @@ class Prompt(Vertical):
     def _foretell(self) -> None:
         from trcvtui.tui.view_model.validity import said_before
 
-        if not self.is_open or self._input is None:
+        if not self.is_open:
             return
         line = self._input.value.strip()
         is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
@@ -205,9 +199,8 @@ class Prompt(Vertical):
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
-        if self._input is not None:
-            self._input.value = text
-            self._input.cursor_position = len(text)
+        self._input.value = text
+        self._input.cursor_position = len(text)
 
     def recall(self, step: int) -> None:
         if self._lines:
@@ -217,11 +210,10 @@ class Prompt(Vertical):
     def complete(self) -> None:
         from trcvtui.tui.completion import complete
 
-        if self._input is not None:
-            self._fill(complete(self._input.value, self._view_model.project) or self._input.value)
+        self._fill(complete(self._input.value, self._view_model.project) or self._input.value)
 
     def submit(self) -> None:
-        line = self._input.value.strip() if self._input is not None else ""
+        line = self._input.value.strip()
         self.close()
         if line:
             self._submit(line)

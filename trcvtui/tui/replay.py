@@ -244,11 +244,3 @@ class ReplayScreen(MainScreen):
         self.prompt.complain(CANNOT)
 
     action_undo = action_change
-
-
-def may_open(screen: object) -> bool:
-    """Return whether a replay may open a screen above the panes: none that is there to change something."""
-    from trcvtui.tui.forms.add_screen import AddScreen
-    from trcvtui.tui.scenarios.screen import ScenariosScreen
-
-    return not isinstance(screen, AddScreen | ScenariosScreen)

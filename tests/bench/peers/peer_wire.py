@@ -50,9 +50,9 @@ class Wire:
         return handle
 
     def client(self, peer: Peer) -> Handle:
-        assert peer.transport.listening_port is not None
+        assert peer.transport.last_port is not None
         handle = self.socket()
-        assert self.kernel.connect(handle, Endpoint("127.0.0.1", peer.transport.listening_port)) is None
+        assert self.kernel.connect(handle, Endpoint("127.0.0.1", peer.transport.last_port)) is None
         self.until(lambda: self.kernel.connect_result(handle) is None)
         return handle
 

@@ -15,7 +15,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.bench.peers.transports import DatagramTransport
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import PeerRst, PeerSend
+from trcvtui.commands.words import PeerAction, PeerSend
 from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Datagram, Endpoint, Fault
@@ -99,7 +99,7 @@ def test_without_a_remote_it_answers_whoever_was_heard_last(air: Air) -> None:
     other = air.socket()
     for sender, question in ((air.plc, b"one"), (other, b"two")):
         air.tell(peer, question, sender)
-        air.until(lambda: peer.inbox.count > 0 and peer.has_received(question))  # noqa: B023
+        air.until(lambda: peer.queues.inbox.count > 0 and peer.has_received(question))  # noqa: B023
         assert peer.send(PeerSend("P1", b"to " + question), air.now) == ""
         assert air.heard(sender) == [b"to " + question]
     assert peer.snapshot().remote == str(air.end(other))
@@ -164,7 +164,7 @@ def test_a_stalled_peer_reads_nothing_until_it_resumes(air: Air) -> None:
     air.tell(peer, b"wait")
     for _ in range(5):
         air.step()
-    assert (peer.inbox.count, peer.snapshot().stalled) == (0, True)
+    assert (peer.queues.inbox.count, peer.snapshot().stalled) == (0, True)
     peer.resume()
     air.until(lambda: peer.has_received(b"wait"))
 
@@ -176,7 +176,7 @@ def test_a_flood_costs_bounded_work_in_one_step() -> None:
         air.tell(peer, b"")
     air.tell(peer, b"x")
     air.step()
-    assert peer.inbox.count == 0
+    assert peer.queues.inbox.count == 0
     peer.end()
 
 
@@ -240,7 +240,7 @@ def test_a_udp_peer_of_a_project_listens_at_load_and_says_its_messages_by_itself
         bench.step()
         heard += air.heard(air.plc)
     assert heard == [b"hello", b"\x01", b"\x02"]
-    assert bench.do(PeerRst("P1")) == "P1 speaks UDP: there is no connection to rst"
+    assert bench.do(PeerAction("P1", "rst")) == "P1 speaks UDP: there is no connection to rst"
     air.kernel.close(air.plc)
     bench.close()
     assert bench.leaks() == ()

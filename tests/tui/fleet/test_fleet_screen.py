@@ -149,7 +149,7 @@ async def test_a_finding_a_stuck_job_a_hung_engine_and_a_wrong_clock_stand_in_ro
         await screen.tell(message(place, replace(status(), t=NOW - 21)))
         row = next(line for line in screen.text.splitlines() if "press/C1" in line)
         assert "stuck" in row and "12 of 24 bytes" in row and "21 s" in row
-        await screen.tell(message("plant2/saw/state", ONLINE.in_state("stale", NOW)))
+        await screen.tell(message("plant2/saw/state", replace(ONLINE, state="stale", t=NOW)))
         assert next(line for line in screen.text.splitlines() if "saw" in line).count("no scan") == 1
         late = IncomingMessage("trcvtui/v1/plant1/press/C1/figures", figures(t=NOW - 7200).to_json(), False)
         await screen.tell(late)

@@ -167,7 +167,7 @@ async def test_the_palette_changes_removes_and_undoes() -> None:
         await looker.press("escape")
         titles["Remove CONNECT C1"].callback()
         await looker.settle()
-        assert looker.app.main.prompt._input.value == "remove connect C1"  # type: ignore[union-attr]
+        assert looker.app.main.prompt._input.value == "remove connect C1"
 
 
 async def test_a_line_that_is_typed_says_who_begins_anew_before_it_is_sent() -> None:

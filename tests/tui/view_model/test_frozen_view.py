@@ -16,7 +16,7 @@ def border(desk: Desk) -> str:
 
 
 def level(desk: Desk, pin: str, scan: int) -> int | None:
-    return desk.app.main.timing.wave.lane(pin).at(scan)
+    return desk.app.main.timing.wave.lanes[pin].at(scan)
 
 
 async def test_the_wave_of_an_instance_seen_before_goes_up_to_the_frozen_scan_and_no_further() -> None:

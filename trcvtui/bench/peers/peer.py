@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
+from trcvtui.bench.peers.queues import PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
 from trcvtui.commands.words import PeerPlay, PeerSend
@@ -68,10 +68,6 @@ class Peer:
         return self.transport.can_send
 
     @property
-    def inbox(self) -> Inbox:
-        return self.queues.inbox
-
-    @property
     def replies(self) -> Replies:
         return self.queues.replies
 
@@ -82,7 +78,7 @@ class Peer:
 
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""
-        return self.inbox.is_exactly(payload)
+        return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
         return PeerSnapshot(
@@ -94,10 +90,10 @@ class Peer:
             stalled=self.stalled,
             messages_sent=self.queues.messages,
             bytes_sent=self.queues.bytes_sent,
-            bytes_received=self.inbox.total,
+            bytes_received=self.queues.inbox.total,
             pending=self.unsent,
-            last_received=self.inbox.last[-LAST_SHOWN:],
-            received_here=self.inbox.count,
+            last_received=self.queues.inbox.last[-LAST_SHOWN:],
+            received_here=self.queues.inbox.count,
             udp=self.decl.udp,
             replies=self.replies.snapshot(),
             last_sent=tuple(self.queues.last_sent),

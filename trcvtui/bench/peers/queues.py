@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Final, Protocol
+from typing import Final
 
 from msgspec import Struct
 
@@ -185,15 +185,10 @@ class Outbox:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes wait, those of all repetitions included."""
         return sum(sending.unsent for sending in self._sendings)
 
 
-class PatternSearch(Protocol):
-    def begin(self) -> None: ...
-
-    def take(self, arrived: bytes, now: int) -> int:
-        """Return how often it is found, now that these bytes have arrived."""
+# What looks for a match: `take` returns how often it is found, now that these bytes have arrived.
 
 
 class _Contained:
@@ -265,7 +260,7 @@ class _Frames:
         return value == self._match.value
 
 
-def _looking(match: Match) -> PatternSearch:
+def _looking(match: Match) -> _Contained | _Beginning | _Frames:
     match match:
         case Contains():
             return _Contained(match)
@@ -277,7 +272,7 @@ def _looking(match: Match) -> PatternSearch:
 
 class _Rule(Struct):
     command: ReplyOn
-    looking: PatternSearch
+    looking: _Contained | _Beginning | _Frames
     text: str
     hits: int = 0
     missed: int = 0

@@ -82,7 +82,6 @@ class StreamTransport(_Transport):
 
     @property
     def state(self) -> str:
-        """Return closed, listening, connecting, connected, reset or refused."""
         if self._handle is not None:
             return "connected"
         if self._attempt is not None:
@@ -104,11 +103,6 @@ class StreamTransport(_Transport):
     @property
     def can_send(self) -> bool:
         return self._handle is not None
-
-    @property
-    def listening_port(self) -> int | None:
-        """Return the port that it listens on, None while it does not."""
-        return self._port if self._listener is not None else None
 
     # -- commands ------------------------------------------------------------------------------------
 
@@ -342,7 +336,6 @@ class DatagramTransport(_Transport):
     _handle: Handle | None = None
     _hearing: Handle | None = None  # a second socket, for broadcasts
     _heard: Endpoint | None = None  # the end that sent last
-    listening_port: int | None = None  # of TCP
 
     @property
     def state(self) -> str:

@@ -245,8 +245,6 @@ def help_rows(width: int) -> list[Row]:
 
 
 class FleetApp(TerminalApp):
-    """Hears the broker, shows the fleet."""
-
     BINDINGS: ClassVar = [Binding("q", "quit", show=False), Binding("P", "picture", show=False)]
 
     def __init__(
@@ -269,7 +267,7 @@ class FleetApp(TerminalApp):
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
-            self.screen.draw()
+            self.screen.card.draw()
 
     def tell_first(self) -> None:
         if self.problems:

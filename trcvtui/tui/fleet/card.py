@@ -139,7 +139,4 @@ class FleetCardScreen(ListDialog[None]):
         super().__init__(self.card, None)
 
     def on_mount(self) -> None:
-        self.draw()
-
-    def draw(self) -> None:
         self.card.draw()

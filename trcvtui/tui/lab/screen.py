@@ -40,11 +40,6 @@ KEYS: Final = (
     ("e", "byte order"), ("f", "fit"), ("c", "cure"), ("o p", "profile"), ("s", "STRING"), ("x", "swap"),
     (":", "command"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
-ACTIONS: Final = {
-    "e": "order('theirs')", "f": "fit", "c": "cure", "o p": "profile('theirs')", "s": "text('theirs')",
-    "x": "exchange", "u": "use", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
-    "?": "help", "esc": "leave",
-}  # fmt: skip
 OPEN: Final = "ask('udt open ')"
 # Title, what stands after "key", action: the palette and the tests draw from it.
 COMMANDS: Final = (
@@ -74,6 +69,7 @@ COMMANDS: Final = (
     ("Help", "?", "help"),
     ("Leave the lab", "esc", "leave"),
 )
+ACTIONS: Final = {**{key: action for _, key, action in COMMANDS}, "o p": "profile('theirs')"}
 
 
 def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:

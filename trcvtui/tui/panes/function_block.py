@@ -12,7 +12,7 @@ from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, bu
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, lamp, status_word
-from trcvtui.tui.messages import DescriptionWanted, PaneActions
+from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.combuffer import data_parts, framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
@@ -210,7 +210,7 @@ class FunctionBlock(LineView):
 
     BINDINGS: ClassVar = [
         ("enter", "toggle_pin", "toggle the pin under the cursor"),
-        ("C", "description", "the connection description byte for byte"),
+        ("C", "app.description", "the connection description byte for byte"),
     ]
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
@@ -488,9 +488,6 @@ class FunctionBlock(LineView):
         pin = self._pin_under_cursor()
         if pin is not None:
             self.toggle(pin)
-
-    def action_description(self) -> None:
-        self.post_message(DescriptionWanted())
 
     def action_move(self, rows: int) -> None:
         last = len(self.drawing().inputs) - 1

@@ -284,7 +284,7 @@ class Timing(LineView):
         window = self._window
         first, last = window.scans_of(0)[0], window.scans_of(window.width - 1)[1]
         pin = self.wave.pin_that_shows("done")
-        done = self.wave.lane(pin).rises(first, last) if pin else 0
+        done = self.wave.lanes[pin].rises(first, last) if pin else 0
         seen = self.wave.polled(pin).rises(first, last) if pin else 0
         return f"a 100 ms watch table saw {seen} of {done} {pin}" if done else ""
 

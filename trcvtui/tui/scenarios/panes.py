@@ -13,7 +13,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.scenario.scenario import Found, ScenarioFile, ScriptLine, read_scenario_file
 from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, pad, plain, wrapped
-from trcvtui.tui.messages import ScenarioChosen, ScenarioWanted
+from trcvtui.tui.messages import KeyClicked, ScenarioChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, LineView, Part, Row, TextView, row
 
@@ -204,7 +204,7 @@ class ScenarioList(LineView, inherit_bindings=False):
         if not isinstance(each, Path):
             return
         if each == self._model.chosen:
-            self.post_message(ScenarioWanted())
+            self.post_message(KeyClicked("load"))
         self._model.chosen = each
         self._chosen()
 

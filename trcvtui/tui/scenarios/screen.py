@@ -186,9 +186,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._trouble, self._question = "", None
         self.show()
 
-    def on_scenario_wanted(self) -> None:
-        self.action_load()
-
     def follow_selected(self) -> None:
         self.history.forget()
         self.timing.forget()

@@ -5,7 +5,7 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -91,12 +91,10 @@ class History:
     """STATUS edges by instance; `skipped` counts ledger lines that never came to the screen."""
 
     def __init__(self) -> None:
-        self._edges: dict[str, deque[Line]] = {}
+        self._edges: defaultdict[str, deque[Line]] = defaultdict(lambda: deque(maxlen=KEPT_EDGES))
         self.skipped = 0
 
     def note(self, line: Line, edge: StatusEdge) -> None:
-        if edge.instance not in self._edges:
-            self._edges[edge.instance] = deque(maxlen=KEPT_EDGES)
         self._edges[edge.instance].append(line)
 
     def of(self, instance: str) -> deque[Line]:

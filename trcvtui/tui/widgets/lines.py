@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 from trcvtui.tui.formatting import SECOND, clip, wrapped
-from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
+from trcvtui.tui.messages import ButtonPointed, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, OneLine, Part, Row, row
 from trcvtui.udt.literals import format_time
@@ -268,7 +268,7 @@ class TabLine(OneLine):
         for digit, name in self._shown():
             width = len(name) + (5 if name else 4)
             if left <= x < left + width - 1:
-                self.post_message(PaneWanted(digit))
+                self.post_message(KeyClicked(f"pane({digit})"))
             left += width
 
 

@@ -31,12 +31,6 @@ class FullScreen(Screen[Result], Generic[Result]):
         self.header = HeaderLine(view_model)
         self.key_line = key_line
 
-    def action_pane(self, digit: int) -> None:
-        """Go to a pane."""
-
-    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
-        self.action_pane(message.digit)
-
     async def on_key_clicked(self, message: messages.KeyClicked) -> None:
         await self.run_action(message.action)
 

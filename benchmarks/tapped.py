@@ -139,4 +139,5 @@ def _is_kept(far: int, rate: int) -> bool:
             time.sleep(LATE_S)
             size = file.stat().st_size
         content = file.read_bytes()
-        return reached > 0.95 * rate and size > pieces * len(PIECE) and not any(each in content for each in LOST)
+        is_whole = size > pieces * len(PIECE) and not any(each in content for each in LOST)
+        return reached > 0.95 * rate and is_whole

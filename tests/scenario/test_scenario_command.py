@@ -12,7 +12,6 @@ import pytest
 
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.cli.main import main
-from trcvtui.cli.options import KERNELS
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 TASKS = '[[task]]\nname = "FAST"\ninterval = "T#10ms"\n\n[[task]]\nname = "SLOW"\ninterval = "T#30ms"\n\n'
@@ -163,17 +162,6 @@ def test_json_lines_are_ascii_whatever_a_partner_sent(play: Play) -> None:
     assert run.code == 1 and run.out.isascii() and "\x7f" not in run.out
     (failure,) = run.failures
     assert (failure["found"], failure["line"]) == ("a\x9b\x7f\x1b", "expect rx 'AÄ'")
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_what_is_sent_into_a_cut_wire_comes_when_it_is_mended(kernel: str, play: Play) -> None:
-    steps = (
-        "set TRCV_C_1 CONT=1 EN_R=1 LEN=2\nwait TRCV_C_1 STATUS=7002\npeer P1 connect\n"
-        "wait TRCV_C_1 STATUS=7006\nlink C1 down\npeer P1 send hex 01 02\nrun 10\n"
-        "expect TRCV_C_1 STATUS=7006\nlink C1 up\nwait TRCV_C_1 STATUS=7008 within T#2s\nexpect rx hex 01 02"
-    )
-    run = play(steps, "--kernel", kernel)
-    assert run.code == 0, run.out
 
 
 def test_files_follow_each_other_the_worst_exit_code_wins_and_a_wrong_one_has_its_line(

@@ -65,16 +65,6 @@ def test_scans_go_on_while_it_runs_and_it_can_be_cancelled(driver: LocalDriver) 
     assert driver.shown().trial is None
 
 
-def test_a_held_bench_waits_with_it(driver: LocalDriver) -> None:
-    say(driver, "hold")
-    say(driver, TRY)
-    driver.scan(100)
-    assert tried(driver).runs == 0
-    say(driver, "go")
-    driver.scan(80)
-    assert tried(driver).state == "finished"
-
-
 @pytest.mark.parametrize(
     ("lines", "problem"),
     [

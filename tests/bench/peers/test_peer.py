@@ -97,16 +97,6 @@ def test_a_free_port_goes_to_nobody_else_while_the_peer_does_not_listen(wire: Wi
     assert peer.listen() == ""
 
 
-def test_close_of_a_connected_passive_peer_keeps_it_listening(wire: Wire) -> None:
-    peer = wire.peer("P2", False)
-    peer.listen()
-    client = wire.client(peer)
-    wire.until(lambda: peer.state == "connected")
-    peer.close()
-    assert wire.ending(client) == "FIN"
-    assert peer.is_in("closed") and peer.is_in("listening")
-
-
 def test_the_newest_client_of_a_passive_peer_wins(wire: Wire) -> None:
     peer = wire.peer("P2", False)
     peer.listen()

@@ -39,15 +39,6 @@ async def test_on_the_peers_the_last_line_names_the_keys_of_the_peer_pane() -> N
             assert key in line
 
 
-async def test_the_help_of_the_peer_pane_names_every_button() -> None:
-    async with on_a_bench() as looker:
-        letters = {button.letter for button in looker.app.main.peer._buttons_now()}
-        await looker.press("7", "question_mark")
-        table = looker.text.split("Everywhere")[0]
-    told = {word for line in table.splitlines() for word in line[:60].split()}
-    assert letters <= told, letters - told
-
-
 # -- nothing to send, split, cut -----------------------------------------------------------------------
 
 

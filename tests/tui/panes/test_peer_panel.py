@@ -151,14 +151,6 @@ async def test_a_click_presses_a_button() -> None:
         assert looker.lines == ["peer P1 close"]
 
 
-async def test_the_second_peer_listens() -> None:
-    async with looking(SMALL) as looker:
-        await looker.press("7", "j")
-        assert "c Listen" in looker.text
-        await looker.press("c")
-        assert looker.lines == ["peer P2 listen"]
-
-
 async def test_a_fault_is_completed_by_hand_and_cleared_by_the_same_key() -> None:
     async with looking(WIDE) as looker:
         await looker.press("7", "u", "enter")

@@ -17,7 +17,7 @@ from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import read_files, read_text
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, type_text
+from trcvtui.udt.types import type_text
 
 DATA = Path(__file__).parent / "data"
 
@@ -76,15 +76,6 @@ def test_a_comment_that_nests_by_accident_ends_at_its_first_end() -> None:
     )
     assert types.names() == ["A", "B", "C"]
     assert types.problems == ()
-
-
-def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> None:
-    types = types_of(
-        "TYPE A : INT; B : A; C : STRUCT x : B; END_STRUCT D : (P, Q) END_TYPE; TYPE E : D; END_TYPE"
-    )
-    assert types.names() == ["A", "B", "C", "D", "E"]
-    assert types.named("b") is ELEMENTARY["INT"]
-    assert types.named("e") is types.named("D")
 
 
 def test_a_member_may_be_called_type() -> None:

@@ -181,15 +181,6 @@ def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_pat
     assert not any(r["ERROR"] and r["STATUS"] != "80A1" for r in seen.of("R1"))
 
 
-def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
-    refused = [tcp(seq=100, flags=SYN), answer(ack=101, flags=RST | ACK)]
-    seen = watch(
-        [*refused, *handshake(700, 800), answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500
-    )
-    assert [word for word, _ in seen.jobs("C1_TO_PLC")][-2:] == ["80A0", "7008"]
-    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
-
-
 @pytest.mark.parametrize("step_ms", [20, 300, 1500])
 @pytest.mark.parametrize("ports", [(51001, 51002, 51003), (51001, 51001, 51001)])
 def test_each_refused_syn_is_a_refusal_and_what_follows_is_received(

@@ -132,19 +132,6 @@ def test_a_shell_completes_commands_options_and_files(shell: str, run: Run) -> N
 # -- udt ------------------------------------------------------------------------------------------------
 
 
-def test_udt_show_tells_members_and_padding_of_a_layout(files: Path, run: Run) -> None:
-    code, out, err = run("udt", "show", "telegram.st", "--format", "json")
-    assert (code, err) == (0, "")
-    shown = json.loads(out)
-    assert (shown["type"], shown["size"], shown["layout"]) == ("Telegram", 12, "baosky")
-    assert [member["path"] for member in shown["members"]] == ["id", "speed", "flag"]
-    assert shown["padding"] == [{"offset": 9, "size": 3}]
-    argv = "udt show two.st --type Telegram --layout packed --byte-order big --format json"
-    shown = json.loads(run(*argv.split())[1])
-    assert (shown["size"], shown["layout"], shown["byte_order"]) == (9, "packed", "big")
-    assert run("udt", "show", "telegram.st")[1].startswith("Telegram: 12 bytes")
-
-
 @pytest.mark.parametrize("given", ["01000000 0000c03f", "0x01,0x00,0x00,0x00, 16#0000C03F", "@rx.hex"])
 def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(given: str, files: Path, run: Run) -> None:
     code, out, err = run("udt", "decode", "telegram.st", "--format", "json", given)

@@ -161,14 +161,6 @@ def test_shutdown_sends_fin_and_goes_on_reading(wire: Wire) -> None:
     wire.until(lambda: peer.is_in("closed"))
 
 
-def test_the_partners_fin_comes_after_its_last_bytes(wire: Wire) -> None:
-    peer, other = connected(wire)
-    write(wire, other, b"last words")
-    wire.kernel.close(other)
-    wire.until(lambda: peer.is_in("closed"))
-    assert peer.has_received(b"last words")
-
-
 def test_commands_without_a_connection_say_so_in_the_journal(wire: Wire) -> None:
     peer = wire.peer("P1", True, "@C1")
     assert (peer.rst(), peer.shutdown(), peer.close()) == ("", "", "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
@@ -155,19 +154,6 @@ def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(files: Path,
     assert (code, err) == (0, "")
     assert out.isascii() and out.replace("\n", "").isprintable()
     assert json.loads(out)["values"] == {"t": "\x7f\x9b\x1b"}
-
-
-def test_udt_encode_is_hex_on_stdout_and_decodes_back(
-    files: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code, out, err = run("udt", "encode", "telegram.st", "values.json")
-    assert (code, err) == (0, "")
-    assert out == "01 00 00 00 00 00 c0 3f 00 00 00 00\n"
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(out.encode())))
-    _, decoded, _ = run("udt", "decode", "telegram.st", "--format", "json", "-")
-    assert json.loads(decoded)["values"] == {"id": 1, "speed": 1.5, "flag": False}
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(decoded.encode())))
-    assert run("udt", "encode", "telegram.st", "-")[1] == out
 
 
 def test_the_help_names_what_only_an_import_can_tell(run: Run) -> None:

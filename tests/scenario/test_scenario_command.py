@@ -206,12 +206,6 @@ def test_out_writes_the_file_and_nothing_to_stdout(tmp_path: Path, play: Play) -
     assert len(out.read_text(encoding="utf-8").splitlines()) == 5
 
 
-def test_a_scenario_without_steps_says_so(tmp_path: Path, play: Play) -> None:
-    (tmp_path / "story.toml").write_text(PASSIVE + '\n[scenario]\nname = "x"\n', encoding="utf-8")
-    run = play(str(tmp_path / "story.toml"))
-    assert run.code == 2 and "steps" in run.err[0]
-
-
 def test_start_comes_before_scan_1_and_is_step_0(play: Play) -> None:
     start = 'start = "set TRCV_C_1 CONT=1\\nexpect TRCV_C_1 LEN=5"\n'
     run = play("run 1\nexpect TRCV_C_1 trace 0001\nexpect TRCV_C_1 LEN=6", project=start + PASSIVE)

@@ -221,14 +221,6 @@ def test_a_conversation_that_begins_in_the_middle_is_said_to(watch: Watch) -> No
     assert [size for _, size in seen.jobs("C1_TO_PLC")][-1] in (12, 24)
 
 
-def two_calls(second_at: int) -> list[bytes]:
-    """Return a conversation, and one of another port of the partner before the packet of that number."""
-    other = (PARTNER[0], PARTNER[1] + 1)
-    first = [*handshake(), *stream(12), tcp(seq=113, ack=501, flags=FIN | ACK), answer(seq=501, ack=114)]
-    second = [*handshake(900, 300, other), tcp(b"abcd", seq=901, ack=301, source=other)]
-    return [*first[:second_at], *second, *first[second_at:]]
-
-
 def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
     watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,12 +245,6 @@ def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
     assert len(seen.last["assigned"]) == 300
     begun = 600  # each conversation, for a shadow of either end
     assert len(asked) - begun <= 2 * len({*asked}) + begun
-
-
-def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> None:
-    seen = watch(two_calls(4))
-    assert seen.last["unassigned"] == [{"id": "C2", "why": "it overlaps C1"}]
-    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12]
 
 
 ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'

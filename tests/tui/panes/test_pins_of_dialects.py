@@ -93,13 +93,6 @@ async def test_a_block_with_connect_alone_has_no_id() -> None:
         assert "ID ─┤" not in shown.text
 
 
-async def test_a_letter_of_a_pin_that_the_block_lacks_says_so() -> None:
-    async with bench(SINGLE) as shown:
-        await shown.select("T_DIAG_1")
-        await shown.press("l")
-        assert "T_DIAG has no LEN" in shown.words
-
-
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
         await shown.select("TRCV_C_1")

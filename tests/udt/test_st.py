@@ -88,11 +88,6 @@ def test_a_member_may_be_called_type() -> None:
     assert types.names() == ["T", "U"]
 
 
-def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
-    types = types_of("TYPE Größe : STRUCT höhe_1 : Meter; END_STRUCT; METER : REAL; END_TYPE")
-    assert members(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": "REAL"}
-
-
 def test_every_error_has_its_place_and_what_was_expected() -> None:
     golden.mistakes("types in ST", lambda text: types_of(text, "f.st").problems)
 

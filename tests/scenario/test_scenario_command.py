@@ -186,11 +186,6 @@ def test_files_follow_each_other_the_worst_exit_code_wins_and_a_wrong_one_has_it
     assert {(failure["step"], failure["line"]) for failure in failures} == {(0, "")}
 
 
-def test_mistakes_of_all_lines_are_told_together_at_most_ten(play: Play) -> None:
-    run = play("\n".join(f"set TRCV_C_{n} CONT=1" for n in range(2, 20)), "--format", "text")
-    assert (run.code, run.out, len(run.err), run.err[-1]) == (2, "", 11, "and 8 more")
-
-
 def test_set_changes_the_project_for_one_run(play: Play) -> None:
     steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 4\nexpect TRCV_C_1 trace 0001 7001 7002{2}"
     assert play(steps).code == 1

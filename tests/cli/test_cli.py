@@ -140,22 +140,6 @@ def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(given: str, f
     assert decoded["complete"] is False
 
 
-def test_udt_decode_needs_no_quotes_around_spaced_hex(files: Path, run: Run) -> None:
-    _, quoted, _ = run("udt", "decode", "telegram.st", "01 00 00 00")
-    _, loose, _ = run("udt", "decode", "telegram.st", "01", "00", "00", "00")
-    assert quoted == loose
-    assert "4 of 12 bytes" in quoted
-
-
-def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(files: Path, run: Run) -> None:
-    (files / "text.st").write_text("TYPE Text : STRUCT t : STRING[3]; END_STRUCT END_TYPE\n")
-    argv = ("udt", "decode", "text.st", "--layout", "packed", "--format", "json", "03 03 7f 9b 1b")
-    code, out, err = run(*argv)
-    assert (code, err) == (0, "")
-    assert out.isascii() and out.replace("\n", "").isprintable()
-    assert json.loads(out)["values"] == {"t": "\x7f\x9b\x1b"}
-
-
 def test_the_help_names_what_only_an_import_can_tell(run: Run) -> None:
     for words, said in (("status", "dialects: baosky"), ("udt decode", "layouts: baosky")):
         code, out, err = run(*words.split(), "--help")

@@ -19,18 +19,6 @@ def desk(folder: Path) -> LocalDriver:
     return LocalDriver(fresh_bench(load_project(file), "sim"), pause=1)
 
 
-def test_a_line_that_is_added_is_fed_and_read(tmp_path: Path) -> None:
-    console = desk(tmp_path)
-    console.do(
-        "add combuffer RX",
-        "add data rx ARRAY[0..15] OF BYTE",
-        "add instance RD block=ReceiveData RxBuffer=RX data=rx SizeReceiveData=4",
-    )
-    console.do("feed RX hex 01 02 03 04 05")
-    assert console.bench.runtime.outputs("RD").done
-    assert console.bench.runtime.data("rx", 5) == b"\1\2\3\4\0"
-
-
 def test_a_cable_that_is_added_carries_what_an_added_block_sends(tmp_path: Path) -> None:
     console = desk(tmp_path)
     console.do(

@@ -35,13 +35,6 @@ def holds(folder: Path, steps: str, kernel: str) -> None:
     assert played.verdict.passed, failures(played.verdict)
 
 
-@KERNELS
-def test_a_trcv_c_added_to_a_running_bench_receives_from_a_peer_added_to_it(
-    tmp_path: Path, kernel: str
-) -> None:
-    holds(tmp_path, FROM_NOTHING.rsplit("expect R9 trace", 1)[0], kernel)
-
-
 def test_what_it_shows_scan_by_scan_is_what_one_of_the_file_shows(tmp_path: Path) -> None:
     holds(tmp_path, FROM_NOTHING, "sim")
 

@@ -72,14 +72,6 @@ def bench() -> Bench:
     return bench
 
 
-def test_every_frame_is_found_again_in_data(bench: Bench) -> None:
-    do(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1", scans=50)
-    check = checking(bench)
-    assert check.sent == 25
-    assert check.data == CheckTally(25, 0, 0, 0, 0)
-    bench.close()
-
-
 def test_bytes_of_somebody_else_are_a_shift_in_data(bench: Bench) -> None:
     do(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1", scans=10)
     do(bench, "peer P1 send hex 00 00 00", scans=40)

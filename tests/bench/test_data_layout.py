@@ -8,7 +8,6 @@ import pytest
 
 from tests import golden
 from tests.local_driver import LocalDriver
-from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
@@ -114,19 +113,6 @@ def test_another_type_by_resize_lies_as_before(tmp_path: Path) -> None:
     assert "✗" not in desk.answer("resize rx ARRAY[0..1] OF Telegram")
     now = desk.bench.project.data_decl("rx")
     assert now is not None and now.size == 18
-
-
-def test_a_peer_with_a_layout_of_its_own_sends_by_that(tmp_path: Path) -> None:
-    path = written(tmp_path, PACKED)
-    path.write_text(
-        path.read_text() + 'layout = "cap4"\npointer_size = 4\nstring_even = true\ntext = "cstr"\n'
-    )
-    project = load_project(path)
-    peer = project.peer("P1")
-    assert peer is not None
-    assert str(peer.choice) == "layout=cap4 text=cstr pointer_size=4 string_even=yes"
-    send = parse_line("peer P1 send udt Telegram {id=1}", project, "here")
-    assert len(getattr(send, "payload", b"")) == 12
 
 
 def test_what_is_no_layout_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

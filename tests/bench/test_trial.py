@@ -50,23 +50,6 @@ def test_on_a_static_job_every_split_ends_as_the_whole_message_does(driver: Loca
     )
 
 
-def test_ad_hoc_takes_each_piece_as_a_frame(driver: LocalDriver) -> None:
-    say(driver, "set TRCV_C_1 EN_R=0")
-    driver.scan(3)
-    say(driver, "set TRCV_C_1 ADHOC=1 EN_R=1")
-    driver.scan(3)
-    say(driver, TRY)
-    driver.scan(80)
-    trial = tried(driver)
-    assert (trial.state, trial.differing) == ("finished", 7)
-    assert [(row.span(), row.done, row.lengths, row.data_equal, row.same) for row in trial.rows[:3]] == [
-        ("whole", 1, "8", True, True),
-        ("1", 2, "1, 7", False, False),
-        ("2", 2, "2, 6", False, False),
-    ]
-    assert len(trial.rows) == 8
-
-
 def test_scans_go_on_while_it_runs_and_it_can_be_cancelled(driver: LocalDriver) -> None:
     say(driver, TRY)
     driver.scan(10)
@@ -80,16 +63,6 @@ def test_scans_go_on_while_it_runs_and_it_can_be_cancelled(driver: LocalDriver) 
     assert driver.shown().snapshot.scan == before + 10
     say(driver, "peer P1 try-splits stop")
     assert driver.shown().trial is None
-
-
-def test_a_held_bench_waits_with_it(driver: LocalDriver) -> None:
-    say(driver, "hold")
-    say(driver, TRY)
-    driver.scan(100)
-    assert tried(driver).runs == 0
-    say(driver, "go")
-    driver.scan(80)
-    assert tried(driver).state == "finished"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
@@ -132,19 +131,6 @@ def test_a_shell_completes_commands_options_and_files(shell: str, run: Run) -> N
 # -- udt ------------------------------------------------------------------------------------------------
 
 
-def test_udt_show_tells_members_and_padding_of_a_layout(files: Path, run: Run) -> None:
-    code, out, err = run("udt", "show", "telegram.st", "--format", "json")
-    assert (code, err) == (0, "")
-    shown = json.loads(out)
-    assert (shown["type"], shown["size"], shown["layout"]) == ("Telegram", 12, "baosky")
-    assert [member["path"] for member in shown["members"]] == ["id", "speed", "flag"]
-    assert shown["padding"] == [{"offset": 9, "size": 3}]
-    argv = "udt show two.st --type Telegram --layout packed --byte-order big --format json"
-    shown = json.loads(run(*argv.split())[1])
-    assert (shown["size"], shown["layout"], shown["byte_order"]) == (9, "packed", "big")
-    assert run("udt", "show", "telegram.st")[1].startswith("Telegram: 12 bytes")
-
-
 @pytest.mark.parametrize("given", ["01000000 0000c03f", "0x01,0x00,0x00,0x00, 16#0000C03F", "@rx.hex"])
 def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(given: str, files: Path, run: Run) -> None:
     code, out, err = run("udt", "decode", "telegram.st", "--format", "json", given)
@@ -152,35 +138,6 @@ def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(given: str, f
     decoded = json.loads(out)
     assert decoded["values"] == {"id": 1, "speed": 1.5, "flag": None}
     assert decoded["complete"] is False
-
-
-def test_udt_decode_needs_no_quotes_around_spaced_hex(files: Path, run: Run) -> None:
-    _, quoted, _ = run("udt", "decode", "telegram.st", "01 00 00 00")
-    _, loose, _ = run("udt", "decode", "telegram.st", "01", "00", "00", "00")
-    assert quoted == loose
-    assert "4 of 12 bytes" in quoted
-
-
-def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(files: Path, run: Run) -> None:
-    (files / "text.st").write_text("TYPE Text : STRUCT t : STRING[3]; END_STRUCT END_TYPE\n")
-    argv = ("udt", "decode", "text.st", "--layout", "packed", "--format", "json", "03 03 7f 9b 1b")
-    code, out, err = run(*argv)
-    assert (code, err) == (0, "")
-    assert out.isascii() and out.replace("\n", "").isprintable()
-    assert json.loads(out)["values"] == {"t": "\x7f\x9b\x1b"}
-
-
-def test_udt_encode_is_hex_on_stdout_and_decodes_back(
-    files: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code, out, err = run("udt", "encode", "telegram.st", "values.json")
-    assert (code, err) == (0, "")
-    assert out == "01 00 00 00 00 00 c0 3f 00 00 00 00\n"
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(out.encode())))
-    _, decoded, _ = run("udt", "decode", "telegram.st", "--format", "json", "-")
-    assert json.loads(decoded)["values"] == {"id": 1, "speed": 1.5, "flag": False}
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(decoded.encode())))
-    assert run("udt", "encode", "telegram.st", "-")[1] == out
 
 
 def test_the_help_names_what_only_an_import_can_tell(run: Run) -> None:

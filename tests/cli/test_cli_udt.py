@@ -113,15 +113,6 @@ def test_fit_names_the_form_of_string(run: Run) -> None:
         assert json.loads(out)[0]["text"] == form
 
 
-def test_fit_names_exchanged_words_and_bytes(run: Run) -> None:
-    for content, cause in (
-        ("01 00 00 00 00 00 00 00 29 40 00 00 00 00 00 00 d2 04 00 00 00 00 00 00", "word-swap"),
-        ("00 01 00 00 00 00 00 00 00 00 00 00 00 00 40 29 04 d2 00 00 00 00 00 00", "byte-swap"),
-    ):
-        best = ranked(run, content)[1][0]
-        assert (best["layout"], best["byte_order"], best["cause"]) == ("natural8", "little", cause)
-
-
 @pytest.mark.parametrize("content", ["00 " * 24, "ff " * 24, "01 02 03", "55 " * 16])
 def test_fit_is_not_sure_of_bytes_that_say_nothing_and_exits_1(content: str, run: Run) -> None:
     code, found = ranked(run, content)

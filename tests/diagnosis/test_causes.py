@@ -125,26 +125,6 @@ steps = '''
 '''
 """
 UP = "set X CONT=1\nrun 3\npeer P1 connect\nrun 8\n"
-FAULTS = [
-    ("TRCV_C", "fault socket EMFILE on C1\nset X CONT=1\nrun 3", "socket EMFILE"),
-    ("TRCV_C", "fault set_reuse EPERM on C1\nset X CONT=1\nrun 3", "set_reuse EPERM"),
-    ("TRCV_C", "fault bind EADDRINUSE on C1\nset X CONT=1\nrun 4", "bind EADDRINUSE"),
-    ("TRCV_C", "fault listen EADDRINUSE on C1\nset X CONT=1\nrun 4", "listen EADDRINUSE"),
-    ("TRCV_C", "fault poll_add ENOSPC on C1\nset X CONT=1\nrun 4", "poll_add ENOSPC"),
-    ("TRCV_C", "fault poll_add ENOSPC on C1 nth=2\n" + UP, "poll_add ENOSPC peer"),
-    ("TRCV_C", "fault accept EMFILE on C1\n" + UP, "accept EMFILE peer"),
-    ("TRCV_C", "fault queue EAGAIN on C1\nset X CONT=1\nrun 2", "queue EAGAIN"),
-    ("TRCV_C", UP + "fault buffer ENOMEM on C1\nset X EN_R=1\nrun 2", "buffer ENOMEM"),
-    ("TRCV_C", UP + "set X EN_R=1\nrun 2\nfault recv ECONNRESET on C1\nrun 2", "recv ECONNRESET peer"),
-    ("TRCV_C", UP + "set X EN_R=1\nrun 2\nfault recv ETIMEDOUT on C1\nrun 2", "recv ETIMEDOUT peer"),
-    ("TRCV_C", UP + "fault shutdown ENOTCONN on C1\nset X CONT=0\nrun 2", "shutdown ENOTCONN peer"),
-    ("TRCV_C", UP + "fault close EIO on C1\nset X CONT=0\nrun 2", "close EIO peer"),
-    ("TRCV_C", UP + "fault poll_del ENOENT on C1\nset X CONT=0\nrun 2", "poll_del ENOENT peer"),
-    ("TRCV_C", UP + "fault abort ENOTCONN on C1\nset X COM_RST=1\nrun 2", "abort ENOTCONN peer"),
-    ("TSEND_C", UP + "fault send EAGAIN on C1\npulse X REQ\nrun 2", "send EAGAIN peer"),
-    ("TSEND_C", UP + "fault send EPIPE on C1\npulse X REQ\nrun 2", "send EPIPE peer"),
-    ("TSEND_C", UP + "fault send EHOSTUNREACH on C1\npulse X REQ\nrun 2", "send EHOSTUNREACH peer"),
-]
 
 
 def cause_of_the_error(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
@@ -154,19 +134,6 @@ def cause_of_the_error(text: str, folder: Path, capsys: pytest.CaptureFixture[st
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     first: dict[str, Any] = next(record["cause"] for record in records if record.get("ERROR"))
     return first
-
-
-@pytest.mark.parametrize("dialect", ["baosky", "twincat"])
-@pytest.mark.parametrize(("block", "steps", "told"), FAULTS, ids=[f"{b}-{told}" for b, _, told in FAULTS])
-def test_a_planned_fault_is_told_with_its_call_its_errno_and_as_injected(
-    dialect: str, block: str, steps: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = STREAM.format(dialect=dialect, block=block, steps=steps)
-    cause = cause_of_the_error(text, tmp_path, capsys)
-    call, errno, *peer = told.split()
-    assert (cause["call"], cause["errno"], cause["injected"]) == (call, errno, True)
-    assert bool(peer) == bool(cause["peer"])
-    assert f"{call} gave {errno}" in cause["text"]
 
 
 ISO = """

@@ -10,7 +10,6 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line, parse_script
 from trcvtui.commands.words import PeerSend
-from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.scenario.runner import Runner, VirtualPace
@@ -79,19 +78,3 @@ def test_a_peer_of_the_other_byte_order_swaps_what_it_sends(tmp_path: Path) -> N
         sent = parse_line(SEND, load_project(tmp_path / "p.toml"), "step")
         assert isinstance(sent, PeerSend)
         assert sent.payload.hex(" ").startswith(start)
-
-
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ('layout = "natural"', "layout: found 'natural', expected a layout: baosky, baosky-slot4,"),
-        ('byte_order = "middle"', "byte_order: found 'middle', expected little or big"),
-    ],
-)
-def test_a_peer_of_an_unknown_layout_is_refused_in_one_line(tmp_path: Path, line: str, said: str) -> None:
-    text = (CONFIGS / "udt-mismatch.toml").read_text().replace('layout = "natural8"', line)
-    text = text.replace("types/axis-report.st", str(CONFIGS / "types" / "axis-report.st"))
-    (tmp_path / "p.toml").write_text(text)
-    with pytest.raises(UserError) as refused:
-        load_project(tmp_path / "p.toml")
-    assert [line for line in refused.value.lines() if f"peer Drive: {said}" in line] == refused.value.lines()

@@ -133,21 +133,6 @@ def test_what_was_written_into_the_file_meanwhile_stays(driver: LocalDriver, own
     assert "# written meanwhile" in own.read_text()
 
 
-def test_a_name_that_was_taken_meanwhile_is_one_line_and_nothing_is_lost(
-    driver: LocalDriver, own: Path
-) -> None:
-    say(driver, *ADD)
-    own.write_text(own.read_text() + "\n[[connect]]\nname = 'C7'\n")
-    taken = own.read_bytes()
-    told = answer(driver, "save project")
-    assert told.startswith(
-        f"{own}: connect C7: name: found 'C7', the name of another connect, expected a name of its own"
-    )
-    assert own.read_bytes() == taken
-    assert say(driver).unsaved == 6
-    assert sorted(os.listdir(own.parent)) == ["mine.toml", "types"]
-
-
 TAKEN = '[[connect]]\nname = "C7"\n'
 OTHER = 'dialect = "{}"\n[[connect]]\nname = "X"\n[[connect]]\nname = "Y"\n'
 

@@ -164,13 +164,6 @@ def test_scan_1_is_the_first_packet_and_each_record_has_its_time(watch: Watch) -
     assert (NS, done["time"]) == (1_700_000_000_000_000_000, "2023-11-14T22:13:20.300000Z")
 
 
-def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -> None:
-    said = [tcp(b"hello", 101, 501), answer(b"yes", 501, 106), tcp(seq=106, ack=504)]
-    seen = watch([*handshake(), *said])
-    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 5)
-    assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
-
-
 def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
     packets = [*handshake(), *stream(12), answer(bytes(12), 501, 113), tcp(seq=113, ack=513)]
     seen = watch(packets, "--plc", "10.0.0.9")
@@ -179,15 +172,6 @@ def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_pat
     seen = watch(packets, "--plc", "10.0.0.9", "--project", str(bench))
     assert [r["STATUS"] for r in seen.of("R1")][-3:] == ["7006", "7008", "7006"]
     assert not any(r["ERROR"] and r["STATUS"] != "80A1" for r in seen.of("R1"))
-
-
-def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
-    refused = [tcp(seq=100, flags=SYN), answer(ack=101, flags=RST | ACK)]
-    seen = watch(
-        [*refused, *handshake(700, 800), answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500
-    )
-    assert [word for word, _ in seen.jobs("C1_TO_PLC")][-2:] == ["80A0", "7008"]
-    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
 
 
 @pytest.mark.parametrize("step_ms", [20, 300, 1500])
@@ -237,20 +221,6 @@ def test_a_conversation_that_begins_in_the_middle_is_said_to(watch: Watch) -> No
     assert [size for _, size in seen.jobs("C1_TO_PLC")][-1] in (12, 24)
 
 
-def two_calls(second_at: int) -> list[bytes]:
-    """Return a conversation, and one of another port of the partner before the packet of that number."""
-    other = (PARTNER[0], PARTNER[1] + 1)
-    first = [*handshake(), *stream(12), tcp(seq=113, ack=501, flags=FIN | ACK), answer(seq=501, ack=114)]
-    second = [*handshake(900, 300, other), tcp(b"abcd", seq=901, ack=301, source=other)]
-    return [*first[:second_at], *second, *first[second_at:]]
-
-
-def test_the_next_conversation_of_a_plc_end_goes_to_the_same_shadow(watch: Watch) -> None:
-    seen = watch(two_calls(7))
-    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12, 4]
-    assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
-
-
 def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
     watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -275,12 +245,6 @@ def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
     assert len(seen.last["assigned"]) == 300
     begun = 600  # each conversation, for a shadow of either end
     assert len(asked) - begun <= 2 * len({*asked}) + begun
-
-
-def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> None:
-    seen = watch(two_calls(4))
-    assert seen.last["unassigned"] == [{"id": "C2", "why": "it overlaps C1"}]
-    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12]
 
 
 ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'

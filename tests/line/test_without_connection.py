@@ -105,13 +105,6 @@ def test_the_udp_config_of_a_project_is_that_of_its_port_or_of_a_watch_row(
         assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
 
 
-def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path: Path) -> None:
-    seen = watch([udp(bytes(9)), udp(bytes(8))], "--project", str(project(tmp_path, UDP)))
-    first, second = seen.jobs("R1")
-    assert first[0].startswith("80")
-    assert second == ("7008", 8)
-
-
 OWN = 'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\nListenPort = 0\n'
 FROM = '[[addr]]\nname = "FROM"\n'
 SIEMENS = plc(OWN, FROM + receiver("TRCV_C", 8, 'addr = "FROM"\n'), dialect="s7-1500")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.net.contract import FACTS, Fact
-from tests.net.net_bench import ANY_PORT, Bench
+from tests.net.net_bench import Bench
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
@@ -44,14 +44,6 @@ def test_every_call_has_a_default_errno() -> None:
         assert plan.take(call, "C1") == injected(call, DEFAULT_ERROR[call])
         assert plan.take(call, "C1") is None
         assert not plan.active
-
-
-def test_only_the_named_call_of_the_named_owner_fails() -> None:
-    plan = FaultPlan()
-    plan.add("bind", "EACCES", on="C1")
-    assert plan.take("listen", "C1") is None
-    assert plan.take("bind", "C2") is None
-    assert plan.take("bind", "C1") == injected("bind", "EACCES")
 
 
 def test_nth_counts_from_the_moment_of_adding() -> None:
@@ -124,26 +116,6 @@ def test_with_a_plan_for_somebody_else_it_keeps_the_contract(b: FaultyBench, fac
     for call in CALLS:
         b.plan.add(call, on="C99", times=None)
     fact(b)
-
-
-def test_set_up_calls_fail_as_planned_and_then_work(b: FaultyBench) -> None:
-    b.plan.add("socket", "ENFILE")
-    assert b.kernel.socket("X") == injected("socket", "ENFILE")
-    handle = b.socket()
-    for call in ("set_reuse", "bind", "listen", "poll_add"):
-        b.plan.add(call)
-    assert b.kernel.set_reuse(handle) == injected("set_reuse", "EPERM")
-    assert b.kernel.set_reuse(handle) is None
-    assert b.kernel.bind(handle, ANY_PORT) == injected("bind", "EADDRINUSE")
-    assert b.kernel.local_end(handle) is None
-    assert b.kernel.bind(handle, ANY_PORT) is None
-    assert b.kernel.listen(handle, 1) == injected("listen", "EADDRINUSE")
-    assert b.kernel.listen(handle, 1) is None
-    assert b.kernel.poll_add(handle) == injected("poll_add", "ENOSPC")
-    assert b.kernel.poll_add(handle) is None
-    b.plan.add("poll_del")
-    assert b.kernel.poll_del(handle) == injected("poll_del", "ENOENT")
-    assert b.kernel.poll_del(handle) is None
 
 
 def test_a_connect_made_to_fail_never_starts(b: FaultyBench) -> None:

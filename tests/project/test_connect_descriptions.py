@@ -109,11 +109,6 @@ def test_iso_on_tcp_listens_on_102_or_where_the_bench_says() -> None:
     assert called.session == IsoSettings(b"TCP-1", b"TCP-2", cap=65536)
 
 
-def test_the_longest_message_is_that_of_the_cpu() -> None:
-    (config,) = read('type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"', dialect="s7-1200")
-    assert config.session == IsoSettings(b"\xe0\x02", b"", cap=8192)
-
-
 def test_a_tcon_param_of_iso_has_its_lengths_from_its_tsaps() -> None:
     (config,) = read(
         'type = "TCON_Param"\nconnection_type = 18\nactive_est = false\n'
@@ -222,11 +217,6 @@ def test_the_ends_of_a_secure_description_are_those_of_the_plain_one() -> None:
 
 def test_a_mistake_names_its_place() -> None:
     golden.mistakes("connection descriptions", read_one)
-
-
-def test_other_dialects_keep_their_tcp_connectconfig() -> None:
-    (config,) = read('LocalAddress = "127.0.0.1"\nSendDelayOpt = true', dialect="baosky")
-    assert (config.send_delay_opt, config.description) == (True, None)
 
 
 # -- peers ---------------------------------------------------------------------------------------------------

@@ -82,14 +82,6 @@ def test_every_key_of_the_contract_is_read(folder: Path) -> None:
     assert project.peers == (PeerDecl("P1", True, Endpoint("127.0.0.1", 2000)),)
 
 
-def test_data_is_laid_out_as_the_dialect_does(folder: Path) -> None:
-    rx = read(CONTRACT, folder).data_decl("rx")
-
-    assert rx is not None
-    assert (rx.type_name, rx.size, rx.layout.size, rx.layout.rules.name) == ("Telegram", 8, 8, "baosky")
-    assert [leaf.path for leaf in rx.layout.leaves()] == ["id", "c"]
-
-
 def test_what_is_left_out_is_what_the_record_holds_at_first() -> None:
     project = read(ONE_INSTANCE)
 
@@ -178,12 +170,6 @@ def test_several_udt_files_may_use_each_other(tmp_path: Path) -> None:
     assert [leaf.path for leaf in read(text, tmp_path).data[0].layout.leaves()] == ["b.x"]
 
 
-def test_relative_files_start_beside_the_project(folder: Path) -> None:
-    (folder / "bench.toml").write_text(CONTRACT)
-    project = load_project(folder / "bench.toml")
-    assert (project.base, project.path) == (folder, folder / "bench.toml")
-
-
 @pytest.mark.parametrize("dialect", sorted(DIALECTS))
 def test_each_dialect_crosses_to_another_process(dialect: str, folder: Path) -> None:
     project = read(f'dialect = "{dialect}"\n', folder)
@@ -192,13 +178,6 @@ def test_each_dialect_crosses_to_another_process(dialect: str, folder: Path) -> 
 
 
 # -- scenario files ------------------------------------------------------------------------------------
-
-
-def test_a_scenario_file_is_a_project_with_one_table_more(tmp_path: Path) -> None:
-    (tmp_path / "s.toml").write_text(SMALLEST + '[scenario]\nname = "s"\nsteps = "run 1"\n')
-    project, scenario = load_scenario_document(tmp_path / "s.toml", ["connect.C1.LocalPort=5"])
-    assert project.connects[0].local.port == 5
-    assert scenario == {"name": "s", "steps": "run 1"}
 
 
 def test_a_scenario_file_may_name_another_file_as_its_project(folder: Path) -> None:

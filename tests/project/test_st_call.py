@@ -217,12 +217,6 @@ def test_scl_has_its_own_texts_and_dates(tmp_path: Path) -> None:
     assert "d := DT#1990-01-01-00:00:00, l := DTL#1970-01-01-00:00:00);" in text
 
 
-def test_an_unknown_instance_is_answered_with_the_names_that_exist(tmp_path: Path) -> None:
-    with pytest.raises(UserError) as raised:
-        st_text(project(tmp_path, instance("S", "TSEND_C")), ["T"])
-    assert raised.value.lines() == ["INSTANCE: found 'T', expected S"]
-
-
 def test_st_prints_one_instance_or_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bench = project(tmp_path, instance("S", "TSEND_C"), instance("R", "TRCV_C"))
     assert main(["st", str(bench.path), "R"]) == 0
@@ -276,14 +270,6 @@ name = "P1"
 name = "P2"
 udp = true
 """
-
-
-@pytest.mark.parametrize("block", ["TSEND", "TRCV", "TDISCON", "T_RESET", "T_DIAG"])
-def test_a_single_instruction_of_siemens_is_given_the_id_of_the_description(
-    block: str, tmp_path: Path
-) -> None:
-    call = st_call(project(tmp_path, instance("X", block), head=SIEMENS), "X")
-    assert call.splitlines()[2] == "    ID:=7," and "CONNECT" not in call
 
 
 def test_tcon_has_the_id_and_the_description_and_baosky_has_no_id(tmp_path: Path) -> None:

@@ -247,18 +247,6 @@ def test_a_file_without_its_keyframe_says_what_it_lacks(
     assert "this file begins in the middle" in told.out + told.err
 
 
-def test_of_a_damaged_keyframe_one_line_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
-    content = path.read_bytes()
-    at = content.index(KEYFRAME) + 100
-    path.write_bytes(content[:at] + b"x" + content[at + 1 :])
-    assert main(["replay", str(path), "--check"]) == 2
-    assert (
-        f"{path}: byte {content.rindex(b'trcvtui state', 0, at) - 29}: keyframe: found another checksum"
-        in (capsys.readouterr().err)
-    )
-
-
 def test_a_state_of_an_older_version_calls_a_flaw_a_finding() -> None:
     Finding = namedtuple("Finding", ["flaw", "field", "text"], module=DescriptionFlaw.__module__)
     state = state_of(Finding(Flaw.TSAP, "LocalTSelector", "it is empty"), Shared(()))

@@ -68,14 +68,6 @@ def shown(update: BenchUpdate) -> tuple[Snapshot, object, object]:
     return update.snapshot, update.peers, update.facts
 
 
-def test_forward_and_back_to_a_scan_show_the_same() -> None:
-    there = shown(Stood("200").update())
-    assert shown(Stood().go("at 300", "at 200")) == there
-    assert shown(Stood().go("at 199", "at +1")) == there
-    assert shown(Stood().go("at end", "at -1", "at 201", "at -1")) == there
-    assert there[0].scan == 200
-
-
 def test_each_line_that_moves_goes_where_it_says() -> None:
     stood = Stood()
     for line, scan in (

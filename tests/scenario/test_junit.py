@@ -181,14 +181,6 @@ def test_a_long_line_is_cut_in_the_name_and_whole_in_the_failure(tmp_path: Path,
     assert failure is not None and long in failure
 
 
-def test_out_takes_the_document(tmp_path: Path, capsys: Capture) -> None:
-    out = tmp_path / "junit.xml"
-    argv = ["scenario", scenario(tmp_path, PULSE), "--format", "junit", "--out", str(out)]
-    assert main(argv) == 0
-    assert capsys.readouterr().out == ""
-    assert_fits_the_schema(ElementTree.parse(out).getroot())
-
-
 @pytest.mark.slow
 def test_every_scenario_of_the_project_gives_the_same_document_twice(capsys: Capture) -> None:
     argv = ["scenario", "--format", "junit", *map(str, BAOSKY)]

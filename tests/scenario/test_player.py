@@ -125,18 +125,6 @@ def test_a_step_asked_for_during_a_run_stops_it_after_the_running_one(
     assert states(player_of(driver)) == [DONE, HELD, TO_COME, TO_COME, TO_COME]
 
 
-def test_a_failed_wait_ends_the_scenario(driver: LocalDriver, tmp_path: Path) -> None:
-    file = scenario(tmp_path, "wait TRCV_C_1 STATUS=7004 within T#30ms", "run 5")
-    driver.submit(f"scenario load {file} sim")
-    driver.submit("scenario run")
-    driver.scan(20)
-    player = player_of(driver)
-    assert states(player) == [FAILED, TO_COME]
-    assert player.finished
-    assert player.steps[0].found == "STATUS=7000"
-    assert driver.shown().snapshot.scan == 3
-
-
 def test_the_commands_of_start_are_taken_when_the_scenario_is_loaded(
     driver: LocalDriver, tmp_path: Path
 ) -> None:

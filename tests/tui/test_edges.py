@@ -45,15 +45,6 @@ async def test_each_key_of_the_peer_pane_says_that_there_is_no_peer(tmp_path: Pa
             assert "✗ no peer: A adds one" in screen_text(app), key
 
 
-async def test_the_last_of_256_instances_is_reached_and_shown() -> None:
-    many = tuple(replace(receiving(), name=f"TRCV_C_{n}") for n in range(1, 257))
-    async with looking(SMALL, picture(*many)) as looker:
-        await looker.press("1", "G")
-        assert "▸ TRCV_C_256" in looker.text
-        await looker.press("2")
-        assert "2 TRCV_C_256" in looker.text
-
-
 @pytest.mark.parametrize("size", [(60, 20), (40, 12), (20, 6), (400, 100)])
 async def test_no_size_breaks_the_screen(size: tuple[int, int]) -> None:
     async with looking(size) as looker:

@@ -15,26 +15,6 @@ from trcvtui.tui.app import BenchApp
 from trcvtui.tui.prompt import MESSAGE_S, EchoLine
 
 
-@BOTH
-@pytest.mark.parametrize(
-    ("digit", "focused"),
-    [
-        ("1", "instances"),
-        ("2", "block"),
-        ("3", "status"),
-        ("4", "history"),
-        ("5", "data"),
-        ("6", "udt"),
-        ("7", "peers"),
-    ],
-)
-async def test_a_digit_goes_to_its_pane(size: tuple[int, int], digit: str, focused: str) -> None:
-    async with looking(size) as looker:
-        await looker.press(digit)
-        assert looker.app.focused is not None
-        assert looker.app.focused.id == focused
-
-
 async def test_a_click_opens_a_tab() -> None:
     async with looking(SMALL) as looker:
         place = looker.line("3 STATUS").index("5 Received")

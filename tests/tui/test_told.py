@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.tui.looking import SMALL, WIDE, looking
+from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 
 
@@ -29,23 +29,6 @@ async def test_in_a_text_field_the_last_line_names_no_key_that_would_be_typed() 
         assert line.startswith("enter send  tab complete") and "space" not in line
         await looker.press("escape", "f1")
         assert "Here: 7 Peer" in looker.text
-
-
-async def test_on_the_peers_the_last_line_names_the_keys_of_the_peer_pane() -> None:
-    async with on_a_bench(SMALL) as looker:
-        await looker.press("7")
-        line = last_line(looker)
-        for key in ("c connect  s send  i edit  m mode  x cuts", "e every split"):
-            assert key in line
-
-
-async def test_the_help_of_the_peer_pane_names_every_button() -> None:
-    async with on_a_bench() as looker:
-        letters = {button.letter for button in looker.app.main.peer._buttons_now()}
-        await looker.press("7", "question_mark")
-        table = looker.text.split("Everywhere")[0]
-    told = {word for line in table.splitlines() for word in line[:60].split()}
-    assert letters <= told, letters - told
 
 
 # -- nothing to send, split, cut -----------------------------------------------------------------------

@@ -21,11 +21,6 @@ def telegram() -> Layout:
     return layout_of("id : DINT; speed : REAL; ok : BOOL;")
 
 
-def test_a_baosky_telegram_is_decoded_little_endian_with_its_gaps_ignored() -> None:
-    data = bytes.fromhex("01000000 00509A44 01 EE EE EE")
-    assert decode(telegram(), data) == (1, 1234.5, True)
-
-
 def test_a_bool_is_false_for_0_and_true_for_every_other_byte() -> None:
     layout = layout_of("ARRAY[0..255] OF BOOL")
     assert decode(layout, bytes(range(256))) == (False,) + (True,) * 255

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from tests.udt.answers import decode_json, show_json
 from tests.udt.udt_strategies import layout_of, layouts
-from trcvtui.errors import UserError
 from trcvtui.udt import report
 from trcvtui.udt.compare.compare import Comparison, compare_json
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
@@ -146,11 +145,6 @@ def test_encode_takes_values_and_what_decode_gave() -> None:
         == bytes(expected[:14]) + b"\4" + expected[15:]
     )
     assert encode_values(telegram(), {}) == bytes(28)
-
-
-def test_encode_refuses_an_unknown_member() -> None:
-    with pytest.raises(UserError, match="Telegram, 'sped': found 'sped', expected a member"):
-        encode_values(telegram(), {"sped": 1})
 
 
 def texts_overlap(layout: Layout) -> bool:

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from tests import golden
 from tests.udt.st_text import Writer, declarations, placeless
-from tests.udt.st_texts import lines, member, members
+from tests.udt.st_texts import lines, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import read_files, read_text
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, Array, StringType, Subrange, Type, type_text
+from trcvtui.udt.types import type_text
 
 DATA = Path(__file__).parent / "data"
 
@@ -37,31 +37,6 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
         "t:TIME@188 at_noon:TOD@192 level:INT(0..10)@196 state:State@198"
     )
     assert layout.size == 200
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("a : STRING;", StringType(None)),
-        ("a : STRING[20];", StringType(20)),
-        ("a : STRING(20);", StringType(20)),
-        ("a : string [ 16#14 ] ;", StringType(20)),
-        ("a : WSTRING[3];", StringType(3, wide=True)),
-        ("a : ARRAY[0..9] OF BYTE;", Array(((0, 9),), ELEMENTARY["BYTE"])),
-        ("a:ARRAY[-1..UINT#1]OF\nBYTE;", Array(((-1, 1),), ELEMENTARY["BYTE"])),
-        ("a : ARRAY[1..2, 0..1] OF INT;", Array(((1, 2), (0, 1)), ELEMENTARY["INT"])),
-        (
-            "a : ARRAY[1..2] OF ARRAY[0..1] OF INT;",
-            Array(((1, 2),), Array(((0, 1),), ELEMENTARY["INT"])),
-        ),
-        ("a : INT(0..10);", Subrange(ELEMENTARY["INT"], 0, 10)),
-        ("a : INT(-5..INT#5) := 3;", Subrange(ELEMENTARY["INT"], -5, 5)),
-        ("a : Date_And_Time;", ELEMENTARY["DT"]),
-        ("a : TIME_OF_DAY;", ELEMENTARY["TOD"]),
-    ],
-)
-def test_types_of_a_member(text: str, expected: Type) -> None:
-    assert member(text) == expected
 
 
 @pytest.mark.parametrize(
@@ -103,15 +78,6 @@ def test_a_comment_that_nests_by_accident_ends_at_its_first_end() -> None:
     assert types.problems == ()
 
 
-def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> None:
-    types = types_of(
-        "TYPE A : INT; B : A; C : STRUCT x : B; END_STRUCT D : (P, Q) END_TYPE; TYPE E : D; END_TYPE"
-    )
-    assert types.names() == ["A", "B", "C", "D", "E"]
-    assert types.named("b") is ELEMENTARY["INT"]
-    assert types.named("e") is types.named("D")
-
-
 def test_a_member_may_be_called_type() -> None:
     types = types_of("TYPE T : STRUCT Type : INT; bad INT; type2 : INT; END_STRUCT END_TYPE")
     assert [str(problem) for problem in types.problems] == ["test.st:1:33: found 'INT', expected ':'"]
@@ -120,11 +86,6 @@ def test_a_member_may_be_called_type() -> None:
     )
     assert list(members(types, "T")) == ["Type", "a", "_type"]
     assert types.names() == ["T", "U"]
-
-
-def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
-    types = types_of("TYPE Größe : STRUCT höhe_1 : Meter; END_STRUCT; METER : REAL; END_TYPE")
-    assert members(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": "REAL"}
 
 
 def test_every_error_has_its_place_and_what_was_expected() -> None:

@@ -57,15 +57,6 @@ def test_the_only_type_needs_no_name() -> None:
     ]
 
 
-def test_files_use_each_others_types_in_any_order() -> None:
-    files = [
-        read_st("TYPE A : STRUCT b : B; END_STRUCT END_TYPE", "a.st"),
-        read_st("TYPE B : INT; END_TYPE", "b.st"),
-    ]
-    assert join(files, "both").names() == ["A", "B"]
-    assert join(reversed(files), "both").names() == ["B", "A"]
-
-
 def test_a_chain_of_structures_deeper_than_the_limit_is_refused_and_its_lower_part_kept() -> None:
     chain = "".join(f"T{n} : STRUCT x : T{n + 1}; END_STRUCT " for n in range(MOST_NESTED + 8))
     types = types_of(f"TYPE {chain} T{MOST_NESTED + 8} : INT; END_TYPE")

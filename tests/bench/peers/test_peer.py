@@ -97,16 +97,6 @@ def test_a_free_port_goes_to_nobody_else_while_the_peer_does_not_listen(wire: Wi
     assert peer.listen() == ""
 
 
-def test_close_of_a_connected_passive_peer_keeps_it_listening(wire: Wire) -> None:
-    peer = wire.peer("P2", False)
-    peer.listen()
-    client = wire.client(peer)
-    wire.until(lambda: peer.state == "connected")
-    peer.close()
-    assert wire.ending(client) == "FIN"
-    assert peer.is_in("closed") and peer.is_in("listening")
-
-
 def test_the_newest_client_of_a_passive_peer_wins(wire: Wire) -> None:
     peer = wire.peer("P2", False)
     peer.listen()
@@ -169,14 +159,6 @@ def test_shutdown_sends_fin_and_goes_on_reading(wire: Wire) -> None:
     assert peer.send(PeerSend("P1", b"x"), wire.now) == "P1 has shut down its sending side"
     wire.kernel.close(other)
     wire.until(lambda: peer.is_in("closed"))
-
-
-def test_the_partners_fin_comes_after_its_last_bytes(wire: Wire) -> None:
-    peer, other = connected(wire)
-    write(wire, other, b"last words")
-    wire.kernel.close(other)
-    wire.until(lambda: peer.is_in("closed"))
-    assert peer.has_received(b"last words")
 
 
 def test_commands_without_a_connection_say_so_in_the_journal(wire: Wire) -> None:

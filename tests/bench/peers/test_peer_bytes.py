@@ -81,17 +81,6 @@ def test_a_reset_ends_the_sending_and_tells_what_did_not_go(wire: Wire) -> None:
 # -- receiving -------------------------------------------------------------------------------------------
 
 
-def test_a_stalled_peer_reads_nothing_until_it_resumes(wire: Wire) -> None:
-    peer, other = connected(wire)
-    peer.stall()
-    write(wire, other, b"wait")
-    for _ in range(5):
-        wire.step()
-    assert (peer.queues.inbox.count, peer.snapshot().stalled) == (0, True)
-    peer.resume()
-    wire.until(lambda: peer.has_received(b"wait"))
-
-
 def test_a_stalled_peer_learns_of_a_reset(wire: Wire) -> None:
     peer, other = connected(wire)
     peer.stall()

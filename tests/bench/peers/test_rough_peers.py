@@ -62,17 +62,6 @@ def test_a_fin_after_any_byte_gives_whole_frames_and_then_the_loss(bench: Bench)
     assert happened(bench).count(EventKind.PARTNER_CLOSED) == 19
 
 
-def test_garbage_of_every_byte_value_is_data_and_nothing_else(bench: Bench) -> None:
-    every_byte = bytes(range(256))
-    received = b""
-    do(bench, f"peer P1 send hex {every_byte.hex()}")
-    for _ in range(2 * len(every_byte) // 8 + 2):
-        bench.step()
-        if bench.runtime.outputs(INSTANCE).done:
-            received += bench.runtime.data("rx")
-    assert received == every_byte
-
-
 @pytest.mark.slow
 def test_a_flood_costs_bounded_memory_and_one_frame_a_scan(bench: Bench) -> None:
     do(bench, "peer P1 send random 1000000 seed=1 repeat=1000000", scans=50)

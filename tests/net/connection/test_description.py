@@ -54,20 +54,6 @@ def test_fields_follow_each_other_and_stay_inside(name: str) -> None:
     assert end <= structure.size
 
 
-def test_the_example_is_packed_and_read() -> None:
-    values: dict[str, Value] = {
-        "InterfaceId": 64,
-        "ID": 1,
-        "ConnectionType": 11,
-        "ActiveEstablished": True,
-        "RemoteAddress": "192.168.0.10",
-        "RemotePort": 2000,
-        "LocalPort": 0,
-    }
-    assert pack(IP_V4, values).hex(" ") == EXAMPLE
-    assert Description(IP_V4, bytes.fromhex(EXAMPLE)).values() == values
-
-
 def value_of(field: DescriptionField) -> st.SearchStrategy[Value]:
     match field.type:
         case FieldType.NUMBER:

@@ -210,13 +210,6 @@ def test_only_a_server_may_begin_with_an_alert(certificates: Certificates) -> No
     assert errors((client, server)) == [TlsError.REFUSED, TlsError.PLAIN]
 
 
-def test_a_first_byte_of_a_handshake_is_waited_on(certificates: Certificates) -> None:
-    for is_active in (False, True):
-        session = certificates.settings("plc").new(is_active)
-        fed(session, b"\x16")
-        assert (session.ended, session.wants_more) == (None, True)
-
-
 def test_with_tls_1_3_a_client_is_refused_when_it_is_up_already(certificates: Certificates) -> None:
     client = certificates.settings("strange").new(is_active=True)
     server = certificates.settings("plc", asks_client=True).new(is_active=False)

@@ -116,17 +116,6 @@ def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: 
     b.until(lambda: b.kernel.readable(listener))
 
 
-def test_silent_clients_hold_so_many_places_for_5_s(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    for _ in range(CLIENTS_WAITING):
-        raw_client(b, b.end(listener))
-    b.settle()
-    assert b.net.told == []
-    b.net.now += 5 * SECOND
-    b.until(lambda: b.net.told)
-    assert b.net.told == [("C1", "no handshake in 5 s")] * CLIENTS_WAITING
-
-
 def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
     end = b.end(listener)

@@ -139,14 +139,6 @@ async def test_what_was_added_is_selected_and_a_key_typed_at_once_is_for_it() ->
         assert looker.lines[-1] == "go"
 
 
-async def test_what_another_block_is_to_work_on_is_proposed_anew_but_for_what_was_typed() -> None:
-    async with on_a_bench(SMALL) as looker:
-        await looker.press("A")
-        await fill(looker, data="rx", block="TSEND_C")
-        line = "add instance TSEND_C_1 block=TSEND_C connect=C2 data=rx task=MAIN"
-        assert form_of(looker).line == line, "C2 has no block of this direction"
-
-
 async def test_a_composed_message_is_kept_under_a_name_and_sent_from_the_library() -> None:
     async with on_a_bench(WIDE) as looker:
         await looker.press("7", "i")

@@ -36,12 +36,6 @@ def test_a_file_that_did_not_change_is_not_read_again(path: Path) -> None:
     assert not files.look() and files.types is types
 
 
-def test_a_good_save_is_taken_at_the_next_look(path: Path) -> None:
-    files = TypeFiles([path], {})
-    saved(path, LONGER, 2)
-    assert files.look() and members(files) == 2 and files.trouble == ""
-
-
 def test_a_broken_save_keeps_the_last_good_type_and_says_one_line(path: Path) -> None:
     files = TypeFiles([path], {})
     saved(path, BROKEN, 2)

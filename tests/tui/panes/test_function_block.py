@@ -27,15 +27,6 @@ async def test_one_key_toggles_a_pin(size: tuple[int, int], key: str, line: str)
 
 
 @BOTH
-async def test_a_click_on_a_drawn_pin_toggles_it(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("2")
-        await looker.pilot.click("#block", offset=(10, 3))
-        await looker.settle()
-        assert looker.lines == ["set TRCV_C_1 CONT=0"]
-
-
-@BOTH
 async def test_a_click_on_an_output_does_nothing(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("2")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-
 import pytest
 from msgspec.structs import replace
 
-from tests.tui.fakes import peers, picture
-from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from tests.tui.fakes import picture
+from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from tests.tui.on_a_bench import on_a_bench
 
 
@@ -30,14 +27,6 @@ async def test_one_key_presses_a_button(size: tuple[int, int], key: str, line: s
         assert looker.lines == [line]
 
 
-@asynccontextmanager
-async def with_one_peer(size: tuple[int, int]) -> AsyncIterator[Looker]:
-    async with looking(size, replace(picture(), peers=peers()[:1])) as looker:
-        project = looker.app.view_model.project
-        looker.app.view_model.project = replace(project, peers=project.peers[:1])
-        yield looker
-
-
 async def test_a_key_of_a_peer_that_no_project_has_says_how_one_comes() -> None:
     async with looking(SMALL, replace(picture(), peers=())) as looker:
         project = looker.app.view_model.project
@@ -46,18 +35,6 @@ async def test_a_key_of_a_peer_that_no_project_has_says_how_one_comes() -> None:
         assert looker.lines == [] and looker.line("✗ no peer: A adds one")
         await looker.press("7")
         assert looker.text.splitlines()[-1].startswith(" A add  : command")
-
-
-@BOTH
-@pytest.mark.parametrize("focus", "1358")
-async def test_a_key_of_the_only_peer_is_named_and_not_pressed_from_another_pane(
-    size: tuple[int, int], focus: str
-) -> None:
-    async with with_one_peer(size) as looker:
-        for key in "csrziwp":
-            await looker.press(focus, key)
-            assert looker.lines == [] and not looker.app.main.prompt.is_open
-            assert looker.line(f"{key} is a key of pane 7: press 7, then {key}")
 
 
 async def test_a_button_that_is_not_there_now_says_so_and_a_listening_peer_has_its_word() -> None:
@@ -172,14 +149,6 @@ async def test_a_click_presses_a_button() -> None:
         await looker.pilot.click("#buttons", offset=(place + 2, 0))
         await looker.settle()
         assert looker.lines == ["peer P1 close"]
-
-
-async def test_the_second_peer_listens() -> None:
-    async with looking(SMALL) as looker:
-        await looker.press("7", "j")
-        assert "c Listen" in looker.text
-        await looker.press("c")
-        assert looker.lines == ["peer P2 listen"]
 
 
 async def test_a_fault_is_completed_by_hand_and_cleared_by_the_same_key() -> None:

@@ -15,7 +15,6 @@ from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
 from tests.tui.stage import Stage, on_stage
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
-from trcvtui.project.st_call import st_call
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui.forms.description import DescriptionScreen
 
@@ -94,13 +93,6 @@ async def test_a_block_with_connect_alone_has_no_id() -> None:
         assert "ID ─┤" not in shown.text
 
 
-async def test_a_letter_of_a_pin_that_the_block_lacks_says_so() -> None:
-    async with bench(SINGLE) as shown:
-        await shown.select("T_DIAG_1")
-        await shown.press("l")
-        assert "T_DIAG has no LEN" in shown.words
-
-
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
         await shown.select("TRCV_C_1")
@@ -110,12 +102,6 @@ async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
         await shown.do(scans=3)
         assert "├─ DONE scan 9 " in shown.text, shown.text
         assert "(NDR)" not in shown.text
-
-
-def test_a_call_binds_the_output_by_its_own_name() -> None:
-    assert "    NDR=>TRCV_1_DONE" in st_call(project_of(SINGLE), "TRCV_1")
-    newer = project_of("siemens/1-5-trcv_c-cont-then-en_r.toml")
-    assert "    DONE=>TRCV_C_1_DONE" in st_call(newer, "TRCV_C_1")
 
 
 # -- the connection description byte for byte ----------------------------------------------------------------

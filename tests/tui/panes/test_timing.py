@@ -88,23 +88,6 @@ async def test_a_pulse_between_two_frames_is_drawn_and_the_ghost_row_misses_it()
         assert "a 100 ms watch table saw 0 of 1 DONE" in look.text
 
 
-async def test_history_and_timing_share_one_place_and_both_stand_where_there_is_room() -> None:
-    async with analysing((130, 40)) as look:
-        assert _shown(look) == {"timing"}
-        await look.press("4")
-        assert _shown(look) == {"history"}
-    for size in (WIDE, (140, 60), (200, 60)):
-        async with analysing(size) as look:
-            assert _shown(look) == {"timing", "history"}
-    async with analysing(SMALL) as look:
-        assert "8 Timing" in look.text.splitlines()[5]
-        assert "4 History ·" not in look.text
-
-
-def _shown(look: Analyser) -> set[str | None]:
-    return {pane.id for pane in (look.pane, look.app.main.history) if pane.display}
-
-
 # -- cursor, markers, searches ------------------------------------------------------------------------------
 
 

@@ -187,6 +187,16 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     assert next(each["RCVD_LEN"] for each in records if each.get("DONE")) == 4
 
 
+def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> None:
+    tap, other = Observed(), Observed()
+    before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
+    begin = [each._replace(number=2, ns=each.ns + 300 * MS) for each in BEGIN]
+    after = other.blocks(*begin, event(TapEventKind.BYTES, 400, data=b"second", number=2))
+    records = tap.read(before, other.capture.head(1_000_000_000_000 + 200 * MS), after)
+    assert records[-1]["assigned"] == [{"id": name, "shadows": ["C1", "C1_BACK"]} for name in ("C1", "C2")]
+    assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == [4, 6]
+
+
 ROWS = """
 [[connect]]
 name = "C2"

@@ -144,7 +144,7 @@ class CapturePlayer:
         for over in self._over:
             if over not in had:
                 plan = self._plan
-                for kept in (self._running, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
+                for kept in (self._running, self._last_ns, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
                     kept.pop(over, None)
         self._over = [over for over in self._over if over in had]
 
@@ -294,6 +294,10 @@ class CapturePlayer:
         """Let a conversation have its place: the one that has it said nothing after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
+
+    def end(self, number: int, ns: int) -> None:
+        """Let others have the place of a conversation from this time on, also where no packet told its end."""
+        self._last_ns[number] = ns
 
     def play(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""

@@ -121,12 +121,21 @@ class TapWatch(LiveWatch):
         self.found.is_tapped = True
         if self.player is None:
             self._started()
-        if wire is not None and self.found.open(ns, talk, wire, note.new):
+        if note.note == "taps":  # of another process than before: it was not there when these ended
+            for number in [each for each in self._talks if each not in note.open]:
+                self._end(ns, replace(note, note="end", conversation=number))
+        elif wire is not None and self.found.open(ns, talk, wire, note.new):
             self._talks[talk.number] = talk
-        elif note.note == "end" and note.conversation in self._talks:
-            talk = self._talks.pop(note.conversation)
+        elif note.note == "end":
+            self._end(ns, note)
+        else:
+            self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+
+    def _end(self, ns: int, note: TapNote) -> None:
+        talk = self._talks.pop(note.conversation, None)
+        if talk is not None:
             talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
-        self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+        self._put(Remark(ns, partial(self._take_note, ns, note, "", b"")))
 
     def idle(self, idle_ns: int) -> None:
         """Do nothing: a tap tells the time itself, in its place between what passes."""
@@ -171,6 +180,7 @@ class TapWatch(LiveWatch):
                 player.talks.measure(number, to_plc, *figures)
             case "end":
                 player.talks.end(number)
+                player.end(number, ns)
 
     # -- what the user says --------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from msgspec import Meta, Struct
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.os.tap_ways import TapWay
 from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
@@ -77,6 +77,7 @@ class TapNote(Struct):
     again: int = 0
     waiting: int = 0
     taps: tuple[tuple[str, str, str], ...] = ()
+    open: tuple[int, ...] = ()
     plc: str | None = None
     dialect: str | None = None
 
@@ -268,7 +269,7 @@ class TapCapture:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _note(ns, {"note": "taps", **self._told})
+        return made + _note(ns, {"note": "taps", **self._told, "open": [*self._open]})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
@@ -330,15 +331,13 @@ def _note(ns: int, told: Mapping[str, object]) -> bytes:
 def record_tap(asks: int) -> None:
     """Write what a tap hands over to stdout until its end; exit 2 where there is no room.
 
-    When the process that serves observers was killed, a new one begins a new section.
+    When the process that serves observers was killed, a new one begins a new section, after whole blocks.
     """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    way = TapWay(asks)
     try:
-        while data := os.read(way := ask_for_way(asks), READ):
-            while data:
-                _write(data)
-                data = os.read(way, READ)
-            os.close(way)
+        while (data := way.whole(os.read(way.fd, READ))) != b"":
+            _write(data or b"")
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
         sys.exit(2)

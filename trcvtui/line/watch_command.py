@@ -191,7 +191,7 @@ def watch_tap(asks: int, asked: str) -> None:
     said: list[str] = []
     try:
         with suppress(UserError):  # the tap has ended before its first word
-            said = PacketStream(way.fd, live, _say, hear, renew=way.renew).take()
+            said = PacketStream(way.fd, live, _say, hear, whole=way.whole).take()
         _end(live, plan, said)
         sys.stdout.flush()
     except OSError:  # the reader of what shadows show is gone, or its terminal

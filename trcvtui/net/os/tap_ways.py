@@ -83,28 +83,30 @@ def ask_what_is_open(fd: int) -> str:
     return _ask(fd, COUNTS)[0].decode().strip()
 
 
-def ask_for_way(fd: int) -> int:
-    """Return the descriptor of the pcapng of a tap, which takes orders, too; it is handed over `fd`.
-
-    It is at its end already where there is no tap any more.
-    """
-    for way in _ask(fd, ASKED)[1]:
-        return way
-    ours, theirs = socket.socketpair()
-    theirs.close()
-    return ours.detach()
-
-
 class TapWay:
-    """The way of a tap to one of its children; when the process that serves it has ended, another one."""
+    """The way of a tap to one of its children: whole blocks of pcapng come on `fd`, orders go back.
+
+    When the process that serves it has ended there is another one, which begins with a new section.
+    """
 
     def __init__(self, asks: int) -> None:
-        self._asks, self.fd = asks, ask_for_way(asks)
+        self._asks, self._part = asks, b""
+        self.fd = os.open(os.devnull, os.O_RDONLY)  # at its end: then a way is asked for
 
-    def renew(self) -> None:
-        way = ask_for_way(self._asks)
-        os.dup2(way, self.fd)
-        os.close(way)
+    def whole(self, data: bytes) -> bytes | None:
+        """Return the whole blocks that were read, None for none yet, b"" where there is no tap any more."""
+        if not data:
+            self._part = b""
+            ways = _ask(self._asks, ASKED)[1]
+            for way in ways:
+                os.dup2(way, self.fd)
+                os.close(way)
+            return None if ways else b""
+        data, at = self._part + data, 0
+        while at + 8 <= len(data) and at + (size := int.from_bytes(data[at + 4 : at + 8], "little")) <= len(data):
+            at += size
+        self._part = data[at:]
+        return data[:at] or None
 
     def tell(self, line: bytes) -> None:
         with suppress(OSError):  # the tap has ended: soon it is said

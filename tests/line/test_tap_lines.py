@@ -197,6 +197,20 @@ def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> Non
     assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == [4, 6]
 
 
+def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_not_held() -> None:
+    tap, other = Observed(), Observed()
+    other.blocks(event(TapEventKind.OPEN, 0, at=1, data=OPENS))
+    before = tap.blocks(*BEGIN, event(TapEventKind.HELD, 100, at=4, data=b"!held"))
+
+    def held(*blocks: bytes) -> list[int | None]:
+        tap.read(*blocks)
+        assert tap.watch.player is not None and tap.watch.player.talks is not None
+        return [each.to_plc.held for each in tap.watch.player.talks.snapshot()]
+
+    assert held(before, tap.capture.loss(200 * MS, 3, 3, 1000), tap.capture.open()) == [4]
+    assert held(other.capture.head(300 * MS), other.capture.open()) == [None]
+
+
 ROWS = """
 [[connect]]
 name = "C2"

@@ -173,6 +173,8 @@ class TapWatch(LiveWatch):
                 act = f"{'to-plc' if to_plc else 'from-plc'} {one_line(note.text)}"
                 player.shadows.bench.note(tap, "tap", act)
                 player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
+            case "open" if not note.new:  # what is held still, is told after it
+                player.talks.let_go(number)
             case "held":
                 player.talks.hold(number, to_plc, note.bytes if note.holds else None, first)
             case "figures":

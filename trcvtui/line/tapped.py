@@ -261,7 +261,8 @@ class TapCapture:
     def __init__(self, title: str, told: Mapping[str, object]) -> None:
         self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
-        self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
+        # Of each conversation that goes on: with what it has begun, and what each direction holds.
+        self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
         self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
     def head(self, ns: int) -> bytes:
@@ -276,7 +277,9 @@ class TapCapture:
 
     def block(self, event: TapEvent) -> bytes:
         if event.kind == TapEventKind.OPEN:
-            self._open[event.number] = event
+            self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
+        elif event.kind == TapEventKind.HELD and event.number in self._open:
+            self._open[event.number][event.kind, event.way] = event
         elif event.kind == TapEventKind.OVER:
             self._open.pop(event.number, None)
         blocks = [*self._note(event)]
@@ -289,10 +292,9 @@ class TapCapture:
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
     def open(self) -> bytes:
-        """Return which conversations there are."""
-        return b"".join(
-            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=self._ns))]
-        )
+        """Return which conversations there are, and what they hold."""
+        events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
+        return b"".join([block for event in events for block in self._note(event)])
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
         if event.kind in (TapEventKind.LOST, TapEventKind.NOW):

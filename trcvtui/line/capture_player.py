@@ -144,8 +144,9 @@ class CapturePlayer:
         for over in self._over:
             if over not in had:
                 plan = self._plan
-                for kept in (self._running, self._last_ns, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
+                for kept in (self._running, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
                     kept.pop(over, None)
+                self._last_ns.pop(over, None)
         self._over = [over for over in self._over if over in had]
 
     def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
@@ -296,7 +297,7 @@ class CapturePlayer:
         self._plan.unassigned.pop(number, None)
 
     def end(self, number: int, ns: int) -> None:
-        """Let others have the place of a conversation from this time on, also where no packet told its end."""
+        """Let others have the place of a conversation after this time, also where no packet told its end."""
         self._last_ns[number] = ns
 
     def play(self, paths: Sequence[str]) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import socket
+import struct
 from contextlib import suppress
 from typing import Final
 
 ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
 SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
 MOST_ANSWER: Final = 64  # bytes
+BLOCK: Final = struct.Struct("<4xI")  # with how many bytes a block of pcapng says it has
 
 
 class EventPipes:
@@ -103,8 +105,8 @@ class TapWay:
                 os.close(way)
             return None if ways else b""
         data, at = self._part + data, 0
-        while at + 8 <= len(data) and at + (size := int.from_bytes(data[at + 4 : at + 8], "little")) <= len(data):
-            at += size
+        while at + BLOCK.size <= len(data) and (end := at + BLOCK.unpack_from(data, at)[0]) <= len(data):
+            at = end
         self._part = data[at:]
         return data[:at] or None
 

@@ -21,6 +21,7 @@ from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.tap_watch import TapWatch
 from trcvtui.line.tapped import NOTES, TapCapture
 from trcvtui.line.watch_command import WatchLines
+from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
@@ -195,6 +196,12 @@ def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> Non
     records = tap.read(before, other.capture.head(1_000_000_000_000 + 200 * MS), after)
     assert records[-1]["assigned"] == [{"id": name, "shadows": ["C1", "C1_BACK"]} for name in ("C1", "C2")]
     assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == [4, 6]
+
+
+def test_a_typed_line_that_never_ends_is_left_out_and_said() -> None:
+    tap = Observed()
+    tap.read()
+    assert [len(tap.watch.type(part)) for part in (bytes(MOST_LINE), b"0", b"\n")] == [0, 1, 0]
 
 
 def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_not_held() -> None:

@@ -26,6 +26,7 @@ from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
 from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
 from trcvtui.line.tapped import TapNote
+from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
 from trcvtui.project.project import TapDecl
 
@@ -191,6 +192,9 @@ class TapWatch(LiveWatch):
         assert self.player is not None  # it stands since the first note
         bench, wrong = self.player.shadows.bench, list[str]()
         *lines, self._typed = (self._typed + data).split(b"\n")
+        if len(self._typed) > MOST_LINE:
+            self._typed = b""
+            wrong.append(f"stdin: found a line of more than {MOST_LINE} bytes, expected a bench command")
         for line in lines:
             try:
                 command = parse_line(line.decode(errors="replace").strip(), bench.project, "stdin")

@@ -177,7 +177,7 @@ def watch_tap(asks: int, asked: str) -> None:
     def hear() -> None:
         nonlocal can_type
         sys.stdout.flush()
-        while can_type and live.player is not None and look_at({0: IN}):
+        if can_type and live.player is not None and look_at({0: IN}):  # once: stdin may never be empty
             data = b""
             with suppress(OSError):
                 data = os.read(0, TYPED)

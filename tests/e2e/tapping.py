@@ -27,7 +27,8 @@ class Tap:
                 f"import os, sys; from resource import *; setrlimit(RLIMIT_NOFILE, ({descriptors},) * 2); "
             )
             command = [sys.executable, "-c", f"{limit}os.execv(sys.argv[1], sys.argv[1:])", *command]
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
+        # Unbuffered: `communicate` does not see what `readline` has read ahead.
+        self.process = subprocess.Popen(command, bufsize=0, stdin=pipe, stdout=pipe, stderr=pipe)
         assert self.process.stderr is not None
         self.said = self.process.stderr.readline().decode()
         ends = self.said.partition(": ")[2].partition(" to ")[0]

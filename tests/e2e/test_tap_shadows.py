@@ -145,6 +145,16 @@ def test_a_wrong_line_is_told_and_all_is_let_go_when_stdin_ends() -> None:
         assert tap.end()[0] == 0
 
 
+def test_a_stdin_that_is_never_empty_keeps_no_shadow_waiting() -> None:
+    with (
+        tapped("--format", "jsonl") as (tap, near, _),
+        subprocess.Popen(["yes", ""], stdout=tap.process.stdin) as lines,
+    ):
+        near.sendall(b"seen")
+        records(tap, 1, DONE=True, RCVD_LEN=4)
+        lines.kill()
+
+
 def test_shadows_go_on_when_the_process_that_serves_observers_is_killed() -> None:
     with tapped("--format", "jsonl") as (tap, near, _):
         near.sendall(b"before")

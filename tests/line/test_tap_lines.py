@@ -21,6 +21,7 @@ from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.tap_watch import TapWatch
 from trcvtui.line.tapped import NOTES, TapCapture
 from trcvtui.line.watch_command import WatchLines
+from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
@@ -185,6 +186,36 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     notes = [(each["t_ms"], each["note"]) for each in records if each.get("conversation") == "C1"]
     assert notes == [(300.0, "? 1000 bytes missing in the capture, to the PLC end, from byte 4")]
     assert next(each["RCVD_LEN"] for each in records if each.get("DONE")) == 4
+
+
+def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> None:
+    tap, other = Observed(), Observed()
+    before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
+    begin = [each._replace(number=2, ns=each.ns + 300 * MS) for each in BEGIN]
+    after = other.blocks(*begin, event(TapEventKind.BYTES, 400, data=b"second", number=2))
+    records = tap.read(before, other.capture.head(1_000_000_000_000 + 200 * MS), after)
+    assert records[-1]["assigned"] == [{"id": name, "shadows": ["C1", "C1_BACK"]} for name in ("C1", "C2")]
+    assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == [4, 6]
+
+
+def test_a_typed_line_that_never_ends_is_left_out_and_said() -> None:
+    tap = Observed()
+    tap.read()
+    assert [len(tap.watch.type(part)) for part in (bytes(MOST_LINE), b"0", b"\n")] == [0, 1, 0]
+
+
+def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_not_held() -> None:
+    tap, other = Observed(), Observed()
+    other.blocks(event(TapEventKind.OPEN, 0, at=1, data=OPENS))
+    before = tap.blocks(*BEGIN, event(TapEventKind.HELD, 100, at=4, data=b"!held"))
+
+    def held(*blocks: bytes) -> list[int | None]:
+        tap.read(*blocks)
+        assert tap.watch.player is not None and tap.watch.player.talks is not None
+        return [each.to_plc.held for each in tap.watch.player.talks.snapshot()]
+
+    assert held(before, tap.capture.loss(200 * MS, 3, 3, 1000), tap.capture.open()) == [4]
+    assert held(other.capture.head(300 * MS), other.capture.open()) == [None]
 
 
 ROWS = """

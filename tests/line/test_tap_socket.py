@@ -160,7 +160,8 @@ def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(s
     tap = TapService(short, "--allow-orders")
     reads, dies = tap.observer(), tap.observer()
     device, plc = tap.connect()
-    wrong = ("0 99999999999 0 rst ;", "0 -1 0 rst ;", "0 0 0 delay 9000000000000000000;", "0 0 0 drop ;")
+    wrong = ["0 99999999999 0 rst ;", "0 -1 0 rst ;", "0 0 0 delay 9000000000000000000;", "0 0 0 drop ;"]
+    wrong.append("! words of the process that serves")
     dies.sendall("".join(f"{line}\n" for line in wrong).encode() + TapOrder(0, 0, TO, "hold").line())
     until(lambda: tap.said.count("gives an order that is none") == len(wrong))
     device.sendall(b"held")

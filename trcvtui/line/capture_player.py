@@ -146,6 +146,7 @@ class CapturePlayer:
                 plan = self._plan
                 for kept in (self._running, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
                     kept.pop(over, None)
+                self._last_ns.pop(over, None)
         self._over = [over for over in self._over if over in had]
 
     def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
@@ -294,6 +295,10 @@ class CapturePlayer:
         """Let a conversation have its place: the one that has it said nothing after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
+
+    def end(self, number: int, ns: int) -> None:
+        """Let others have the place of a conversation after this time, also where no packet told its end."""
+        self._last_ns[number] = ns
 
     def play(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""

@@ -129,6 +129,9 @@ class ConversationFigures:
         figures = self._figures.get(number)
         if figures is not None and not figures.is_over:
             figures.state = "ended"
+        self.let_go(number)
+
+    def let_go(self, number: int) -> None:
         self.hold(number, True, None, b"")
         self.hold(number, False, None, b"")
 

@@ -454,10 +454,10 @@ class PacketStream:
         came: Callable[[], object] = int,
         kept: KeptPackets | None = None,
         most_idle_ns: int = 0,
-        renew: Callable[[], object] | None = None,
+        whole: Callable[[bytes], bytes | None] = bytes,
     ) -> None:
         self._kept, self._most_idle_ns = kept, most_idle_ns
-        self.pipe = PacketPipe(fd, self._wait, renew)
+        self.pipe = PacketPipe(fd, self._wait, whole)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
         self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment

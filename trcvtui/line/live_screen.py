@@ -164,7 +164,7 @@ class ShadowServer:
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.line.tap_watch import TapWatch
 
-        order, renew = (None, None) if self._way is None else (self._way.tell, self._way.renew)
+        order, whole = (None, bytes) if self._way is None else (self._way.tell, self._way.whole)
         if most_idle_ns or self._way is not None:  # a tap
             live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
         else:
@@ -173,7 +173,7 @@ class ShadowServer:
         self._judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
         subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
         stream = PacketStream(
-            fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, renew
+            fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, whole
         )
         said = stream.take()
         live.finish()

@@ -26,6 +26,7 @@ from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
 from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
 from trcvtui.line.tapped import TapNote
+from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
 from trcvtui.project.project import TapDecl
 
@@ -121,12 +122,21 @@ class TapWatch(LiveWatch):
         self.found.is_tapped = True
         if self.player is None:
             self._started()
-        if wire is not None and self.found.open(ns, talk, wire, note.new):
+        if note.note == "taps":  # of another process than before: it was not there when these ended
+            for number in [each for each in self._talks if each not in note.open]:
+                self._end(ns, replace(note, note="end", conversation=number))
+        elif wire is not None and self.found.open(ns, talk, wire, note.new):
             self._talks[talk.number] = talk
-        elif note.note == "end" and note.conversation in self._talks:
-            talk = self._talks.pop(note.conversation)
+        elif note.note == "end":
+            self._end(ns, note)
+        else:
+            self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+
+    def _end(self, ns: int, note: TapNote) -> None:
+        talk = self._talks.pop(note.conversation, None)
+        if talk is not None:
             talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
-        self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+        self._put(Remark(ns, partial(self._take_note, ns, note, "", b"")))
 
     def idle(self, idle_ns: int) -> None:
         """Do nothing: a tap tells the time itself, in its place between what passes."""
@@ -164,6 +174,8 @@ class TapWatch(LiveWatch):
                 act = f"{'to-plc' if to_plc else 'from-plc'} {one_line(note.text)}"
                 player.shadows.bench.note(tap, "tap", act)
                 player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
+            case "open" if not note.new:  # what is held still, is told after it
+                player.talks.let_go(number)
             case "held":
                 player.talks.hold(number, to_plc, note.bytes if note.holds else None, first)
             case "figures":
@@ -171,6 +183,7 @@ class TapWatch(LiveWatch):
                 player.talks.measure(number, to_plc, *figures)
             case "end":
                 player.talks.end(number)
+                player.end(number, ns)
 
     # -- what the user says --------------------------------------------------------------------------------
 
@@ -179,6 +192,9 @@ class TapWatch(LiveWatch):
         assert self.player is not None  # it stands since the first note
         bench, wrong = self.player.shadows.bench, list[str]()
         *lines, self._typed = (self._typed + data).split(b"\n")
+        if len(self._typed) > MOST_LINE:
+            self._typed = b""
+            wrong.append(f"stdin: found a line of more than {MOST_LINE} bytes, expected a bench command")
         for line in lines:
             try:
                 command = parse_line(line.decode(errors="replace").strip(), bench.project, "stdin")

@@ -19,7 +19,7 @@ from msgspec import Meta, Struct
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.os.tap_ways import TapWay
 from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
@@ -77,6 +77,7 @@ class TapNote(Struct):
     again: int = 0
     waiting: int = 0
     taps: tuple[tuple[str, str, str], ...] = ()
+    open: tuple[int, ...] = ()
     plc: str | None = None
     dialect: str | None = None
 
@@ -260,7 +261,8 @@ class TapCapture:
     def __init__(self, title: str, told: Mapping[str, object]) -> None:
         self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
-        self._open: dict[int, TapEvent] = {}  # with what each conversation that goes on has begun
+        # Of each conversation that goes on: with what it has begun, and what each direction holds.
+        self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
         self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
     def head(self, ns: int) -> bytes:
@@ -268,14 +270,16 @@ class TapCapture:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _note(ns, {"note": "taps", **self._told})
+        return made + _note(ns, {"note": "taps", **self._told, "open": [*self._open]})
 
     def lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
 
     def block(self, event: TapEvent) -> bytes:
         if event.kind == TapEventKind.OPEN:
-            self._open[event.number] = event
+            self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
+        elif event.kind == TapEventKind.HELD and event.number in self._open:
+            self._open[event.number][event.kind, event.way] = event
         elif event.kind == TapEventKind.OVER:
             self._open.pop(event.number, None)
         blocks = [*self._note(event)]
@@ -288,10 +292,9 @@ class TapCapture:
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
     def open(self) -> bytes:
-        """Return which conversations there are."""
-        return b"".join(
-            [b for each in self._open.values() for b in self._note(each._replace(at=1, ns=self._ns))]
-        )
+        """Return which conversations there are, and what they hold."""
+        events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
+        return b"".join([block for event in events for block in self._note(event)])
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
         if event.kind in (TapEventKind.LOST, TapEventKind.NOW):
@@ -330,15 +333,13 @@ def _note(ns: int, told: Mapping[str, object]) -> bytes:
 def record_tap(asks: int) -> None:
     """Write what a tap hands over to stdout until its end; exit 2 where there is no room.
 
-    When the process that serves observers was killed, a new one begins a new section.
+    When the process that serves observers was killed, a new one begins a new section, after whole blocks.
     """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    way = TapWay(asks)
     try:
-        while data := os.read(way := ask_for_way(asks), READ):
-            while data:
-                _write(data)
-                data = os.read(way, READ)
-            os.close(way)
+        while (data := way.whole(os.read(way.fd, READ))) != b"":
+            _write(data or b"")
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
         sys.exit(2)

@@ -177,7 +177,7 @@ def watch_tap(asks: int, asked: str) -> None:
     def hear() -> None:
         nonlocal can_type
         sys.stdout.flush()
-        while can_type and live.player is not None and look_at({0: IN}):
+        if can_type and live.player is not None and look_at({0: IN}):  # once: stdin may never be empty
             data = b""
             with suppress(OSError):
                 data = os.read(0, TYPED)
@@ -191,7 +191,7 @@ def watch_tap(asks: int, asked: str) -> None:
     said: list[str] = []
     try:
         with suppress(UserError):  # the tap has ended before its first word
-            said = PacketStream(way.fd, live, _say, hear, renew=way.renew).take()
+            said = PacketStream(way.fd, live, _say, hear, whole=way.whole).take()
         _end(live, plan, said)
         sys.stdout.flush()
     except OSError:  # the reader of what shadows show is gone, or its terminal

@@ -159,6 +159,9 @@ class Forwarder(TapLoop):
         for route in self.routes:
             for number, talk in route.talks.items():
                 self.tell(TapEventKind.OPEN, TO, route.place, number, 1, talk.said)
+                for lane in talk.lanes:
+                    if lane.held is not None:
+                        lane.tell_held()
 
     # -- orders --------------------------------------------------------------------------------------------
 

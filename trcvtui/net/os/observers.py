@@ -12,13 +12,14 @@ import struct
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import takewhile
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of
 from trcvtui.net.os.lossy_pipe import LossyPipe
-from trcvtui.net.os.system_calls import IN, new_poll_set
+from trcvtui.net.os.system_calls import IN, look_at, new_poll_set
 from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
 from trcvtui.net.os.tapped_lane import TapLoop
 from trcvtui.net.tap import ENDS, LOSS, RELEASE, SAYS, TapEvent, TapEventKind, events_of
@@ -182,7 +183,7 @@ class Observer:
                 self._server.say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
             return
         self._has_ordered = True
-        self._server.tell(line)
+        self._server.tell(line.lstrip(SAYS))  # that word is the server's alone
 
     def _leave(self) -> None:
         self._server.lose(self)
@@ -205,7 +206,6 @@ class ObserverServer:
         self._has_ended = False
         self._door: socket.socket | None = None
         self._inode, self._pause = 0, FIRST_PAUSE_NS
-        self.loop.hear(ways, IN, self._take_way)
         self.loop.hear(events, IN, self._take_events)
 
     def run(self) -> None:
@@ -237,6 +237,13 @@ class ObserverServer:
             self._has_ended = True
             self.loop.forget(self._tap.fileno())
             return
+        stand = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
+        self._pass_on(stand)  # the first that we are told: our first observers are told of them
+        while look_at({self._ways.fileno(): IN}) and self._take_way():
+            pass  # a way that was handed over before an event gets it
+        self._pass_on(events[len(stand) :])
+
+    def _pass_on(self, events: Sequence[TapEvent]) -> None:
         wanted = frozenset[int]().union(*[each.kind.events for each in self._observers])
         made = [
             (event, self.capture.block(event))
@@ -252,12 +259,11 @@ class ObserverServer:
             if parts[kinds]:
                 observer.take(parts[kinds])
 
-    def _take_way(self, _: int) -> None:
+    def _take_way(self) -> bool:
         what, ways, _, _ = socket.recv_fds(self._ways, 1, 1)
-        if not what:
-            self.loop.forget(self._ways.fileno())
         for way in ways:
             self._observe(socket.socket(fileno=way), KINDS[what])
+        return bool(what)
 
     # -- observers -------------------------------------------------------------------------------------------
 

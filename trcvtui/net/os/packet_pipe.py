@@ -26,13 +26,13 @@ _CHUNKS: Final = 4  # read ahead by a thread
 class PacketPipe:
     """A descriptor of packets; `waits` is called with the ns for which nothing has come.
 
-    `renew` is called at its end, and may put another one in its place.
+    `whole` gets all that was read, b"" at the end, and returns what of it is to be taken now, or None.
     """
 
     def __init__(
-        self, fd: int, waits: Callable[[int], object], renew: Callable[[], object] | None = None
+        self, fd: int, waits: Callable[[int], object], whole: Callable[[bytes], bytes | None] = bytes
     ) -> None:
-        self._next, self._waits, self._renew = _chunks_of(fd), waits, renew
+        self._next, self._waits, self._whole = _chunks_of(fd), waits, whole
         self._few = False
         self.empty_at = time.monotonic_ns()  # when it was last seen empty
         self._stops_at: float | None = None
@@ -52,15 +52,12 @@ class PacketPipe:
 
     def read(self, _most: int) -> bytes:
         """Return the next bytes, b"" at the end."""
-        ticks, since, is_new = 0, 0, False
+        ticks = since = 0
         if self._few:
             time.sleep(REST_S)
         while True:
             data = self._next(0.0 if not ticks else TICK_S if ticks < TICKS else SLOW_TICK_S)
-            if data == b"" and self._renew is not None and not is_new:
-                is_new = True
-                self._renew()
-            elif data is not None:
+            if data is not None and (data := self._whole(data)) is not None:
                 self._few = len(data) < FEW
                 if self._few:
                     self.empty_at = time.monotonic_ns()
@@ -82,7 +79,7 @@ def _chunks_of(fd: int) -> Callable[[float], bytes | None]:
             fcntl.fcntl(fd, _SET_ROOM, ROOM)
         poller = select.poll()
         poller.register(fd, select.POLLIN)
-        return lambda seconds: os.read(fd, MOST) if poller.poll(seconds * 1000) else None
+        return lambda seconds: _read(fd) if poller.poll(seconds * 1000) else None
     chunks = queue.Queue[bytes](_CHUNKS)
 
     def fill() -> None:  # a pipe of Windows cannot be polled
@@ -101,6 +98,12 @@ def _chunks_of(fd: int) -> Callable[[float], bytes | None]:
 
     threading.Thread(target=fill, daemon=True).start()
     return wait
+
+
+def _read(fd: int) -> bytes:
+    with suppress(ConnectionResetError):  # it has ended, and left an order of ours unread
+        return os.read(fd, MOST)
+    return b""
 
 
 def take_stdin(with_keyboard: bool) -> int:

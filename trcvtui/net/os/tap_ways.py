@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import socket
+import struct
 from contextlib import suppress
 from typing import Final
 
 ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
 SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
 MOST_ANSWER: Final = 64  # bytes
+BLOCK: Final = struct.Struct("<4xI")  # with how many bytes a block of pcapng says it has
 
 
 class EventPipes:
@@ -83,28 +85,30 @@ def ask_what_is_open(fd: int) -> str:
     return _ask(fd, COUNTS)[0].decode().strip()
 
 
-def ask_for_way(fd: int) -> int:
-    """Return the descriptor of the pcapng of a tap, which takes orders, too; it is handed over `fd`.
-
-    It is at its end already where there is no tap any more.
-    """
-    for way in _ask(fd, ASKED)[1]:
-        return way
-    ours, theirs = socket.socketpair()
-    theirs.close()
-    return ours.detach()
-
-
 class TapWay:
-    """The way of a tap to one of its children; when the process that serves it has ended, another one."""
+    """The way of a tap to one of its children: whole blocks of pcapng come on `fd`, orders go back.
+
+    When the process that serves it has ended there is another one, which begins with a new section.
+    """
 
     def __init__(self, asks: int) -> None:
-        self._asks, self.fd = asks, ask_for_way(asks)
+        self._asks, self._part = asks, b""
+        self.fd = os.open(os.devnull, os.O_RDONLY)  # at its end: then a way is asked for
 
-    def renew(self) -> None:
-        way = ask_for_way(self._asks)
-        os.dup2(way, self.fd)
-        os.close(way)
+    def whole(self, data: bytes) -> bytes | None:
+        """Return the whole blocks that were read, None for none yet, b"" where there is no tap any more."""
+        if not data:
+            self._part = b""
+            ways = _ask(self._asks, ASKED)[1]
+            for way in ways:
+                os.dup2(way, self.fd)
+                os.close(way)
+            return None if ways else b""
+        data, at = self._part + data, 0
+        while at + BLOCK.size <= len(data) and (end := at + BLOCK.unpack_from(data, at)[0]) <= len(data):
+            at = end
+        self._part = data[at:]
+        return data[:at] or None
 
     def tell(self, line: bytes) -> None:
         with suppress(OSError):  # the tap has ended: soon it is said

@@ -47,6 +47,7 @@ NOTED: Final[dict[int, str]] = {
     TapEventKind.LOST: "lost",
     TapEventKind.LACK: "lack",
 }
+STATES: Final = (TapEventKind.HELD, TapEventKind.FIGURES)  # of which the newest counts
 _V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _V6: Final = struct.Struct(">IHBB16s16s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -261,7 +262,7 @@ class TapCapture:
     def __init__(self, title: str, told: Mapping[str, object]) -> None:
         self._title, self._told = title, told
         self._packets = TapPackets(NOTES + 1)
-        # Of each conversation that goes on: with what it has begun, and what each direction holds.
+        # Of each conversation that goes on: with what it has begun, and the newest state of each direction.
         self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
         self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
 
@@ -278,7 +279,7 @@ class TapCapture:
     def block(self, event: TapEvent) -> bytes:
         if event.kind == TapEventKind.OPEN:
             self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
-        elif event.kind == TapEventKind.HELD and event.number in self._open:
+        elif event.kind in STATES and event.number in self._open:
             self._open[event.number][event.kind, event.way] = event
         elif event.kind == TapEventKind.OVER:
             self._open.pop(event.number, None)
@@ -292,7 +293,7 @@ class TapCapture:
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
     def open(self) -> bytes:
-        """Return which conversations there are, and what they hold."""
+        """Return which conversations there are, and how they stand."""
         events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
         return b"".join([block for event in events for block in self._note(event)])
 

@@ -24,20 +24,6 @@ from trcvtui.udt.types import (
 # -- comments, pragmas, attributes -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", [0, 1, 2, 4, 8])
-def test_pack_mode_above_a_type_is_kept_for_this_type_only(mode: int) -> None:
-    types = good(
-        f"TYPE A : STRUCT x : INT; END_STRUCT END_TYPE {{attribute 'hide'}}\n"
-        f"{{attribute 'pack_mode' := '{mode}'}}\n(* comment *) TYPE INTERNAL B :\nSTRUCT x : INT; END_STRUCT"
-        " END_TYPE;\n"
-        f"TYPE C : STRUCT {{attribute 'pack_mode' := '1'}} x : INT; END_STRUCT END_TYPE"
-    )
-    found = {name: types.named(name) for name in types.names()}
-    assert {name: t.pack for name, t in found.items() if isinstance(t, Struct)} == {
-        "A": None, "B": mode, "C": None,
-    }  # fmt: skip
-
-
 def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
     types = good(
         "TYPE A : STRUCT x : INT; END_STRUCT; {attribute 'pack_mode' := '2'} B : UNION x : INT; END_UNION;"

@@ -63,6 +63,15 @@ def test_what_the_stack_does_not_take_stays_first() -> None:
     assert play(outbox, 30, stack=2) == [(0, b"ab"), (10, b"cd"), (20, b"e"), (20, b"f")]
 
 
+def test_a_message_is_announced_once() -> None:
+    outbox = box(PeerSend("P", b"abc", (1,), repeat=2))
+    announced = []
+    while (chunk := outbox.due(0)) is not None:
+        announced.append(outbox.message_begins)
+        outbox.taken(len(chunk), 0)
+    assert announced == [(3, b"abc"), (0, b""), (3, b"abc"), (0, b"")]
+
+
 def test_dropping_tells_how_much() -> None:
     outbox = box(PeerSend("P", b"abc", (1,), gap_ns=10, repeat=3), PeerSend("P", b"de"))
     outbox.taken(1, 0)

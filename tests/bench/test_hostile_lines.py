@@ -15,7 +15,6 @@ from trcvtui.blocks.framing import KEPT_NOISE
 from trcvtui.blocks.serial.com_buffer import MOST_BYTES
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.serial_line import SIMULATED_LINE_BYTES, SimSerialPort
-from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.serial_line_control import MOST_A_SCAN
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.file import load_project
@@ -61,7 +60,6 @@ remote = "@C1"
 """
 SERIAL = 'source = "serial"\nport = "/dev/ttyUSB0"'
 STREAM = 'source = "T"'
-PREFIX = 'pPrefix = "mark"\nLenPrefix = 2'
 SUFFIX = 'pSuffix = "mark"\nLenSuffix = 2'
 LINES = pytest.mark.parametrize("source", [SERIAL, STREAM], ids=["serial", "tcp"])
 SCANS = 300
@@ -104,17 +102,6 @@ def held(bench: Bench) -> int:
 
 def room(source: str) -> int:
     return (65_536 if source == STREAM else 300) + KEPT_NOISE + SIZE + MOST_BYTES
-
-
-@pytest.mark.slow
-@LINES
-def test_noise_for_ever_is_thrown_away_and_its_end_kept(tmp_path: Path, source: str) -> None:
-    bench = bench_on(tmp_path, source, PREFIX)
-    assert flood(bench, source, SCANS) <= room(source)
-    framer = framer_of(bench)
-    assert framer.discarded > 50_000 and len(framer.noise) == KEPT_NOISE
-    assert len(list(bench.runtime.ledger)) <= KEPT_LINES
-    bench.close()
 
 
 @pytest.mark.slow

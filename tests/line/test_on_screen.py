@@ -19,7 +19,6 @@ from trcvtui.line.on_screen import _played, watch_main
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.replay.time_line import TimeLine
-from trcvtui.replay.what_if import WhatIf
 
 __all__ = ["watch"]
 
@@ -104,17 +103,6 @@ def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Pa
     line = shown(watch.path, project(tmp_path))
     update = line.picture(UpdateRequest())
     assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
-
-
-def test_nothing_changed_in_a_what_if_on_a_capture_is_its_run(watch: Watch, tmp_path: Path) -> None:
-    watch([*handshake(), *stream(12, 12, 5, 7)], "--project", str(project(tmp_path)), step_ms=60_000)
-    line = shown(watch.path, project(tmp_path))
-    assert line._capture is not None
-    run = WhatIf(line._keyframes, [], None, line._capture.change)
-    run.play()
-    was, now = run.sums()
-    assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
-    assert run.at == run.recorded.runtime.scans > 10_000 and was.jobs == 3
 
 
 def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Path) -> None:

@@ -202,19 +202,6 @@ def test_a_plc_that_ends_its_own_connection_shows_no_error_for_that(
     assert seen.of("C1_TO_PLC")[-1]["STATUS"] == "7002"
 
 
-def test_missing_bytes_are_a_hole_that_is_told_before_the_shadow_goes_on(
-    watch: Watch, tmp_path: Path
-) -> None:
-    first, _, _, *rest = stream(12, 5, 7, 12)
-    packets = [*handshake(), first, *rest, answer(seq=501, ack=137)]
-    seen = watch(packets, "--project", str(project(tmp_path)))
-    dones = [(r["RCVD_LEN"], r.get("note")) for r in seen.of("R1") if r["DONE"]]
-    assert dones == [(12, None), (12, "? missing in the capture"), (12, None)]
-    at = seen.records.index(next(r for r in seen.records if "conversation" in r))
-    assert "? 5 bytes missing in the capture, to the PLC end, from byte 12" in seen.notes
-    assert at < seen.records.index(next(r for r in seen.of("R1") if "note" in r))
-
-
 def test_a_conversation_that_begins_in_the_middle_is_said_to(watch: Watch) -> None:
     seen = watch([*stream(12, 12)], "--plc", "10.0.0.5")
     assert seen.notes == ["begins in the middle"]

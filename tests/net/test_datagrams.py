@@ -35,18 +35,6 @@ def test_latency_delays_a_datagram_once() -> None:
     assert take(b, there)[0] == b"later"
 
 
-def test_a_link_that_is_cut_while_a_datagram_is_on_its_way_swallows_it() -> None:
-    b = SimBench(SimKernel(latency_ns=5 * MS))
-    here, there = owned(b, "C1"), owned(b, "P1")
-    say(b, here, b"lost", there)
-    b.time.pass_ms(2)
-    b.cut()
-    b.time.pass_ms(10)
-    b.mend()
-    b.time.pass_ms(10)
-    assert try_take(b, there) is WOULD_BLOCK
-
-
 def test_a_machine_without_an_address_has_no_way_to_another_one() -> None:
     b = SimBench(SimKernel(addresses=()))
     handle = opened(b, end=None)

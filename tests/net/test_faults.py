@@ -153,18 +153,6 @@ def test_the_client_of_a_failed_accept_stays_queued_and_comes_out_with_his_bytes
     assert b.kernel.accept(listener) is WOULD_BLOCK
 
 
-def test_one_client_is_one_attempt_however_often_the_queue_is_looked_at(b: FaultyBench) -> None:
-    listener = b.listener()
-    b.plan.add("accept", nth=2)
-    b.connect(b.end(listener))
-    b.settle()
-    assert isinstance(b.kernel.accept(listener), Accepted)
-    assert b.kernel.accept(listener) is WOULD_BLOCK
-    b.connect(b.end(listener))
-    b.settle()
-    assert b.kernel.accept(listener) == injected("accept", "EMFILE")
-
-
 def test_closing_the_listener_resets_the_client_of_a_failed_accept(b: FaultyBench) -> None:
     listener = b.listener()
     client = b.connect(b.end(listener))

@@ -116,21 +116,6 @@ def test_a_command_is_read_and_written_back(line: str) -> None:
     assert to_line(command) == line
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "fault open",
-        "fault open ENOENT on RX",
-        "fault read EIO on RX nth=3",
-        "fault write on RX times=forever",
-    ],
-)
-def test_a_fault_of_a_port_is_read_and_written_back(line: str) -> None:
-    command = parse_line(line, read(RX, PORT), "w")
-    assert command is not None
-    assert to_line(command) == line
-
-
 def test_a_mistake_in_a_line_to_a_combuffer_is_one_line() -> None:
     project = read(RX, PORT, tx("TX", 'line = "RX"'))
     golden.mistakes("lines to a ComBuffer", lambda line: parse_line(line, project, "w"))

@@ -79,20 +79,6 @@ def test_a_keyframe_that_does_not_fit_its_file_is_told_in_one_line(
     assert "keyframe" in said and said.count("\n") == 1
 
 
-def test_each_file_of_a_ring_runs_from_its_first_scan(tmp_path: Path) -> None:
-    paths = written(tmp_path, FileLimits(21_500, 0, -1, -1))
-    assert len(paths) > 1
-    firsts, last = [], 0
-    for path in paths:
-        run, first = begun(path)
-        assert run.bench.runtime.scans == first <= last + 1
-        assert check(run) == ""
-        firsts.append(first)
-        last = run.bench.runtime.scans
-        assert lines(run) == whole()[: len(lines(run))]
-    assert firsts == sorted(set(firsts)) and last == LAST
-
-
 def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

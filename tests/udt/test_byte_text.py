@@ -21,30 +21,6 @@ from trcvtui.udt.byte_text import BYTE_FORMS, all_in, first_in, hexdump, last_in
 from trcvtui.udt.report import csv_lines, markdown, member_rows
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "01020a",
-        "01020A",
-        "01 02 0A",
-        "01,02,0A",
-        "01, 02, 0A,",
-        "0x01 0x02 0x0A",
-        "0x01,0x02,0x0A",
-        "0X01020A",
-        "16#01 16#02 16#0a",
-        "16#01020A",
-        "1 2 a",
-        "0x1, 0x2, 0xA",
-        "01 02\n0A\n",
-        "\t01\r\n02\r\n\r\n0A",
-        "0102 0A",
-    ],
-)
-def test_every_usual_way_of_writing_three_bytes(text: str) -> None:
-    assert parse_hex(text) == b"\x01\x02\x0a"
-
-
 @pytest.mark.parametrize("text", ["", "  ", "\n", ",", " , "])
 def test_no_digits_are_no_bytes(text: str) -> None:
     assert parse_hex(text) == b""

@@ -29,18 +29,6 @@ def told(row: ComparedRow) -> str:
     return f"{row.path}: {sides[0]} | {sides[1]} {', '.join(row.differs)}".rstrip()
 
 
-def test_cap4_and_natural8_read_the_same_bytes_in_two_ways() -> None:
-    both = Comparison(layout_of(MEMBERS, "baosky"), layout_of(MEMBERS, "natural8"))
-    assert [told(row) for row in both.rows(CONTENT)] == [
-        "kind: 0 BYTE 1 (16#01) | 0 BYTE 1 (16#01)",
-        "weight: 4 LREAL 0.0 | 8 LREAL 12.5 place, value",
-        "count: 12 INT 0 | 16 INT 7 place, value",
-    ]
-    assert str(both.summary(both.rows(CONTENT))) == (
-        "ours 16 bytes, theirs 24; 2 of 3 members differ, the first at byte 4"
-    )
-
-
 def test_a_profile_does_not_differ_from_itself() -> None:
     both = Comparison(layout_of(MEMBERS), layout_of(MEMBERS))
     assert str(both.summary(both.rows(CONTENT))) == "ours 16 bytes, theirs 16; none of 3 members differs"

@@ -390,19 +390,6 @@ def swapped(sent: Layout, content: bytes, language: Language) -> bytes:
     return bytes(machine.memory["wire"])
 
 
-@pytest.mark.parametrize("language", ["st", "scl"])
-@pytest.mark.parametrize("layout", ["baosky", "natural8", "packed", "codesys-8", "s7-standard"])
-@pytest.mark.parametrize("name", TELEGRAMS)
-def test_swapped_bytes_decode_to_the_senders_values_in_the_other_order(
-    name: str, layout: str, language: Language
-) -> None:
-    for order in ("little", "big"):
-        sent = lay_out(TYPES.named(name), rules_for(layout, order))
-        content = message(sent, random.Random(7))
-        ours = lay_out(sent.type, rules_for(layout, OTHER[order]))
-        assert decode(ours, swapped(sent, content, language)) == decode(sent, content)
-
-
 def test_every_kind_of_number_is_swapped() -> None:
     members = "a : SINT; i : INT; u : UDINT; l : LINT; w : WORD; d : DWORD; q : LWORD; r : REAL; lr : LREAL;"
     members += (

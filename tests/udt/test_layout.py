@@ -77,14 +77,6 @@ def test_a_nested_structure_keeps_its_own_gaps_and_starts_on_four() -> None:
     assert layout.size == 16
 
 
-def test_paths_use_declared_bounds_and_the_last_index_runs_fastest() -> None:
-    layout = layout_of("m : ARRAY[1..2,-1..0] OF ARRAY[5..6] OF STRUCT x : BYTE; END_STRUCT;")
-    paths = [leaf.path for leaf in layout.leaves()]
-    assert paths[:3] == ["m[1,-1][5].x", "m[1,-1][6].x", "m[1,0][5].x"]
-    assert paths[-1] == "m[2,0][6].x"
-    assert len(paths) == 8
-
-
 def test_the_alias_cap4_is_baosky_and_little_endian() -> None:
     assert rules_for("cap4") is rules_for() is LAYOUTS["baosky"]
     assert rules_for().byte_order == "little"

@@ -114,34 +114,6 @@ def test_what_is_no_such_literal_gives_none(type_name: str, text: str) -> None:
     assert parse_literal(ELEMENTARY[type_name], text) is None
 
 
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [
-        ("5", 5),
-        ("-5", -5),
-        ("+5", 5),
-        ("1_000", 1000),
-        ("16#FF", 255),
-        ("16#ff_ff", 65535),
-        ("8#17", 15),
-        ("2#1010", 10),
-        ("-16#10", -16),
-        ("INT#-7", -7),
-        ("WORD#16#10", 16),
-        ("ff", None),
-        ("2#12", None),
-        ("1.0", None),
-        ("T#5", None),
-        ("_1", None),
-        ("", None),
-        ("٣", None),
-        ("9" * 100, None),
-    ],
-)
-def test_integer_literals(text: str, number: int | None) -> None:
-    assert parse_integer(text) == number
-
-
 @pytest.mark.slow
 @given(st.text(max_size=80))
 def test_no_text_breaks_the_literals(text: str) -> None:

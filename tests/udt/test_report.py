@@ -95,18 +95,6 @@ def test_decode_as_json_is_the_contract() -> None:
     }
 
 
-def test_a_short_decode_is_not_complete_and_ends_in_nulls() -> None:
-    found = decode_json(telegram(), BYTES[:11])
-    assert found["complete"] is False
-    assert found["values"] == {
-        "id": 1,
-        "speed": 1234.5,
-        "ok": True,
-        **dict.fromkeys(("bits", "mode", "name", "c", "wait")),
-    }
-    assert decode_json(telegram(), BYTES + b"more")["complete"] is True
-
-
 def test_decode_as_text_shows_what_is_odd_and_no_control_code() -> None:
     assert decode_text(telegram(), BYTES[:26]).splitlines() == [
         "Telegram: 26 of 28 bytes, layout baosky, little-endian",

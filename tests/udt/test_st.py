@@ -128,12 +128,6 @@ def test_a_bad_type_never_hides_the_good_ones_beside_it(bad: str) -> None:
     assert types.names() == ["Before", "After", "Last"]
 
 
-def test_a_missing_end_type_hides_nothing() -> None:
-    types = types_of("TYPE A : INT; TYPE B : STRUCT x : A; END_STRUCT END_TYPE TYPE C : B; END_TYPE")
-    assert types.names() == ["A", "B", "C"]
-    assert [str(p) for p in types.problems] == ["test.st:1:15: found 'TYPE', expected 'END_TYPE'"]
-
-
 def test_nesting_ends_at_its_limit_with_a_line() -> None:
     deep = f"TYPE T : {'ARRAY[0..0] OF ' * MOST_NESTED}INT; END_TYPE"
     expected = f"expected at most {MOST_NESTED} levels of STRUCT and ARRAY"

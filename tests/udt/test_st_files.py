@@ -54,63 +54,7 @@ def test_constants_of_the_file_are_kept_the_others_passed_over() -> None:
     ]  # fmt: skip
 
 
-def test_ax_namespaces_using_and_named_values() -> None:
-    types = good(
-        "USING System.Strings;\nNAMESPACE Simatic.Ax.Io\n  {S7.extern=ReadWrite}\n  TYPE PUBLIC State :"
-        " INT (Idle := 0,"
-        " Busy := UINT#1); END_TYPE\n  NAMESPACE Inner TYPE T : STRUCT s : State := State#Idle;"
-        " a : ARRAY[0..Limits#UPPER] OF BYTE; r : REF_TO INT; END_STRUCT; END_TYPE END_NAMESPACE\n"
-        "  TYPE Limits : UINT (LOWER := 0, UPPER := 7); END_TYPE\nCLASS C METHOD M END_METHOD END_CLASS"
-        " END_NAMESPACE"
-    )
-    assert members(types, "T") == {"s": "State", "a": "ARRAY[0..7] OF BYTE", "r": "REF_TO INT"}
-
-
 # -- the other text formats ------------------------------------------------------------------------------
-
-TIA = """TYPE "Motor"
-TITLE = it's the STRUCT of a motor
-{ S7_Optimized_Access := 'TRUE' }
-AUTHOR : Me
-FAMILY : F
-NAME : N
-VERSION : 0.1
-//comment
-   STRUCT
-      speed { S7_SetPoint := 'False'} : Real := 1.0;   // m/s
-      "Type" : "Kind";
-      Name : String[10];
-      list : Array[0..3] of Struct
-         x : Bool;
-      END_STRUCT;
-   END_STRUCT;
-
-END_TYPE
-
-TYPE Kind
-VERSION : 0.1
-   STRUCT
-      a : Byte;
-   END_STRUCT;
-END_TYPE
-FUNCTION_BLOCK "x"
-BEGIN
-END_FUNCTION_BLOCK
-"""
-
-
-@pytest.mark.parametrize("suffix", [".udt", ".scl", ".txt"])
-def test_a_tia_source_has_header_lines_and_no_colon(suffix: str) -> None:
-    types = read(suffix, TIA)
-    assert members(types, "Motor") == {
-        "speed": "REAL",
-        "Type": "Kind",
-        "Name": "STRING[10]",
-        "list": "ARRAY[0..3] OF STRUCT",
-    }
-    assert list(types.notes) == ["motor"]
-    assert "optimised access" in types.notes["motor"][0]
-
 
 AWL = """TYPE UDT 5
 TITLE =don't
@@ -203,18 +147,6 @@ def test_a_tia_header_that_does_not_end_is_told() -> None:
     types = join([declared], "f.udt")
     assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
     assert types.names() == ["B"]
-
-
-def test_simatic_sd_has_a_colon_pragma_blocks_and_blocks_of_the_same_suffix() -> None:
-    types = read(
-        ".s7dcl",
-        'TYPE\n  T : STRUCT\n    {\n      S7_Access := "ReadOnly := External";\n      S7_MLC :='
-        ' "MLC_1"\n    }\n'
-        '    "M" : USInt;\n    a : Array[0..1] of _.U;\n  END_STRUCT;\nEND_TYPE\nTYPE U : STRUCT b :'
-        " Bool; END_STRUCT; END_TYPE",
-    )
-    assert members(types, "T") == {"M": "USINT", "a": "ARRAY[0..1] OF U"}
-    assert read(".s7dcl", 'FUNCTION_BLOCK "B" VAR_INPUT a : Bool; END_VAR END_FUNCTION_BLOCK').names() == []
 
 
 def test_b_and_r_has_many_types_in_a_block_and_enumerations_of_four_bytes() -> None:

@@ -17,25 +17,10 @@ from trcvtui.udt.types import (
     StringType,
     Struct,
     Union,
-    Unplaced,
     type_text,
 )
 
 # -- comments, pragmas, attributes -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mode", [0, 1, 2, 4, 8])
-def test_pack_mode_above_a_type_is_kept_for_this_type_only(mode: int) -> None:
-    types = good(
-        f"TYPE A : STRUCT x : INT; END_STRUCT END_TYPE {{attribute 'hide'}}\n"
-        f"{{attribute 'pack_mode' := '{mode}'}}\n(* comment *) TYPE INTERNAL B :\nSTRUCT x : INT; END_STRUCT"
-        " END_TYPE;\n"
-        f"TYPE C : STRUCT {{attribute 'pack_mode' := '1'}} x : INT; END_STRUCT END_TYPE"
-    )
-    found = {name: types.named(name) for name in types.names()}
-    assert {name: t.pack for name, t in found.items() if isinstance(t, Struct)} == {
-        "A": None, "B": mode, "C": None,
-    }  # fmt: skip
 
 
 def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
@@ -49,42 +34,6 @@ def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
 
 
 # -- initial values --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "initial",
-    [
-        "[3(0), 2([1, 2])]",
-        "3(0), 2(1)",
-        "(PT := T#5S)",
-        "-1, -1, -1",
-        "DTL#1970-01-01-00:00:00.5",
-        "WSTRING#'x; y'",
-        "B#16#FF",
-        "F_Sqrt(2.0 * PI) ** 2",
-        "Mode.Run",
-        "ADR(GVL.a[3]) + SIZEOF(INT)",
-        "THIS^.x",
-        "NOT (a AND b) <> 5 >= 3",
-        "'$'; $00'",
-        '"MyConst"',
-        "5",
-        "-16#FF",
-        "'it$'s ; END_STRUCT'",
-        '"wide; END_TYPE"',
-        "TOD#12:30:15.250",
-        "(a := 1, b := (c := 2))",
-        "1, 2, 3",
-        "Mode#Run",
-        "5 (* ; *) // ; END_TYPE\n",
-        "`x`",
-    ],
-)
-def test_initial_values_of_every_form_are_passed_over(initial: str) -> None:
-    types = good(
-        f"TYPE T : STRUCT a : INT := {initial}; b : BOOL := {initial}; END_STRUCT := {initial}; END_TYPE"
-    )
-    assert members(types, "T") == {"a": "INT", "b": "BOOL"}
 
 
 def test_the_last_member_and_the_last_type_may_lack_their_semicolon() -> None:
@@ -279,28 +228,6 @@ def test_a_word_after_struct_is_accepted_and_may_be_a_member(word: str) -> None:
 )
 def test_pointers_keep_their_text_and_their_target_may_be_unknown(text: str, expected: str) -> None:
     assert member(f"a : {text} := 0;") == Pointer(expected)
-
-
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [
-        ("TON := (PT := T#5S)", "TON"),
-        ("TON", "TON"),
-        ("Standard.R_TRIG", "R_TRIG"),
-        ("Lib.Cyl(MAIN._a, b := (1))", "Lib.Cyl"),
-        ("Inspector(THISSTRUCT)", "Inspector"),
-        ("ANY_NUM", "ANY_NUM"),
-        ("Variant", "VARIANT"),
-        ("Pointer", "POINTER"),
-    ],
-)
-def test_what_nobody_can_lay_out_keeps_its_name_and_the_members_around_it(text: str, name: str) -> None:
-    types = good(f"TYPE T : STRUCT x : INT; a : {text}; y : INT; END_STRUCT END_TYPE")
-    type_ = types.named("T")
-    assert isinstance(type_, Struct)
-    unplaced = type_.members[1].type
-    assert isinstance(unplaced, Unplaced)
-    assert unplaced.name == name
 
 
 def test_a_declared_type_wins_over_a_builtin_one() -> None:

@@ -144,31 +144,6 @@ def test_a_tcgvl_gives_its_constants_under_both_names() -> None:
 # -- Openness --------------------------------------------------------------------------------------------
 
 
-def test_openness_members_are_the_same_as_in_st() -> None:
-    read = openness("""
-        <Member Name="Speed" Datatype="Int"><StartValue>5</StartValue></Member>
-        <Member Name="Limits" Datatype="Struct">
-          <Member Name="Low" Datatype="Real"/><Member Name="High" Datatype="Real"/>
-        </Member>
-        <Member Name="Names" Datatype="Array[0..3, 1..MAX] of String[10]"/>
-        <Member Name="Log" Datatype="Array[1..2] of Struct">
-          <Member Name="At" Datatype="DTL" Version="1.0"/>
-          <Subelement Path="1"><StartValue>0</StartValue></Subelement>
-        </Member>
-        <Member Name="Inner" Datatype="&quot;My type&quot;"><Sections><Section Name="None">
-          <Member Name="copy" Datatype="Bool"/></Section></Sections></Member>
-        <Member Name="Text" Datatype="WString"/>""")
-    assert not lines_of(read)
-    assert bare(read) == st("""TYPE Motor : STRUCT
-        Speed : Int;
-        Limits : STRUCT Low : Real; High : Real; END_STRUCT;
-        Names : ARRAY[0..3, 1..MAX] OF STRING[10];
-        Log : ARRAY[1..2] OF STRUCT At : DTL; END_STRUCT;
-        Inner : "My type";
-        Text : WSTRING;
-    END_STRUCT; END_TYPE""")
-
-
 def test_a_global_data_block_is_a_type_too() -> None:
     udt = OPENNESS.format('<Member Name="a" Datatype="Int"/>')
     block = udt.replace("SW.Types.PlcStruct", "SW.Blocks.GlobalDB").replace(">Motor<", ">Line<")

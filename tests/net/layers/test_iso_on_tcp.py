@@ -19,7 +19,6 @@ from trcvtui.net.layers.iso_on_tcp import (
     IsoSettings,
     TpktReader,
     encode,
-    segments,
 )
 
 E001, E002, E003 = b"\xe0\x01", b"\xe0\x02", b"\xe0\x03"
@@ -82,18 +81,6 @@ def test_both_ends_keep_to_the_smaller_size(proposed: int, taken: int, agreed: i
         assert len(sizes) == len(pieces)
         assert max(sizes) == agreed
         assert sum(sizes) == 3000 + 3 * len(pieces)
-
-
-def test_who_tells_no_size_gets_none_and_is_sent_pieces_of_1024() -> None:
-    passive = CALLED.new(is_active=False)
-    fed(passive, encode(Connect(Code.CR, 0, 7, E001, E002)))
-    passive.give_to(CALLED)
-    assert TpktReader().feed(passive.take_output()) == [Connect(Code.CC, 7, 1, E001, E002)]
-    first = TpktReader().feed(passive.encode(bytes(3000)))[0]
-    assert isinstance(first, Data)
-    assert len(first.payload) == 1021
-    fed(passive, segments(bytes(8000), 65000))  # and may send what it likes
-    assert read(passive) == LayerMessage(bytes(8000), 8000)
 
 
 @pytest.mark.parametrize(("told", "sent"), [(128, 128), (512, 512), (65531, 1024)])

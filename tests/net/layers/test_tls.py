@@ -274,18 +274,6 @@ def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_act
 # -- the work of one scan ----------------------------------------------------------------------------------
 
 
-def test_a_feed_reads_as_many_records_as_it_may_and_the_rest_is_a_backlog(
-    up: tuple[LayerSession, LayerSession],
-) -> None:
-    client, server = up
-    records = b"".join(client.encode(bytes([n])) for n in range(10))
-    assert server.feed(memoryview(records), 4) == 4
-    assert (server.has_backlog, read(server)) == (True, bytes(range(4)))
-    assert server.feed(memoryview(b""), 4) == 4
-    assert server.feed(memoryview(b""), 4) == 3  # the last look finds none
-    assert (server.has_backlog, read(server)) == (False, bytes(range(4, 10)))
-
-
 def test_what_waits_after_a_full_buffer_is_read_when_there_is_room(
     up: tuple[LayerSession, LayerSession],
 ) -> None:

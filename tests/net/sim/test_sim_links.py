@@ -104,18 +104,6 @@ def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing(b: Si
     assert b.sim.loss(one.client) is None
 
 
-def test_the_partner_is_never_told_until_it_sends(b: SimBench) -> None:
-    one = b.partners(SocketOptions(keep_alive_s=1))
-    b.cut()
-    assert dead_after(b, one, 4000) == 3000
-    b.sim.close(one.client)
-    b.mend()
-    b.time.pass_ms(60_000)
-    assert b.sim.loss(one.server) is None
-    b.send(one.server, b"hello?")
-    assert b.answer(one.server) == Fault("recv", "ECONNRESET")
-
-
 def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=10))
     b.cut()

@@ -90,20 +90,6 @@ def test_what_the_running_program_has_lost_the_project_still_has(driver: LocalDr
     assert "'TRCV_C_1', the name of another instance" in answer(driver, "delete TRCV_C_1", again)
 
 
-def test_another_file_gets_the_whole_project_and_finds_its_types(driver: LocalDriver, own: Path) -> None:
-    before = own.read_bytes()
-    other = own.parent / "saved" / "other.toml"
-    other.parent.mkdir()
-    picture = say(driver, *ADD, f"save project {other}")
-    assert own.read_bytes() == before
-    assert picture.project is not None and picture.project.path == other
-    assert load_bench(other).data[0].size == load_bench(own).data[0].size
-    assert 'file = "../types/weight.st"' in other.read_text()
-    assert (
-        answer(driver, "add message bye hex 01", "save project") == f"the project with 1 addition in {other}"
-    )
-
-
 def test_somebody_elses_file_is_written_over_only_when_that_is_said(driver: LocalDriver, own: Path) -> None:
     other = own.parent / "theirs.toml"
     other.write_text("# theirs\n")

@@ -50,25 +50,6 @@ from trcvtui.fleet.topics import (
 # -- events of an instance -------------------------------------------------------------------------------
 
 
-def test_each_event_is_kept_once_whichever_way_it_comes() -> None:
-    log = EventLog()
-    log.take([event(1), event(2)])
-    log.take(recent(1, 2, 3).events)
-    assert log.take([event(3)]) == []
-    assert [each.seq for each in log.kept] == [1, 2, 3] and log.missing == 0
-
-
-def test_a_gap_is_missing_until_recent_fills_it() -> None:
-    log = EventLog()
-    log.take([event(1), event(7)])
-    assert log.missing == 5
-    log.take(recent(4, 5, 6, 7).events)
-    assert log.missing == 2
-    log.take([event(2)])  # it had waited on the agent's disk
-    assert log.missing == 1
-    assert [each.seq for each in log.kept] == [1, 2, 4, 5, 6, 7]
-
-
 def test_what_was_before_we_looked_is_not_missing_but_a_new_run_of_the_agent_begins_at_1() -> None:
     log = EventLog()
     log.take(recent(100, 101).events)

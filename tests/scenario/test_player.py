@@ -61,34 +61,6 @@ def states(player: PlayerSnapshot) -> list[str]:
 # -- step by step --------------------------------------------------------------------------------------
 
 
-def test_each_step_waits_to_be_asked_for_and_asks_for_its_scans(driver: LocalDriver, tmp_path: Path) -> None:
-    assert answer_to(driver, f"scenario load {scenario(tmp_path, *STEPS)} sim") == ""
-    driver.scan(10)
-    player = player_of(driver)
-    assert [step.line for step in player.steps] == [step for step in STEPS if step and step[0] != "#"]
-    assert [step.number for step in player.steps] == [1, 2, 3, 4, 5]
-    assert states(player) == [TO_COME] * 5
-    assert driver.shown().snapshot.scan == 0, "no step, no scan"
-
-    driver.submit("scenario step")
-    driver.scan(10)
-    assert states(player_of(driver)) == [DONE, *[TO_COME] * 4]
-    assert driver.shown().snapshot.scan == 0, "`set` lets no scan pass"
-
-    driver.submit("scenario step")
-    driver.scan(1)
-    player = player_of(driver)
-    assert (states(player)[1], player.running, player.scans_of_step) == (NOW, True, 1)
-    driver.scan(10)
-    player = player_of(driver)
-    assert (states(player)[1], player.running, player.scans_of_step) == (HELD, False, 3)
-    assert player.traces == (("TRCV_C_1", "0001 7001 7002"),)
-
-    driver.submit("scenario step")
-    assert states(player_of(driver)) == [DONE, HELD, FAILED, TO_COME, TO_COME]
-    assert player_of(driver).steps[2].found == "STATUS=7002"
-
-
 def test_steps_asked_for_while_one_is_under_way_come_after_it(driver: LocalDriver, tmp_path: Path) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
     for _ in range(4):

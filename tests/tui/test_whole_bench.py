@@ -37,16 +37,6 @@ async def test_the_length_of_a_long_job_stands_whole_in_block_and_history() -> N
         assert "■ DONE 65535 B  " in looker.line("65535", "history")
 
 
-async def test_the_marks_of_pulses_stand_below_each_other() -> None:
-    other = replace(connecting(), have=0, need=0)
-    lines = written((902, received(24)), (903, replace(received(8), instance="TRCV_C_2")))
-    async with looking(
-        WIDE, picture(receiving(), other, scan=910, t_ns=9_090_000_000, lines=lines)
-    ) as looker:
-        marks = [line.index("scan 90") for line in looker.text.splitlines() if "E□" in line]
-        assert len(marks) == 2 and marks[0] == marks[1]
-
-
 async def test_the_last_error_is_never_cut_in_its_number() -> None:
     late = replace(receiving(), last_error_status=0x80A1, last_error_scan=123456)
     for size in ((80, 24), (200, 60)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
+from tests.tui.looking import BOTH, WIDE, same_screen
 from tests.tui.looking import typed as typed_keys
 from tests.tui.on_a_line import STREAM, LineBench, on_a_line
 from tests.tui.test_snapshots import READABLE, contrast
@@ -22,19 +22,6 @@ async def typed(shown: LineBench, text: str) -> None:
 
 
 # -- the pins ------------------------------------------------------------------------------------------------
-
-
-@BOTH
-async def test_the_block_is_drawn_with_the_pins_of_its_manual(size: tuple[int, int]) -> None:
-    async with on_a_line(size) as shown:
-        await shown.press("2")
-        box = shown.text.partition("┌")[2]
-        names = ["pPrefix", "LenPrefix", "pSuffix", "LenSuffix", "pReceiveData", "SizeReceiveData", "Timeout"]
-        places = [box.index(f"{name} ─┤" if size == SMALL else f"{name}┤") for name in names]
-        assert places == sorted(places), shown.text
-        assert " 02 " in shown.line("pPrefix") and " 0D 0A " in shown.line("pSuffix")
-        assert "50 ms" in shown.line(" Timeout") and " RX " in shown.line("RxBuffer")
-        assert all(out in box for out in ("DataReceived", "busy", "Error", "RxTimeout"))
 
 
 async def test_a_prefix_is_typed_as_hex_or_as_text_and_its_length_follows() -> None:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.tui.fakes import MS, SECOND, bench_project, edge
-from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Why
+from tests.tui.fakes import MS, SECOND, bench_project
 from trcvtui.commands.table import COMMANDS
 from trcvtui.tui.completion import complete, verbs
 from trcvtui.tui.formatting import bar, clip, wrapped
 from trcvtui.tui.peer_commands import send_line
-from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.help import letters_of
 from trcvtui.tui.widgets.hex_view import CHARACTER_OF, CLASS_OF
 from trcvtui.wording import age, duration, stamp
@@ -59,38 +56,6 @@ def test_pins_keep_their_letters_and_strangers_get_free_ones() -> None:
     assert letters["CONT"] == "t"
     assert letters["TIMEOUT"] == "i"
     assert len(set(letters.values())) == 4
-
-
-# -- why -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("cause", "text"),
-    [
-        (Cause(Why.INPUT, "CONT rose", pin="CONT", value=1), "CONT rose"),
-        (Cause(Why.KERNEL, "bind failed", call="bind", error="EADDRINUSE"), "bind gave EADDRINUSE"),
-        (
-            Cause(
-                Why.KERNEL, "recv failed", call="recv", error="ECONNRESET", injected=True, peer="10.0.0.7:1"
-            ),
-            "injected fault: recv gave ECONNRESET, partner 10.0.0.7:1",
-        ),
-        (
-            Cause(Why.PARTNER, "the partner closed", peer="10.0.0.7:1", have=64, need=96),
-            "the partner closed, 64 of 96 bytes here, partner 10.0.0.7:1",
-        ),
-        (
-            Cause(Why.PARAMETER, "LEN is larger than DATA", pin="LEN", value=70000, have=70000, need=96),
-            "LEN is larger than DATA: LEN is 70000, wanted 70000, at most 96 bytes",
-        ),
-        (
-            Cause(Why.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000"),
-            "no partner yet, listening on 127.0.0.1:2000",
-        ),
-    ],
-)
-def test_a_cause_is_told_with_all_its_evidence(cause: Cause, text: str) -> None:
-    assert why(edge(0x80AA, Condition.RECEIVE_FAILED, cause)) == text
 
 
 # -- commands ------------------------------------------------------------------------------------------

@@ -165,6 +165,20 @@ def test_what_would_move_a_member_is_refused_by_name() -> None:
     )
 
 
+def test_a_base_class_and_a_std_array_lie_as_in_cpp() -> None:
+    text = (
+        "#pragma pack(push, 1)\nstruct Base { enum { N = 3 }; const uint32_t result; };\n"
+        "struct D final : public Base { [[nodiscard]] D() : Base() {} uint8_t a[N]; };\n"
+        "using Mac = std::array<std::uint8_t, 6>;\n#pragma pack(pop)\nenum { N = 9 };\n"
+        "struct A { const std::array<uint8_t, 16> a; std::array<std::array<Mac, 2>, 3> b{}; };\n"
+    )
+    types = join([read_c_header(text, "H.hpp")], "H.hpp")
+    assert types.problems == ()
+    layouts = [lay_out(types.named(name), rules_for("c")) for name in ("D", "A")]
+    assert [layout.size for layout in layouts] == [7, 16 + 6 * 6]
+    assert [(leaf.path, leaf.offset) for leaf in layouts[0].leaves()][:2] == [("result", 0), ("a[0]", 4)]
+
+
 def test_what_changes_a_class_of_cpp_is_refused_at_its_line() -> None:
     def problems(text: str) -> tuple[Problem, ...]:
         types = join([read_c_header(text, "H.hpp")], "H.hpp")

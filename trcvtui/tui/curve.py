@@ -8,14 +8,12 @@ from contextlib import suppress
 from itertools import accumulate, groupby
 from typing import ClassVar, Final, NamedTuple
 
-from textual.binding import Binding
-
 from trcvtui.errors import UserError
 from trcvtui.tui.view_model.member_numbers import NOT_KNOWN, MemberNumbers, Number, is_number
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.curves import Curve, braille, curve
 from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, TextView, row
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, hidden_keys, row
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
@@ -71,15 +69,10 @@ class MemberTrace(NamedTuple):
 class CurveView(TextView, inherit_bindings=False):
     """`path` is the member, `other` the second one; they are looked up anew when the type has changed."""
 
-    BINDINGS: ClassVar = [
-        Binding("plus", "zoom(0.5)", show=False),
-        Binding("minus", "zoom(2)", show=False),
-        Binding("left", "step(-1)", show=False),
-        Binding("right", "step(1)", show=False),
-        Binding("home,g", "step(-1_000_000_000)", show=False),
-        Binding("end,G", "step(1_000_000_000)", show=False),
-        Binding("p", "other", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "plus": "zoom(0.5)", "minus": "zoom(2)", "left": "step(-1)", "right": "step(1)",
+        "home,g": "step(-1_000_000_000)", "end,G": "step(1_000_000_000)", "p": "other",
+    })  # fmt: skip
 
     def __init__(self, view_model: ViewModel, path: str) -> None:
         super().__init__(id="curve")

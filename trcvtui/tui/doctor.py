@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from textual.binding import Binding
-
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
 from trcvtui.tui.formatting import cells, clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, ruled
 from trcvtui.wording import count, stamp
 
 SURE: Final = 0.85
@@ -175,13 +173,9 @@ class FindingList(CardText):
 class DoctorScreen(ListDialog[EvidencePlace | None]):
     """Answers with where to go; while it is open the doctor looks again and again."""
 
-    BINDINGS: ClassVar = [
-        Binding("enter", "remedy", show=False),
-        Binding("s", "place(False)", show=False),
-        Binding("b", "place(True)", show=False),
-        Binding("a", "others", show=False),
-        Binding("J", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "enter": "remedy", "s": "place(False)", "b": "place(True)", "a": "others", "J": "leave",
+    })  # fmt: skip
     DEFAULT_CSS = """
     DoctorScreen FindingList {
         width: 100; height: auto; max-height: 100%; border-subtitle-color: $foreground;

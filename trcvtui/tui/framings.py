@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar, Final
 
-from textual.binding import Binding
-
 from trcvtui.commands.table import parse_script
 from trcvtui.diagnosis.readings.framing_advice import advise
 from trcvtui.diagnosis.readings.framing_command import lines_for
@@ -18,7 +16,7 @@ from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
-from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, ruled
 
 NO_READER: Final = "no ReceiveData or ReceiveString reads this ComBuffer: A adds one"
 GOOD: Final = ("suffix", "size reached")
@@ -132,11 +130,7 @@ class FramingList(CardText):
 class FramingScreen(ListDialog[tuple[str, ...]]):
     """Answers with the bench lines to give, none when it is left."""
 
-    BINDINGS: ClassVar = [
-        Binding("enter", "apply", show=False),
-        Binding("r", "again", show=False),
-        Binding("B", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({"enter": "apply", "r": "again", "B": "leave"})
     DEFAULT_CSS = """
     FramingScreen FramingList {
         width: 110; height: auto; max-height: 100%; border-subtitle-color: $foreground;

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from textual import events
-from textual.binding import Binding
 from textual.containers import Vertical
 from textual.timer import Timer
 from textual.widget import Widget
@@ -15,7 +14,7 @@ from textual.widgets import Input
 from trcvtui.snapshots.bench import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Row, hidden_keys, row
 from trcvtui.tui.widgets.typed_lines import TypedField, TypedLine
 
 KEPT_LINES: Final = 200
@@ -85,12 +84,9 @@ class EchoLine(LineView, can_focus=False):
 
 class PromptInput(TypedField):
     KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
-    BINDINGS: ClassVar = [
-        Binding("up", "recall(-1)", show=False),
-        Binding("down", "recall(1)", show=False),
-        Binding("tab", "complete", show=False),
-        Binding("escape", "close", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "up": "recall(-1)", "down": "recall(1)", "tab": "complete", "escape": "close",
+    })  # fmt: skip
 
     def __init__(self, prompt: Prompt) -> None:
         super().__init__()

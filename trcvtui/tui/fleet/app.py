@@ -25,7 +25,7 @@ from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.help import KeyTable, key_rows
-from trcvtui.tui.widgets.line_view import Row, pane_title
+from trcvtui.tui.widgets.line_view import Row, hidden_keys, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
 from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
@@ -106,12 +106,9 @@ class FleetHead(WordLine):
 class FleetScreen(Screen[None]):
     """Head, filter, list, what is to be told, keys."""
 
-    BINDINGS: ClassVar = [
-        Binding("slash", "filter", show=False),
-        Binding("g", "group", show=False),
-        Binding("escape", "calm", show=False),
-        Binding("question_mark,f1", "help", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "slash": "filter", "g": "group", "escape": "calm", "question_mark,f1": "help",
+    })  # fmt: skip
     CSS_PATH = "fleet.tcss"
 
     def __init__(self, broker: Broker, pattern: str, reader: FleetReader) -> None:

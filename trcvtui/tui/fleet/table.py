@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, SHOWN, STALE, STUCK, FleetLine
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
-from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_keys, row
 from trcvtui.wording import age, count
 
 STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
@@ -103,10 +103,7 @@ class FleetTable(LineView, inherit_bindings=False):
     KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
     BINDINGS: ClassVar[list[BindingType]] = [
         *MOVES[:4],  # `g` groups
-        Binding("home", "edge(-1)", show=False),
-        Binding("end,G", "edge(1)", show=False),
-        Binding("enter,right", "open", show=False),
-        Binding("left", "shut", show=False),
+        *hidden_keys({"home": "edge(-1)", "end,G": "edge(1)", "enter,right": "open", "left": "shut"}),
     ]
 
     def __init__(self, wall: Callable[[], float]) -> None:

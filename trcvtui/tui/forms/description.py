@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import ClassVar, Final
 
-from textual.binding import Binding
-
 from trcvtui.project.connect_view import (
     ConnectConfig,
     DescriptionRow,
@@ -17,7 +15,7 @@ from trcvtui.project.connect_view import (
 )
 from trcvtui.tui.formatting import pad, plain, wrapped
 from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, row
+from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, hidden_keys, row
 from trcvtui.udt.byte_text import hex_lines
 
 OFFSET, FIELD, BYTES = 7, 24, 8  # columns, columns, bytes a line
@@ -97,13 +95,9 @@ class DescriptionText(TextView):
 class DescriptionScreen(ListDialog[None]):
     """Closed by escape; ← → walk the other descriptions of the project."""
 
-    BINDINGS: ClassVar = [
-        Binding("right", "other(1)", show=False),
-        Binding("left", "other(-1)", show=False),
-        Binding("y", "yank", show=False),
-        Binding("s", "source", show=False),
-        Binding("C", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "right": "other(1)", "left": "other(-1)", "y": "yank", "s": "source", "C": "leave",
+    })  # fmt: skip
     DEFAULT_CSS = """
     DescriptionScreen DescriptionText {
         width: 100; height: auto; max-height: 100%; border-subtitle-color: $foreground;

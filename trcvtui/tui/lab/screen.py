@@ -10,7 +10,6 @@ from functools import partial
 from typing import ClassVar, Final
 
 from textual import events
-from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
@@ -26,7 +25,7 @@ from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, Prob
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, pane_title
+from trcvtui.tui.widgets.line_view import LineView, hidden_keys, pane_title
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import AskLine
@@ -116,19 +115,12 @@ PANES_BY_DIGIT: Final = {digit: name for name, digit in PANES.items()}
 class LabScreen(SideScreen[None]):
     """Hands what changed to the panes, and what they ask for to the lab."""
 
-    BINDINGS: ClassVar = [
-        *[Binding(str(digit), f"pane({digit})", show=False) for digit, _ in NAMES],
-        *[
-            Binding(key, action, show=False)
-            for _, key, action in COMMANDS
-            if len(key) == 1 and key not in ":?"
-        ],
-        Binding("N", "difference(-1)", show=False),
-        Binding("left_square_bracket", "message(-1)", show=False),
-        Binding("right_square_bracket", "message(1)", show=False),
-        Binding("colon", "ask('udt ')", show=False),
-        Binding("escape,q,L", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        **{str(digit): f"pane({digit})" for digit, _ in NAMES},
+        **{key: action for _, key, action in COMMANDS if len(key) == 1 and key not in ":?"},
+        "N": "difference(-1)", "left_square_bracket": "message(-1)", "right_square_bracket": "message(1)",
+        "colon": "ask('udt ')", "escape,q,L": "leave",
+    })  # fmt: skip
     CSS_PATH = "lab.tcss"
     LEAST_SIZE = 120, 30
 

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from textual.binding import Binding
-
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import KeyClicked, RowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_keys, row
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaf
@@ -128,12 +126,9 @@ class LabTree(LineView):
     """Rows of the tree, each with its values on both sides."""
 
     KEYS: ClassVar = (("↑↓", "row"), ("space", "fold"), ("z", "all"), ("n N", "≠"))
-    BINDINGS: ClassVar = [
-        Binding("right,l", "fold(True)", show=False),
-        Binding("left,h", "fold(False)", show=False),
-        Binding("space,enter", "fold(None)", show=False),
-        Binding("z", "fold_all", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "right,l": "fold(True)", "left,h": "fold(False)", "space,enter": "fold(None)", "z": "fold_all",
+    })  # fmt: skip
 
     def __init__(self, lab: Lab) -> None:
         super().__init__(id="lab-tree")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
-from textual.binding import Binding
-
 from trcvtui.commands.words import FeedLine
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
@@ -14,7 +12,7 @@ from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.tui.formatting import bar, clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, hidden_keys, row
 from trcvtui.wording import count, duration
 
 GAP_BAR: Final = 12
@@ -172,13 +170,9 @@ class LineFeed(LineView):
     KEYS: ClassVar = (
         ("enter", "type bytes"), ("s", "again"), ("→", "next byte"), ("b", "break"), ("↑↓", "line"),
     )  # fmt: skip
-    BINDINGS: ClassVar = [
-        Binding("enter,i", "type", show=False),
-        Binding("s", "again", show=False),
-        Binding("right", "piece", show=False),
-        Binding("left", "back", show=False),
-        Binding("b", "break", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "enter,i": "type", "s": "again", "right": "piece", "left": "back", "b": "break",
+    })  # fmt: skip
     DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:

@@ -17,7 +17,7 @@ from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import OneLine, Part, Row, hidden_keys, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import format_time
@@ -85,10 +85,7 @@ class SplitsLine(OneLine, can_focus=True):
 
     KEYS: ClassVar = (("←→", "place"), ("space", "cut or join"), ("+ -", "pause"), ("del", "no cuts"))
     BINDINGS: ClassVar = [
-        Binding("left", "place(-1)", show=False),
-        Binding("right", "place(1)", show=False),
-        Binding("home", "edge(-1)", show=False),
-        Binding("end", "edge(1)", show=False),
+        *hidden_keys({"left": "place(-1)", "right": "place(1)", "home": "edge(-1)", "end": "edge(1)"}),
         Binding("space", "cut", "cut the message here, or join it", show=False),
         Binding("plus,equals_sign", "pause(1)", "a longer pause at this cut", show=False),
         Binding("minus", "pause(-1)", "a shorter pause at this cut", show=False),

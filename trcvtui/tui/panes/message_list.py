@@ -9,8 +9,6 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
-from textual.binding import Binding
-
 from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
 from trcvtui.history.records import NOW
@@ -19,7 +17,7 @@ from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_keys, row
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
@@ -61,11 +59,9 @@ class MessageLines(LineView):
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
-    BINDINGS: ClassVar = [
-        Binding("n,right_square_bracket", "move(1)", show=False),
-        Binding("N,left_square_bracket", "move(-1)", show=False),
-        Binding("escape", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        "n,right_square_bracket": "move(1)", "N,left_square_bracket": "move(-1)", "escape": "leave",
+    })  # fmt: skip
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="messages")

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
-from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
@@ -23,6 +22,7 @@ from trcvtui.tui.panes.status import StatusCard, StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.scenarios.panes import ScenarioList, ScenarioListModel, ScenarioText, TraceList
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import hidden_keys
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
@@ -54,17 +54,11 @@ ACTIONS: Final = {
 class ScenariosScreen(SideScreen[Path | None]):
     """List, text, and the play of one; dismissed with the file that was chosen last."""
 
-    BINDINGS: ClassVar = [
-        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 8)],
-        Binding("enter", "load", show=False),
-        Binding("n,space", "step", show=False),
-        Binding("r", "run", show=False),
-        Binding("k", "kernel", show=False),
-        Binding("v", "panes", show=False),
-        Binding("y", "sure", show=False),
-        Binding("slash", "filter", show=False),
-        Binding("escape,q,S,f2", "leave", show=False),
-    ]
+    BINDINGS: ClassVar = hidden_keys({
+        **{str(digit): f"pane({digit})" for digit in range(1, 8)},
+        "enter": "load", "n,space": "step", "r": "run", "k": "kernel", "v": "panes", "y": "sure",
+        "slash": "filter", "escape,q,S,f2": "leave",
+    })  # fmt: skip
     CSS_PATH = "scenarios.tcss"
     LEAST_SIZE = 110, 30
 

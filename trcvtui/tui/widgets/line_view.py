@@ -8,6 +8,7 @@ partner sends stay text.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from time import monotonic
 from typing import ClassVar, Final, NamedTuple, Self
 
@@ -37,20 +38,19 @@ class Row(NamedTuple):
 
 EMPTY = Row()
 BAR_STAYS_S: Final = 5.0  # a scroll bar that is wanted anew twice in so long stays
+
+
+def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
+    """Return bindings that no footer shows: keys, parted by commas, and the action of each."""
+    return [Binding(keys, action, show=False) for keys, action in actions.items()]
+
+
 # Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
-ARROW_MOVES: Final[list[BindingType]] = [
-    Binding("down", "move(1)", show=False),
-    Binding("up", "move(-1)", show=False),
-    Binding("pagedown", "page(1)", show=False),
-    Binding("pageup", "page(-1)", show=False),
-    Binding("home,g", "edge(-1)", show=False),
-    Binding("end,G", "edge(1)", show=False),
-]
-MOVES: Final[list[BindingType]] = [
-    Binding("down,j", "move(1)", show=False),
-    Binding("up,k", "move(-1)", show=False),
-    *ARROW_MOVES[2:],
-]
+ARROW_MOVES: Final = hidden_keys({
+    "down": "move(1)", "up": "move(-1)", "pagedown": "page(1)", "pageup": "page(-1)", "home,g": "edge(-1)",
+    "end,G": "edge(1)",
+})  # fmt: skip
+MOVES: Final = [*hidden_keys({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_MOVES[2:]]
 LAMPS: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles of what is so now
 
 

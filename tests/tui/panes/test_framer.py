@@ -156,6 +156,16 @@ async def test_no_output_and_no_condition_is_cut_when_the_marks_are_set(size: tu
         assert "waiting for a frame" in shown.line("  1    0.000")
 
 
+@BOTH
+async def test_help_of_the_block_lists_its_own_letters_and_none_of_another_block(
+    size: tuple[int, int],
+) -> None:
+    async with on_a_line(size) as shown:
+        await shown.press("2", "question_mark")
+        assert "Here: 2 Block" in shown.text and "t Timeout" in shown.words and "l LenPrefix" in shown.words
+        assert "COM_RST" not in shown.text and "write LEN" not in shown.text
+
+
 async def test_members_of_what_was_thrown_away_are_none_for_it_never_was_in_the_variable() -> None:
     async with on_a_line(WIDE) as shown:
         await shown.do("feed RX hex FF EE 02 41 0D 0A", scans=2)

@@ -147,10 +147,12 @@ class Observer:
         self.kind = kind
         self._server, self._capture = server, server.capture
         self._has_ordered, self._is_refused = kind.holds, False
-        self._lines = self._newest = self._dropped = 0  # conversation that it knows; events that it missed
+        lines = self._capture.lines(0)
+        self._lines, self._newest = len(lines), server.newest  # conversation that it knows
+        self._dropped = 0  # events that it missed
         self.pipe = LossyPipe(server.loop, sock, kind.most, self._restate, self._hear, self._leave)
-        self.pipe.put(self._capture.head(time.time_ns()))
-        self._restate(0, 0, b"")
+        # At once: a screen shows what is there with its first picture, and keys act on that.
+        self.pipe.put(b"".join([self._capture.head(time.time_ns()), *lines, self._capture.open()]))
 
     def take(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
         """Take events, and their blocks."""

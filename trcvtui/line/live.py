@@ -466,7 +466,7 @@ class PacketStream:
 
     def _wait(self, idle_ns: int) -> None:
         if 0 < self._most_idle_ns < idle_ns:
-            raise mistake("the tap", f"nothing for {idle_ns // 10**9} s", "a sign of life each second")
+            raise mistake("the tap", f"nothing for {idle_ns // 10**9} s", "a sign of life each 50 ms")
         self._play(lambda: self._live.idle(idle_ns))
 
     def _read(self, most: int) -> bytes:

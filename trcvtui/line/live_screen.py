@@ -33,7 +33,7 @@ TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
 OVER: Final = "the tap has ended"
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
-SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
+SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each 50 ms
 
 
 def live_driver(asked: ShadowChoice) -> ProcessDriver:

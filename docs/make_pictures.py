@@ -1,7 +1,6 @@
 """Draw the pictures of the documentation: the real screen on a simulated bench, `make pictures`.
 
-Rule 1: nothing is made by hand: a picture is a project, bench commands, scans and keys, and comes out the
-same each time. Rule 2: a pane of the screen that is in no picture fails tests/test_gallery.py.
+Nothing is made by hand: a picture is a project, bench commands, scans and keys, and is the same each time.
 """
 
 from __future__ import annotations
@@ -151,7 +150,7 @@ SHOWN: Final = (
             ("status", "history"), STORIES / "en_r_dropped.toml", (700, keys("4", "down", "down", "3", "M"))),
     Picture("history", "4 History: every STATUS edge with its scan, its lamp and its cause", ("history",),
             STORIES / "en_r_dropped.toml", (*DROPPED, keys("4", "M", "down", "down", "down"))),
-    Picture("received", "5 Received: DATA above, the unfinished job below, and the source of the selected byte",
+    Picture("received", "5 Received: DATA above, the unfinished job below, the source of the selected byte",
             ("received",), demo_path(), (*BUSY, keys("5", "M", "right", "right", "right", "right"))),
     Picture("sent", "5 Sent: bytes that the stack took, that are acknowledged, that the partner has read",
             ("received",), CONFIGS / "duplex.toml", (*SENT, keys("1", "down", "5", "M"))),

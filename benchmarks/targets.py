@@ -75,7 +75,9 @@ def aim_of(target: Target, figure: Figure) -> Aim | None:
 
 
 # "Before" is what stood on the page before the fast lane, records.py and the aims of then were taken out.
-PAINT: Final = "a picture takes 25 to 30 ms of processor time, half of it in Textual's compositor, and a key waits for it"
+PAINT: Final = (
+    "a picture takes 25 to 30 ms of processor time, half of it Textual's compositor, and a key waits for it"
+)
 
 TARGETS: Final = (
     Target("M1", "free-running engine against a bare recv_into loop", throughput.measure, (

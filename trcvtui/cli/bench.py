@@ -167,7 +167,7 @@ def _replay(args: Args) -> int:
 def add_recording(parser: CommandParser) -> None:
     parser.description = "Makes a copy of a recording to hand on, or prints a Wireshark dissector."
     rows = {
-        "strip": ("write a copy without what must not leave", _add_strip, _strip),
+        "strip": ("write a copy without payload, names or TLS keys", _add_strip, _strip),
         "dissector": ("print the Lua dissector for Wireshark", lambda parser: None, _dissector),
     }
     add_commands(parser, rows, required=True)

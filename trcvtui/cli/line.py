@@ -189,7 +189,7 @@ def _conversations(args: Args) -> int:
 
 
 def add_doctor(parser: CommandParser) -> None:
-    parser.description = "Finds what is wrong in captures, recordings and projects; exit 1: it found some."
+    parser.description = "Finds what is wrong in captures, recordings and projects. Exit 1: findings."
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     add_plc(parser)

@@ -24,9 +24,7 @@ def add_status(parser: CommandParser) -> None:
         nargs="?",
         help="80C5, 16#80C5, W#16#80C5 or 0x80c5; for TwinCAT also a number such as 23",
     )
-    parser.add_argument(
-        "--dialect", metavar="NAME", help="default: the first below that has the code; with json: all"
-    )
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first that has it; json: all")
     parser.add_argument("--all", action="store_true", help="explain it in all dialects")
     parser.add_argument("--block", metavar="BLOCK", help="only this block, such as TRCV_C")
     add_format(parser, "text", "json")
@@ -82,7 +80,7 @@ def _st(args: Args) -> int:
 
 def add_completion(parser: CommandParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
-    parser.description = 'Prints the completion for a shell, to be used as: eval "$(trcvtui completion bash)"'
+    parser.description = 'Prints the completion for a shell; bash: eval "$(trcvtui completion bash)"'
 
 
 def _completion(args: Args) -> int:

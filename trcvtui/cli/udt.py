@@ -159,7 +159,7 @@ COMMANDS = {
     "show": ("show members with offset, size and type, and padding", _add_plain, _printing("show")),
     "decode": ("turn bytes into values, as far as they go", _add_decode, _printing("decode")),
     "encode": ("turn values into bytes, as hex on stdout", _add_encode, _printing("encode")),
-    "export": ("write the type for another program", _add_export, _printing("export")),
+    "export": ("write a dissector of the type for Wireshark", _add_export, _printing("export")),
     "compare": ("show two layouts side by side; exit 1: they differ", _add_compare, _printing("compare")),
     "fit": (
         "find the layout, byte order or other cause that fits bytes; exit 1: not sure",

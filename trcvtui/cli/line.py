@@ -38,7 +38,9 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
     parser.last_words = dialect_names
     add_project(parser, "project whose instances receive the traffic as shadows")
     add_plc(parser, plc)
-    parser.add_argument("--dialect", metavar="NAME", help="of the shadows; default: the project's, or baosky")
+    parser.add_argument(
+        "--dialect", metavar="NAME", help="of the shadows; default: the project's or the first"
+    )
 
 
 # -- watch ----------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ def _status(args: Args) -> int:
 
 
 def add_st(parser: CommandParser) -> None:
-    parser.description = "Prints instances as calls in Structured Text, for Siemens in SCL, ready to paste."
+    parser.description = "Prints instances as calls in Structured Text or SCL, ready to paste."
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
     parser.add_argument("--short", action="store_true", help="leave out pins that have their defaults")

@@ -30,7 +30,7 @@ def add_udt(parser: CommandParser) -> None:
 def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = False) -> None:
     _add_files(parser)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
-    layout = "default: baosky, for a Siemens source s7-standard"
+    layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
         layout += (
             "; twice: ours, then theirs; likewise --type, --byte-order, --text, --pointer-size, --string-even"

@@ -45,7 +45,10 @@ EVERYWHERE: Final = (
     ("P", "save a picture of the screen as SVG; the prompt shows where"),
     ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
-    ("other keys", "a key of one pane alone works everywhere if it changes nothing; else go to the pane first"),
+    (
+        "other keys",
+        "a key of one pane alone works everywhere if it changes nothing; else go to the pane first",
+    ),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),

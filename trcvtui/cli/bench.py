@@ -76,7 +76,7 @@ def _serve(args: Args) -> int:
 
 def add_examples(parser: CommandParser) -> None:
     parser.description = "Lists the projects and stories that come with the program."
-    parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with it, of scenarios too")
+    parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with this word, scenarios too")
 
 
 def _examples(args: Args) -> int:
@@ -97,7 +97,7 @@ def add_scenario(parser: CommandParser) -> None:
     add_netns(parser)
     parser.add_argument("--out", metavar="FILE", type=Path, help="write to this file, not to stdout")
     add_set(parser, "change a key of the project, such as options.retry=T#100ms")
-    about = "run in this dialect; given twice or more: in each, side by side"
+    about = "run in this dialect and in another one, side by side; repeatable"
     parser.add_argument("--dialect", metavar="NAME", action="append", default=[], help=about)
     add_record(parser, "FILE|DIR")
 

@@ -116,7 +116,9 @@ def add_tap(parser: CommandParser) -> None:
     about = "print what the shadows show as JSON; default: the screen, or text"
     parser.add_argument("--format", choices=("jsonl",), help=about)
     _add_shadows(parser, "CONNECT")
-    parser.add_argument("--hold", action="store_true", help="hold both directions from the start")
+    parser.add_argument(
+        "--hold", action="store_true", help="hold both directions until the screen releases them"
+    )
     parser.add_argument("--armed", action="store_true", help="keys r (RST) and f (FIN) act at once")
     about = "other programs at the socket of --project may intervene, too"
     parser.add_argument("--allow-orders", action="store_true", help=about)

@@ -58,7 +58,7 @@ stress: $(READY)
 # A million random scans on simulated networks: minutes; ten million of self-checking traffic: an hour or two.
 # TRCVTUI_SOAK_SCANS and TRCVTUI_SOAK_TRAFFIC say how many.
 soak: $(READY)
-	TRCVTUI_SOAK=1 TRCVTUI_SHARED_SCANS=400000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/udt/test_drift.py tests/udt/test_report.py tests/recording/test_recording.py tests/recording/test_record_command.py tests/history/test_waveforms.py tests/diagnosis/truth/test_truth.py $(ARGS)
+	TRCVTUI_SOAK=1 TRCVTUI_SHARED_SCANS=400000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/udt/test_drift.py tests/udt/test_report.py tests/recording/test_recording.py tests/recording/test_record_command.py tests/history/test_waveforms.py tests/diagnosis/truth/test_truth.py tests/e2e/test_guide_terminal.py $(ARGS)
 	$(BIN)/pytest -n 2 -m hypothesis --hypothesis-profile searching $(ARGS)
 
 # A hundred thousand events of eight lines over TLS on a Mosquitto of its own: a minute or two.

@@ -39,7 +39,7 @@ NOTES: Final = {
 lines of an ERROR: [scenario-output.md](scenario-output.md). Recordings: [recording.md](recording.md).""",
     "record": "Rings, triggers and what a recording holds: [recording.md](recording.md).",
     "replay": "The time line and what-if runs: [recording.md](recording.md).",
-    "recording": "What each option leaves out: [recording.md](recording.md#to-hand-on).",
+    "recording": "What each option leaves out: [recording.md](recording.md#share-a-recording).",
     "watch": """\
 On a terminal it opens the screen, where `?? ??` marks bytes that the capture lacks; else it prints lines.
 Without a project each direction of each PLC end gets a project of its own. Datagrams go through URECV_C,

@@ -190,6 +190,7 @@ class _BenchMessages:
         self._rows, self._add_ns, self._bench = rows, add_ns, bench
         self._project = rows.project
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
+        self._warned = set[str]()
 
     def take(self, is_last: bool = False) -> None:
         new = [*self._messages.take()]
@@ -202,6 +203,9 @@ class _BenchMessages:
         for name, row in new:
             row = row._replace(t_ns=row.t_ns + self._add_ns)
             self._rows.take(name, (name,), row, name not in self._changed)
+        for name in {name for name, _ in new} & self._changed - self._warned:
+            self._warned.add(name)
+            _say(f"{name}: its DATA has another type than in the first row; later rows have no members")
         for stream in self._streams.streams.values():
             stream.forget(LEAST_SPANS_KEPT, 0)  # what has become rows
 

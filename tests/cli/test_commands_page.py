@@ -86,7 +86,7 @@ def test_each_example_of_a_bench_command_can_be_read(tmp_path: Path) -> None:
     assert [line for line in lines if line not in read] == []
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", [*MADE, "project-file", "serve", "messages", "scenario-output"])
 def test_a_cell_has_at_most_200_characters(name: str) -> None:
     cells = [
         cell

@@ -61,7 +61,7 @@ What the project's `start` writes into DATA is its initial value.""",
     "udt": "Formats, layouts and cures: [udt.md](udt.md).",
     "completion": """\
 For bash and zsh: `eval "$(trcvtui completion bash)"`. For fish: `trcvtui completion fish | source`.""",
-    "agent": "Metrics, alerts and a service for systemd: [fleet.md](fleet.md); topics: [formats](fleet-formats.md).",
+    "agent": "Alerts and a service for systemd: [fleet.md](fleet.md); topics: [formats](fleet-formats.md).",
     "fleet": "The columns and keys of its screen: [fleet.md](fleet.md).",
 }
 

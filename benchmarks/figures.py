@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
+NOT_MEASURED: Final = "not measured"
+
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -65,7 +67,7 @@ class Figure:
     @classmethod
     def missing(cls, case: str, why: str) -> Self:
         """Return that there is no figure, and why."""
-        return cls(case, "not measured", note=why)
+        return cls(case, NOT_MEASURED, note=why)
 
 
 def spread(figures: Sequence[float]) -> Spread:

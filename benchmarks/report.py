@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from benchmarks.figures import Figure
+from benchmarks.figures import NOT_MEASURED, Figure
 from benchmarks.targets import Aim, Target, aim_of
 
 Measured = Sequence[tuple[Target, Sequence[Figure]]]
@@ -18,8 +18,8 @@ UNSAID: Final = "not examined yet"
 INTRODUCTION: Final = """# Benchmarks
 
 `make bench` writes this page. A ratio compares trcvtui with a reference, measured in short alternating slices
-of one run: the median of the pairs [10th .. 90th percentile]. Only ratios can be compared between machines;
-absolute figures are in the notes. An aim is no promise. "Before": an earlier figure of a similar machine.
+of one run: the median of the pairs [10th .. 90th percentile]. Only ratios can be compared between machines.
+Absolute figures are printed by the run. An aim is no promise. "Before": an earlier figure of a similar machine.
 
 An overrun is the engine's if the engine used more processor time than an interval, from the end of the scan
 before to the end of this one. Otherwise the scan waited for the processor, and the overrun is the machine's.
@@ -37,16 +37,17 @@ def line(target: Target, figure: Figure) -> str:
 def markdown(facts: Sequence[str], measured: Measured, command: str) -> str:
     """Return the page: machine facts, every target with every figure, and why aims are missed."""
     rows = [
-        "| target | case | before | reached | aim | | notes |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| target | case | before | reached | aim | |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     missed = []
     for target, figures in measured:
-        rows.append(f"| **{target.name}** | *{target.promise}* | | {'' if figures else SKIPPED} | | | |")
+        rows.append(f"| **{target.name}** | *{target.promise}* | | {'' if figures else SKIPPED} | | |")
         for figure in figures:
             aim = aim_of(target, figure) or Aim(figure.case, "")
             verdict = aim.verdict(figure)
-            cells = (figure.case, aim.before, figure.value, aim.text, verdict, figure.note)
+            reached = f"{NOT_MEASURED}: {figure.note}" if figure.value == NOT_MEASURED else figure.value
+            cells = (figure.case, aim.before, reached, aim.text, verdict)
             rows.append(f"| | {' | '.join(cells)} |")
             if verdict not in ("", "reached"):
                 missed.append(f"* {target.name}, {figure.case}: {aim.in_the_way or UNSAID}")

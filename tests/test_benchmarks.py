@@ -58,7 +58,7 @@ def test_the_page_is_written_after_a_part_has_failed(monkeypatch: pytest.MonkeyP
     assert bench.main() == 1
     page = (tmp_path / "page.md").read_text()
     assert "OSError: no sockets" in page
-    assert "| | two |  | 2 ms |  |  |  |" in page
+    assert "| | two |  | 2 ms |  |  |" in page
 
 
 # -- who overran (M2) ----------------------------------------------------------------------------------------

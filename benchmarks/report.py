@@ -19,7 +19,7 @@ INTRODUCTION: Final = """# Benchmarks
 
 `make bench` writes this page. A ratio compares trcvtui with a reference, measured in short alternating slices
 of one run: the median of the pairs [10th .. 90th percentile]. Only ratios can be compared between machines.
-Absolute figures are printed by the run. An aim is no promise. "Before": an earlier figure of a similar machine.
+The run prints absolute figures. An aim is no promise. "Before": an earlier figure of a similar machine.
 
 An overrun is the engine's if the engine used more processor time than an interval, from the end of the scan
 before to the end of this one. Otherwise the scan waited for the processor, and the overrun is the machine's.

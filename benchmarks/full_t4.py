@@ -131,7 +131,7 @@ def _rate(windows: Sequence[Window], scans: Scans) -> Iterator[Figure]:
     sent = [done / window.seconds for window in windows for done in window.sent]
     wrong, frames = sum(window.wrong for window in windows), sum(sum(w.sent) for w in windows)
     note = (
-        f"ceiling: one DONE in {SCANS_PER_DONE} scans, 50 a second; a second and connection: "
+        f"ceiling: one DONE in {SCANS_PER_DONE} scans, 50 a second; DONEs a second of a connection: "
         f"TRCV_C {_words(received)}, TSEND_C {_words(sent)}; {FRAME} B full duplex"
     )
     case = f"{2 * CONNECTIONS} busy blocks: DONE / ceiling of the scans that passed"
@@ -147,7 +147,7 @@ def _disturbed(pairs: Sequence[tuple[Window, Window]], scans: Scans) -> Figure:
     share = ratios([(sum(beside.shares(scans)), sum(without.shares(scans))) for beside, without in pairs])
     beside, without = (sum(_overran(side, scans) for side in column) for column in zip(*pairs, strict=True))
     case = f"DONE of the {CONNECTIONS} beside the 33rd / without it"
-    note = f"windows in turn, of one run; overruns beside it {beside}, without {without}"
+    note = f"windows in turn; overruns beside it {beside}, without {without}"
     return Figure.of(case, share, 3, note=note)
 
 
@@ -158,7 +158,7 @@ def _overran(window: Window, scans: Scans) -> int:
 def _refused(windows: Sequence[Window]) -> Figure:
     refused = sum(window.refused for window in windows)
     attempts = sum(int(window.seconds) for window in windows)  # one a second: the dialect's pause
-    note = "8080 as the screen counts them, one attempt a second; nobody ever gets through to its partner"
+    note = "8080 on the screen, one attempt a second; none reached its partner"
     return Figure("the 33rd: refused / attempts", f"{refused} of {attempts}", refused / attempts, note)
 
 

@@ -94,7 +94,7 @@ def _late(literal: str, scans: Scans) -> Iterator[Figure]:
     yield Figure(f"overruns, {literal}", f"{scans.overruns} ({share:.2f} %)", share, note)
     late = scans.late_after_work
     value = f"{late} ({100 * late / count:.2f} %)"
-    note = "the engine was still at work for the screen when they were due"
+    note = "the engine was still busy with the screen"
     yield Figure(f"scans late because of a picture, {literal}", value, late, note)
 
 

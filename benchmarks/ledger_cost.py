@@ -47,7 +47,7 @@ def _journal(times: int) -> Figure:
             return (thread_time_ns() - began) / 1e9
 
         speed = spread([len(entries) / 1e6 / seconds() for _ in range(times)])
-    note = f"{len(entries)} events of a run, in the writer, packets and file besides"
+    note = f"{len(entries)} events of a run; the writer makes packets and file, too"
     return Figure.of("journal, events a second", speed, 2, " M", note)
 
 

@@ -102,7 +102,7 @@ def measure(effort: Effort) -> Iterator[Figure]:
     yield Figure("messages lost", f"{lost}", lost, f"of {effort.pairs * 2 * TALKS * RATE * SECONDS}")
     late = sorted(_shown())
     text = f"{late[len(late) // 2]:.0f} ms in the middle, {late[-1]:.0f} ms at most"
-    yield Figure("a packet is shown after, ms: the longest", text, late[-1], "after it was in the pipe")
+    yield Figure("a packet is shown after, ms: the longest", text, late[-1], "since it was in the pipe")
 
 
 def _watched() -> tuple[float, int]:

@@ -45,7 +45,7 @@ def measure(effort: Effort) -> Iterator[Figure]:
         yield Figure.of("scan p99, recorded / not recorded", ratios(pairs), note=note)
         yield Figure("DONEs that the file has not", str(lost), lost)
         rate = _most_kept(folder / "fast.pcapng")
-        note = "messages of 1 KiB as fast as the writer takes them, until the file is whole; no run beside it"
+        note = "messages of 1 KiB, until the file is complete; no run beside it"
         yield Figure("the highest rate that is kept, MB/s", f"{rate:.0f}", rate, note=note)
 
 

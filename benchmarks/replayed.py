@@ -65,7 +65,7 @@ def measure(_: Effort) -> Iterator[Figure]:
         seen = _cost(lambda: _work(line))
         draw = random.Random(3)
         ways = [_cost(lambda: _go(line, draw.randint(1, SCANS))) for _ in range(PLACES)]
-        note = f"median {spread(ways).median:.2f}; {SCANS} scans were seen in {seen:.1f} s, beside the screen"
+        note = f"median {spread(ways).median:.2f}; {SCANS} scans read in {seen:.1f} s, beside the screen"
         yield Figure("to any scan that was seen, s: the longest", f"{max(ways):.2f}", max(ways), note=note)
 
 

@@ -14,18 +14,16 @@ from benchmarks.targets import Aim, Target, aim_of
 Measured = Sequence[tuple[Target, Sequence[Figure]]]
 
 SKIPPED: Final = "left out in this run"
-UNSAID: Final = "not looked into yet"
+UNSAID: Final = "not examined yet"
 INTRODUCTION: Final = """# Benchmarks
 
-Written by `make bench`. Every ratio is taken in short alternating slices of one run, ours against its
-reference: the median of the pairs [10th .. 90th percentile]. Only such ratios mean something on another
-machine; absolute figures stand in the notes and are no promise. Aims are no gates: what is reached is
-reported as it is. "Before": measured before, on a machine of this kind.
+`make bench` writes this page. A ratio compares trcvtui with a reference, measured in short alternating slices
+of one run: the median of the pairs [10th .. 90th percentile]. Only ratios can be compared between machines;
+absolute figures are in the notes. An aim is no promise. "Before": an earlier figure of a similar machine.
 
-An overrun is the engine's when more processor time than an interval was used from the end of the scan before
-to the end of this one, work between the scans included; with less the scan would have ended in time, had it
-not waited for the processor: that overrun is the machine's. "Machine limit": the bare system calls alone take
-more than 60 % of the interval.
+An overrun is the engine's if the engine used more processor time than an interval, from the end of the scan
+before to the end of this one. Otherwise the scan waited for the processor, and the overrun is the machine's.
+"Machine limit": the system calls alone take more than 60 % of the interval.
 """
 
 
@@ -37,7 +35,7 @@ def line(target: Target, figure: Figure) -> str:
 
 
 def markdown(facts: Sequence[str], measured: Measured, command: str) -> str:
-    """Return the page: machine facts, every target with every figure, and what stands in the way."""
+    """Return the page: machine facts, every target with every figure, and why aims are missed."""
     rows = [
         "| target | case | before | reached | aim | | notes |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -55,7 +53,7 @@ def markdown(facts: Sequence[str], measured: Measured, command: str) -> str:
     parts = {
         "Machine": "\n".join(f"* {fact}" for fact in (*facts, f"command: `{command}`")),
         "Figures": "\n".join(rows),
-        "What stands in the way": "\n".join(missed) or "Every aim is reached.",
+        "Why an aim is missed": "\n".join(missed) or "Every aim is reached.",
     }
     return INTRODUCTION + "".join(f"\n## {title}\n\n{text}\n" for title, text in parts.items())
 

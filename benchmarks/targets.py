@@ -76,8 +76,7 @@ def aim_of(target: Target, figure: Figure) -> Aim | None:
 
 # "Before" is what stood on the page before the fast lane, records.py and the aims of then were taken out.
 PAINT: Final = (
-    "a picture costs the screen 25 to 30 ms of processor time, half of it Textual's compositor, and a key "
-    "waits for the one that is under way"
+    "a picture takes 25 to 30 ms of processor time, half of it Textual's compositor, and a key waits for it"
 )
 
 TARGETS: Final = (
@@ -111,7 +110,7 @@ TARGETS: Final = (
         Aim("key to paint p99, 256 *", "<= 150 ms", "74 ms", PAINT),
         Aim("key to paint p50, 256 *", "", "31 ms"),
     )),
-    Target("M6", "a page at the far end of what is kept as quick as one at its head", hex_view.measure, (
+    Target("M6", "a page at the far end as quick as one at the head", hex_view.measure, (
         Aim("private memory of *", "<= 5 MB", "0.0 MB"),
         Aim("* of 1 GiB / 64 KiB*", "<= 1.1", "1.00 to 1.02"),
     )),
@@ -124,7 +123,7 @@ TARGETS: Final = (
         Aim("udt show of 65535 *: processor time", "<= 1 s"),
         Aim("udt *: peak memory", "<= 256 MiB", "13 to 21 MiB"),
     )),
-    Target("M9", "how long a person waits for the first screen, and for a command", start_up.measure, (
+    Target("M9", "how long you wait for the first screen, and for a command", start_up.measure, (
         Aim("first full screen / empty Textual app", "<= 3.0", "2.26"),
         Aim("trcvtui status / python -c pass", "<= 10", "6.22"),
         Aim("trcvtui udt show / python -c pass", "<= 10", "3.28"),
@@ -134,7 +133,7 @@ TARGETS: Final = (
     Target("M10", "a ledger event against a timestamp; the journal", ledger_cost.measure, (
         Aim("journal, events a second", ">= 0.3 M", "1.02 M"),
     )),
-    Target("M11", "beside one attack 8 good connections lose < 5 % of DONEs; no overrun", attacked.measure, (
+    Target("M11", "in an attack 8 good connections lose < 5 % of DONEs; no overrun", attacked.measure, (
         Aim("*: DONE beside / alone", ">= 0.95", "0.997 to 1.003"),
         Aim("*: overruns", "<= 0", "0"),
     )),
@@ -157,7 +156,7 @@ TARGETS: Final = (
         Aim("opening, s", "<= 0.04", "0.03"),
         Aim("to any scan that was seen, s: the longest", "<= 0.92", "0.71"),
     )),
-    Target("R4", "a capture is read and put together nearly as quickly as dpkt reads it", captures.measure, (
+    Target("R4", "a capture is read and reassembled nearly as quickly as dpkt reads it", captures.measure, (
         Aim("pcapng: reading and reassembly / dpkt's bare reader", ">= 1.01", "1.32"),
         Aim("pcap: reading and reassembly / dpkt's bare reader", ">= 0.75", "0.97"),
         Aim("a capture of 1 GiB: peak memory", "<= 256 MiB", "21 MiB"),
@@ -184,7 +183,7 @@ TARGETS: Final = (
         Aim("first list of 1000 lines", "<= 3 s"),
         Aim("first list of 10000 lines", "", "2.63 s"),
     )),
-    Target("growth", "what costs, costs by what is busy, not by what is there", growth.measure, (
+    Target("growth", "cost depends on what is busy, not on how much exists", growth.measure, (
         Aim("*", ""),
     )),
 )  # fmt: skip

@@ -2,8 +2,7 @@
 
 real_stacks.zip has them with their projects; the name of each says where it was captured (at a mirror port
 of that switch, or on a loopback interface), the cause, and how it was made. They send with Python's
-sockets, socat, mosquitto, `python -m http.server`, OpenSSL. docs/doctor.md tells which rules were mended by
-them.
+sockets, socat, mosquitto, `python -m http.server`, OpenSSL.
 """
 
 from __future__ import annotations

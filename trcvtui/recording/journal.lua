@@ -1,4 +1,4 @@
--- The journal of a trcvtui recording in words (docs/recording.md); link type USER0 (DLT 147).
+-- The journal of a trcvtui recording in words (docs/recording-format.md); link type USER0 (DLT 147).
 local journal = Proto("trcvtui", "trcvtui journal")
 local MAGIC, INDEX = "trcvtui journal\n", "trcvtui index\n\0\0"
 local MOST_SHOWN = 2000

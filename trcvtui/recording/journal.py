@@ -3,7 +3,7 @@
 Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
 Rule 2: what is asked in a gap between two scans (a screen wants to know it) has a call that begins with
 GAP. A replay that asks it gets the answer; one that does not goes on.
-Rule 3: bytes become values by fixed layouts alone (docs/recording.md); no length is trusted.
+Rule 3: bytes become values by fixed layouts alone (docs/recording-format.md); no length is trusted.
 """
 
 from __future__ import annotations

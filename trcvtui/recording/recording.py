@@ -2,7 +2,7 @@
 
 Rule 1: what is written goes to the system in whole blocks, packets first, then the journal that tells of
 them; so a file without an end is good up to its last journal block.
-Rule 2: bytes that a packet carries are not written twice: the journal points to it (docs/recording.md).
+Rule 2: bytes that a packet carries are not written twice: the journal has a place (docs/recording-format.md).
 Rule 3: a file is data: no length in it is trusted, and a block's packets are all that is kept of it.
 """
 

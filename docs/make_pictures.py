@@ -124,7 +124,7 @@ NIGHT: Final[Play] = (
     keys("p", "p"), 100, Look("Key p: another member on the same time axis, with an axis of its own.", 5),
 )  # fmt: skip
 
-# The pictures of README.md and docs/stories.md.
+# The pictures of README.md and docs/guide.
 TOLD: Final = (
     Picture("night", "", (), STORIES / "weight_overnight.toml", NIGHT, FRONT),
     Picture("found", "", (), STORIES / "byte_order_swapped.toml", FOUND, FRONT),
@@ -309,7 +309,8 @@ def gallery_page() -> str:
     parts = [
         "# Gallery",
         "Every pane of the screen. `make pictures` draws them with fixed keys on a simulated bench; "
-        "none is made by hand. Three faults, with pictures: [stories.md](stories.md).",
+        "none is made by hand. More faults, with pictures: [DONE never comes](guide/done-never-comes.md), "
+        "[the values are wrong](guide/values-wrong.md).",
     ]
     for picture in SHOWN:
         parts += [

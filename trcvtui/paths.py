@@ -65,7 +65,7 @@ def given_path(text: str) -> Path:
 def example_lines(word: str | None = None) -> Iterator[str]:
     """Return each project and story with its first sentence; with a word all that have it, scenarios too."""
     root = configs_path()
-    shown = ("stories/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
+    shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:
         for path in sorted(root.glob(pattern)):
             head = takewhile(lambda line: line.startswith("#"), path.read_text("utf-8").splitlines())

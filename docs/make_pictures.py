@@ -129,7 +129,7 @@ TOLD: Final = (
     Picture("night", "", (), STORIES / "weight_overnight.toml", NIGHT, FRONT),
     Picture("found", "", (), STORIES / "byte_order_swapped.toml", FOUND, FRONT),
     Picture("four-bytes-short", "", (), STORIES / "four_bytes_short.toml", (600, keys("6", "v", "3")), WIDE),
-    Picture("byte-order-swapped", "", (), STORIES / "byte_order_swapped.toml", (330, keys("3")), WIDE),
+    Picture("two-layouts", "", (), CONFIGS / "guide" / "press.toml", (330, keys("L", "f", "enter")), WIDE),
     Picture("en-r-dropped", "", (), STORIES / "en_r_dropped.toml", (*DROPPED, keys("3")), WIDE),
 )  # fmt: skip
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import signal
 import socket
 import subprocess
@@ -26,7 +24,6 @@ from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenBench
-from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.net.os.forwarder import say_at_once
@@ -61,44 +58,6 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
     assert [each.name for each in changed] == ["TRCV_C_1"] and [line.name for line in moved] == ["C1"]
     assert seen.lines["C1"].figures(1000.0).errors_an_hour == errors
     assert seen.instances["TRCV_C_1"].recent_message(1000.0).count == errors
-
-
-# -- the page and the dashboard --------------------------------------------------------------------------
-
-
-class IdleAgent:
-    """What the page asks of an agent."""
-
-    is_running, is_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
-
-    def __init__(self) -> None:
-        project = load_bench(PROJECT)
-        driver = LocalDriver(fresh_bench(project, "sim"))
-        driver.scan(100)
-        self.seen = SeenBench("b", project.dialect.label)
-        self.seen.take(driver.shown(), 1.0)
-
-
-def page() -> str:
-    from prometheus_client import generate_latest
-    from prometheus_client.core import CollectorRegistry
-
-    registry = CollectorRegistry()
-    registry.register(MetricsPage(IdleAgent()))
-    return generate_latest(registry).decode()
-
-
-def test_every_metric_of_the_dashboard_is_on_the_page_with_rows() -> None:
-    dashboard = json.loads((ROOT / "configs/service/grafana-dashboard.json").read_text())
-    queries = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
-    named = {name for query in queries for name in re.findall(r"trcvtui_\w+", query)}
-    rows = {line.partition(" ")[0].partition("{")[0] for line in page().splitlines() if line[0] != "#"}
-    assert len(named) >= 9 and named - rows == set()
-    assert len(rows) == len(METRICS)
-
-
-def test_a_label_of_the_page_is_none_that_prometheus_takes_for_itself() -> None:
-    assert {label for metric in METRICS for label in metric.labels} == {"line", "name"}
 
 
 # -- on a broker -----------------------------------------------------------------------------------------

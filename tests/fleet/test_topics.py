@@ -25,6 +25,10 @@ from trcvtui.fleet.topics import (
     read,
     topic_of,
 )
+from trcvtui.line.tapped import NOTED, TapNote
+from trcvtui.paths import configs_path
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 AT = 1_795_000_000.25
 EVENT = EventMessage(
@@ -130,10 +134,24 @@ def test_an_empty_payload_clears_a_topic() -> None:
     assert read(place("recent"), b"") is None
 
 
-def test_the_page_has_the_schema_of_each_kind_and_each_metric() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text()
-    [shown] = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
+def test_the_schema_that_comes_along_is_that_of_the_messages_and_the_page_names_each_field() -> None:
+    shown = json.loads((configs_path() / "service" / "mqtt-messages.schema.json").read_text(encoding="utf-8"))
     _, schemas = msgspec.json.schema_components(MESSAGES.values(), ref_template="#/$defs/{name}")
-    assert json.loads(shown)["$defs"] == schemas
+    assert shown["$defs"] == schemas
+    page = (DOCS / "fleet-formats.md").read_text(encoding="utf-8")
+    for kind, message in MESSAGES.items():
+        rows = " ".join(re.findall(rf"^\| `{kind}`.*", page, re.MULTILINE))
+        fields = {*message.__struct_encode_fields__} - {"t"}
+        assert fields <= set(re.findall(r"`(\w+)`", rows)), kind
+
+
+def test_the_page_of_a_tap_names_each_note_and_its_fields() -> None:
+    page = (DOCS / "fleet-formats.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)`", page))
+    assert {*NOTED.values(), *TapNote.__struct_fields__} <= named
+
+
+def test_the_page_of_the_fleet_has_each_metric() -> None:
+    page = (DOCS / "fleet.md").read_text(encoding="utf-8")
     for metric in METRICS:
         assert f"| `{metric.name}{'_total' * (metric.kind == 'counter')}` | " in page

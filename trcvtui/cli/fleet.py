@@ -101,7 +101,7 @@ def _fleet(args: Args) -> int:
     broker = broker_of(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
     need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     if not has_terminal():
-        raise mistake("trcvtui fleet", "no terminal", "a terminal; scripts read the broker: docs/fleet.md")
+        raise mistake("trcvtui fleet", "no terminal", "a terminal; for scripts: docs/fleet-formats.md")
     if not broker.has_tls:
         sys.stderr.write(f"{OPEN_TO_ALL}\n")
     gc.disable()  # until the list stands: what is imported on the way to it stays

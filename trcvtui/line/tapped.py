@@ -59,7 +59,7 @@ Port = Annotated[int, Meta(ge=0, le=65535)]
 
 
 class TapNote(Struct):
-    """A note as it is read; which of its fields one has, docs/fleet.md says."""
+    """A note as it is read; docs/fleet-formats.md says which fields it has."""
 
     note: str
     tap: int = 0

@@ -105,6 +105,9 @@ pictures: $(READY)
 atlas: $(READY)
 	$(BIN)/python docs/make_status.py
 	$(BIN)/python docs/make_keys.py
+	$(BIN)/python docs/make_commands.py
+	$(BIN)/python docs/make_bench_commands.py
+	$(BIN)/python docs/make_key_table.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -15,11 +15,13 @@ from trcvtui.udt.literals import format_time
 PAGE: Final = Path(__file__).parent / "project-file.md"
 HEAD: Final = '''# The keys of a project file
 
-A project file is TOML. Each `[[kind]]` is one more entry of its kind; a key that is left out has its default.
-`--set connect.C1.LocalPort=2000` says a key in the place of the file; `add`, `set` and `save project` take
-the same keys. A key with * must be there, where the table may have it.
+A project file is TOML. Each `[[kind]]` adds an entry of its kind. A key that is left out has its default.
+A key with * is needed, in entries that can have it.
 
-This page is made from `trcvtui/project/keys.py`.
+`--set connect.C1.LocalPort=2000` replaces a key of the file for one run. The bench commands `add`, `set` and
+`save project` take the same keys.
+
+`make atlas` writes this page from `trcvtui/project/keys.py`.
 
 ## An example
 
@@ -52,21 +54,27 @@ connect = "C1"
 data = "report"
 CONT = true                        # inputs by their pin's name
 
-[[peer]]                           # a partner of our own
+[[peer]]                           # a partner that the bench plays
 name = "Device"
 active = true
-remote = "@C1"                     # whatever C1 listens on
-reconnect = "T#500ms"              # connect again by itself
-every = "T#1s"                     # and say something every second
+remote = "@C1"                     # where C1 listens
+reconnect = "T#500ms"              # connects again after a close
+every = "T#1s"                     # sends a message every second
 says = ["hex 01 00 00 00 00 00 20 40 64 00 00 00"]
 ```
 '''
+CHOICES: Final = {  # of the keys that are read before all others
+    "dialect": ", ".join(DIALECTS),
+    "model": "; ".join(
+        f"{', '.join(each.models)} ({name})" for name, each in DIALECTS.items() if each.models
+    ),
+}
 TAIL: Final = """
 ## `[options]`, `[constants]`
 
-`[options]` has the switches of the dialect, the points that its manual leaves open: the table below.
-`black_box = "off"` stands there too: then nothing of a run on the screen is kept for a recording.
-`[constants]` has whole numbers that the UDTs use, such as `"GVL.MAX" = 10`.
+`[options]` has the switches of the dialect, for points that its manual leaves open. One more is
+`black_box = "off"`: then the screen keeps nothing of a run for a later recording. `[constants]` has whole
+numbers that the UDTs use, such as `"GVL.MAX" = 10`.
 """
 
 
@@ -87,7 +95,7 @@ def _lines() -> Iterator[str]:
 
 
 def _table(title: str, row: TableRow) -> Iterator[str]:
-    yield from ("", f"## {title}", "", row.help, "", "| key | says | takes |", "| --- | --- | --- |")
+    yield from ("", f"## {title}", "", row.help, "", "| key | means | takes |", "| --- | --- | --- |")
     for name, rows in _by_name(row.keys).items():
         says = " · ".join(dict.fromkeys(key.help for key in rows))
         takes = "; or ".join(dict.fromkeys(_takes(key) for key in rows))
@@ -96,7 +104,7 @@ def _table(title: str, row: TableRow) -> Iterator[str]:
 
 def _takes(key: Key) -> str:
     if key.kind is None:
-        return ""
+        return CHOICES.get(key.name, "")
     is_name = key.refers is not None and not key.refers.by_at and not key.refers.words
     return f"the name of a {key.refers.what}" if key.refers and is_name else key.kind.expected
 
@@ -106,7 +114,7 @@ def _switches() -> Iterator[str]:
     for dialect in DIALECTS.values():
         for switch in dialect.switches:
             found.setdefault(switch, []).append(dialect.name)
-    yield from ("", "| switch | dialects | says | takes, the default first |", "| --- | --- | --- | --- |")
+    yield from ("", "| switch | dialects | means | takes, the default first |", "| --- | --- | --- | --- |")
     for switch, names in sorted(found.items(), key=lambda item: item[0].name):
         whose = "all" if len(names) == len(DIALECTS) else ", ".join(names)
         yield f"| `{switch.name}` | {whose} | {switch.text} | {_values(switch)} |"

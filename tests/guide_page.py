@@ -20,6 +20,7 @@ _NAMES: Final = "enter escape tab space up down left right home end pageup paged
 _SPELLINGS: Final = {"esc": "escape", "←": "left", "→": "right", "↑": "up", "↓": "down"}
 NAMED_KEYS: Final = _SPELLINGS | {name: name for name in _NAMES.split()}
 _PART: Final = re.compile(r"`([^`]+)`|(?<!\*)\*([^*]+)\*(?!\*)")
+HOUR_ENDS: Final = "\n## Your own UDT\n"  # before it tests/e2e/test_first_hour.py plays first-hour.md
 Kind = Literal["command", "key", "line", "text", "words"]
 
 
@@ -28,6 +29,12 @@ class Step:
     kind: Kind
     text: str
     begins_block: bool = False  # the first command of a block: words are of its output from here on
+
+
+def played_text(name: str) -> str:
+    """Return what the test of all pages plays of a page."""
+    text = (FOLDER / name).read_text(encoding="utf-8")
+    return text.partition(HOUR_ENDS)[2] if name == "first-hour.md" else text
 
 
 def opens_screen(command: str) -> bool:

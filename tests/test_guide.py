@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.guide_page import FOLDER, Step, joined, opens_screen, steps
+from tests.guide_page import FOLDER, Step, joined, opens_screen, played_text, steps
 from tests.local_driver import LocalDriver
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import Looker
@@ -26,8 +26,7 @@ from trcvtui.project.project import Project
 from trcvtui.tui.app import BenchApp
 
 ROOT = Path(__file__).parents[1]
-SHORT = sorted(path.name for path in FOLDER.glob("*.md"))
-PAGES = [name for name in SHORT if name != "first-hour.md"]  # that is played by tests/e2e/test_first_hour.py
+PAGES = sorted(path.name for path in FOLDER.glob("*.md"))
 SIZE = (100, 30)
 SCANS_A_LOOK, MOST_LOOKS, PATIENCE_S = 10, 500, 60.0
 MOST_WORDS = 700
@@ -144,9 +143,9 @@ def next_command(waiting: list[Step]) -> int:
 def test_a_page_shows_what_it_says(
     page: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert play_page((FOLDER / page).read_text(encoding="utf-8"), monkeypatch, capsys) >= 3
+    assert play_page(played_text(page), monkeypatch, capsys) >= 3
 
 
-@pytest.mark.parametrize("page", SHORT)
+@pytest.mark.parametrize("page", PAGES)
 def test_a_page_is_short(page: str) -> None:
     assert len((FOLDER / page).read_text(encoding="utf-8").split()) <= MOST_WORDS

@@ -48,14 +48,14 @@ def test_the_readme_is_short_and_each_command_that_it_names_exists() -> None:
         assert main([command, "--help"]) == 0, command
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        "README.md",
-        "configs/README.md",
-        *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md")),
-    ],
-)
+LINKING = [
+    "README.md",
+    "configs/README.md",
+    *sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md")),
+]
+
+
+@pytest.mark.parametrize("page", LINKING)
 def test_every_picture_and_page_that_a_page_links_is_there(page: str) -> None:
     path = ROOT / page
     links = re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8"))

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from tests.docs_scripts import script
+from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.status_report import Explanation, as_page, explain, with_scenarios
+from trcvtui.dialects.status_report import Explanation, explain, with_scenarios
+
+make_status = script("make_status")
 
 
-def page(one: Explanation) -> list[str]:
-    return as_page("A PLC", [one], "../").splitlines()
+def page(*found: Explanation, base: tuple[StatusRow, ...] = ()) -> list[str]:
+    return "\n\n".join(make_status.body(found, "../", base, "status-other.md")).splitlines()
 
 
 def explained(code: int) -> Explanation:
@@ -20,17 +24,23 @@ def explained(code: int) -> Explanation:
 def test_a_card_tells_everything_of_its_row() -> None:
     one = replace(explained(0x80C5), scenarios=("configs/80c5-partner.toml", "configs/other.toml"))
     lines = page(one)
-    assert lines[0] == "# STATUS atlas: A PLC"
     start = lines.index("## 16#80C5")
     assert lines[start + 2].startswith("**The partner closed during the job** · ERROR=1 · TRCV_C, TSEND_C")
+    assert lines[start + 2].endswith(" · real")
     bullets = [line[2:] for line in lines[start:] if line.startswith("- ")]
-    assert bullets == [
-        *one.row.causes,
-        *one.row.checks,
-        "can be brought about by real traffic, also on this machine alone (real)",
-        "[80c5-partner](../configs/80c5-partner.toml)",
-        f"source: {one.row.manual}",
-    ]
+    assert bullets == [*one.row.causes, *one.row.checks]
+    assert lines[-1] == f"[80c5-partner](../configs/80c5-partner.toml) · source: {one.row.manual}"
+
+
+def test_a_card_of_a_page_of_differences_prints_what_the_other_row_has_not() -> None:
+    one = explained(0x80C5)
+    other = replace(one.row, checks=("look elsewhere",), unsure="all of it")
+    assert page(one, base=(one.row,))[2:] == []
+    lines = page(one, base=(other,))
+    start = lines.index("## 16#80C5")
+    assert [line[2:] for line in lines[start:] if line.startswith("- ")] == [*one.row.checks]
+    assert "Not certain: nothing." in lines
+    assert lines[-1] == "Everything else: as [16#80C5](status-other.md#1680c5)."
 
 
 def test_what_markdown_would_read_as_its_own_is_escaped_but_not_in_code() -> None:
@@ -41,10 +51,11 @@ def test_what_markdown_would_read_as_its_own_is_escaped_but_not_in_code() -> Non
 def test_a_code_with_two_rows_has_two_cards_and_a_link_to_each() -> None:
     one = explained(0x80C5)
     other = Explanation("baosky", replace(one.row, blocks=("URECV_C",), title="Something else"))
-    lines = as_page("A PLC", [explained(0x80C3), one, other], "").splitlines()
+    lines = page(explained(0x80C3), one, other)
     contents = [line.partition(" | ")[0] for line in lines if line.startswith("| [")]
     assert contents == ["| [16#80C3](#1680c3)", "| [16#80C5](#1680c5)", "| [16#80C5](#1680c5-1)"]
     assert [line for line in lines if line.startswith("## ")] == ["## 16#80C3", "## 16#80C5", "## 16#80C5"]
+    assert "Causes and checks: as [16#80C5](#1680c5)." in lines
 
 
 def test_scenarios_go_to_the_row_of_their_code_block_and_dialect() -> None:

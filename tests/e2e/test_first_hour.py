@@ -12,9 +12,10 @@ import pytest
 
 from tests.e2e.terminal import TRCVTUI, Terminal, need
 from tests.e2e.test_readme_stories import PORT, SIZES
+from tests.guide_page import FOLDER, HOUR_ENDS
 
 pytestmark = [pytest.mark.live, pytest.mark.slow]
-PAGE = (Path(__file__).parents[2] / "docs/guide/first-hour.md").read_text(encoding="utf-8")
+PAGE = (FOLDER / "first-hour.md").read_text(encoding="utf-8").partition(HOUR_ENDS)[0]
 STEPS = re.findall(r"```sh\n(.*?)\n```|`([^`]+)`|\*([^*]+)\*", PAGE.partition("\n## ")[2], re.DOTALL)
 KEYS = {"enter": "Enter", "ctrl+s": "C-s"}
 MOST, MOST_LINES = 30, 6

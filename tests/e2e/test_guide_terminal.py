@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.terminal import TRCVTUI, Terminal
-from tests.guide_page import FOLDER, Step, joined, opens_screen, steps
+from tests.guide_page import Step, joined, opens_screen, played_text, steps
 from tests.test_guide import PAGES, SIZE, folder, output_of
 
 __all__ = ["folder"]
@@ -50,7 +50,7 @@ def play(terminal: Terminal, step: Step) -> None:
 def test_a_page_is_played_in_a_terminal(
     page: str, folder: Path, terminals: list[Terminal], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for step in steps((FOLDER / page).read_text(encoding="utf-8")):
+    for step in steps(played_text(page)):
         if step.kind != "command":
             if terminals:
                 play(terminals[-1], step)

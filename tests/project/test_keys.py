@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from hypothesis import given
 from msgspec.structs import replace
 
+from tests.docs_scripts import script
 from tests.engine.test_project_save import driven, say
 from tests.properties.drawn_projects import projects
 from trcvtui.dialects.dialect import format_value
@@ -45,12 +44,7 @@ NOTE = Key(
 )
 
 
-def make_keys() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_keys", ROOT / "docs" / "make_keys.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+make_keys = script("make_keys")
 
 
 @pytest.fixture
@@ -99,11 +93,11 @@ def test_a_made_up_key_stands_in_the_form_and_is_completed(file: Path) -> None:
 
 
 def test_a_made_up_key_stands_on_the_page(file: Path) -> None:
-    assert "| `note` | How long a talk is expected. | short or long |" in make_keys().page()
+    assert "| `note` | How long a talk is expected. | short or long |" in make_keys.page()
 
 
 def test_the_page_is_what_the_rows_say() -> None:
-    is_in_step = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8") == make_keys().page()
+    is_in_step = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8") == make_keys.page()
     assert is_in_step, "docs/project-file.md is out of step with trcvtui/project/keys.py: run `make atlas`"
 
 

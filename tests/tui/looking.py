@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from textual import events
 from textual.app import App
+from textual.keys import _character_to_key
 from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
@@ -88,8 +89,8 @@ class Looker:
 
 def typed(text: str) -> list[events.Key]:
     """Return the keys that give a text; carriage return, tab and escape are keys too."""
-    names = {"\r": "enter", "\t": "tab", "\x1b": "escape", " ": "space", ":": "colon", "/": "slash"}
-    return [events.Key(names.get(character, character), character) for character in text]
+    names = {"\r": "enter", "\t": "tab", "\x1b": "escape"}
+    return [events.Key(names.get(character) or _character_to_key(character), character) for character in text]
 
 
 def screen_text(app: App[None]) -> str:

@@ -35,10 +35,11 @@ FORMATS = ("text", "jsonl", "junit")
 
 
 def add_run(parser: CommandParser) -> None:
+    parser.description = "Opens a project on the screen. It asks before it makes a file that does not exist."
     add_project(parser)
     add_kernel(parser)
     add_netns(parser)
-    parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
+    parser.add_argument("--read-only", action="store_true", help="show only: the screen sends no commands")
     parser.add_argument("--attach", type=Path, help=SUPPRESS)  # a tab of `serve`, to its engine
     add_record(parser, "FILE")
     add_theme(parser)
@@ -53,11 +54,12 @@ def _run(args: Args) -> int:
 
 
 def add_serve(parser: CommandParser) -> None:
+    parser.description = "Shows the bench of a project in a browser on this machine, in up to 8 tabs."
     add_project(parser)
     add_kernel(parser)
-    parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
-    parser.add_argument("--write", action="store_true", help="let the browser command the bench")
-    parser.add_argument("--as-root", action="store_true", help="allow --write when run as root")
+    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1; default: a free one")
+    parser.add_argument("--write", action="store_true", help="let browser tabs send commands")
+    parser.add_argument("--as-root", action="store_true", help="allow --write as root")
     add_theme(parser)
 
 
@@ -73,7 +75,8 @@ def _serve(args: Args) -> int:
 
 
 def add_examples(parser: CommandParser) -> None:
-    parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
+    parser.description = "Lists the projects and stories that come with the program."
+    parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with this word, scenarios too")
 
 
 def _examples(args: Args) -> int:
@@ -86,14 +89,15 @@ def _examples(args: Args) -> int:
 
 
 def add_scenario(parser: CommandParser) -> None:
+    parser.description = "Runs scenarios without a screen; exit 1: an expectation failed."
     parser.last_words = lambda: f"formats: {', '.join(FORMATS)}; {dialect_names()}"
-    parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path)
+    parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path, help="scenario files")
     add_kernel(parser, "sim")
-    parser.add_argument("--format", metavar="NAME", default="text", help="default: text")
+    parser.add_argument("--format", metavar="NAME", default="text", help="output format; default: text")
     add_netns(parser)
-    parser.add_argument("--out", metavar="FILE", type=Path, help="write here instead of stdout")
-    add_set(parser, "such as options.retry=T#100ms")
-    about = "twice or more: in each of these, side by side"
+    parser.add_argument("--out", metavar="FILE", type=Path, help="write to this file, not to stdout")
+    add_set(parser, "change a key of the project, such as options.retry=T#100ms")
+    about = "run in this dialect and in another one, side by side; repeatable"
     parser.add_argument("--dialect", metavar="NAME", action="append", default=[], help=about)
     add_record(parser, "FILE|DIR")
 
@@ -110,15 +114,16 @@ def _scenario(args: Args) -> int:
 
 
 def add_record_command(parser: CommandParser) -> None:
+    parser.description = "Runs a project without a screen and records all, the newest, or each trigger."
     add_project(parser)
-    parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="of the numbered files")
+    parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder of the numbered files")
     add_kernel(parser)
-    parser.add_argument("--ring", metavar="SIZE", help="such as 256MiB: the oldest files go")
-    parser.add_argument("--split", metavar="SIZE", help="of one file; default: an eighth of the ring")
-    parser.add_argument("--on", metavar="CONDITION", help='keep what surrounds it: "TRCV_C_1 STATUS=80C5"')
-    parser.add_argument("--before", metavar="T#..", help="default: T#30s")
-    parser.add_argument("--after", metavar="T#..", help="default: T#10s")
-    parser.add_argument("--duration", metavar="T#..", help="default: until Ctrl+C or SIGTERM")
+    parser.add_argument("--ring", metavar="SIZE", help="size of all files: the oldest go; such as 256MiB")
+    parser.add_argument("--split", metavar="SIZE", help="size of one file; default: an eighth of the ring")
+    parser.add_argument("--on", metavar="CONDITION", help='keep only around "TRCV_C_1 STATUS=80C5"')
+    parser.add_argument("--before", metavar="T#..", help="time kept before a trigger; default: T#30s")
+    parser.add_argument("--after", metavar="T#..", help="time kept after a trigger; default: T#10s")
+    parser.add_argument("--duration", metavar="T#..", help="end after it; default: at Ctrl+C or SIGTERM")
     add_no_secrets(parser)
 
 
@@ -131,12 +136,13 @@ def _record(args: Args) -> int:
 
 
 def add_replay(parser: CommandParser) -> None:
+    parser.description = "Shows a recording with a time line, or runs it again, as it was or changed."
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording, also .gz")
-    parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
-    parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
-    add_set(parser, "what if it had been this")
-    parser.add_argument("--dialect", metavar="NAME", help="what if it had been this one")
-    about = "where the screen opens; default: the first ERROR, finding or DONE"
+    parser.add_argument("--check", action="store_true", help="run it again and compare; exit 1: it differs")
+    parser.add_argument("--format", choices=("jsonl",), help="print the run as JSON, one object a line")
+    add_set(parser, "what if: run it again with this key changed")
+    parser.add_argument("--dialect", metavar="NAME", help="what if: run it again in this dialect")
+    about = "scan or time at which the screen opens; default: the first ERROR, finding or DONE"
     parser.add_argument("--at", metavar="SCAN|T#..", help=about)
 
 
@@ -159,19 +165,20 @@ def _replay(args: Args) -> int:
 
 
 def add_recording(parser: CommandParser) -> None:
+    parser.description = "Makes a copy of a recording to hand on, or prints a Wireshark dissector."
     rows = {
-        "strip": ("a copy to hand on", _add_strip, _strip),
-        "dissector": ("print what shows the journal in Wireshark (Lua)", lambda parser: None, _dissector),
+        "strip": ("write a copy without payload, names or TLS keys", _add_strip, _strip),
+        "dissector": ("print the Lua dissector for Wireshark", lambda parser: None, _dissector),
     }
     add_commands(parser, rows, required=True)
 
 
 def _add_strip(parser: CommandParser) -> None:
-    parser.add_argument("source", metavar="IN", type=given)
-    parser.add_argument("target", metavar="OUT", type=given)
-    parser.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
-    parser.add_argument("--no-secrets", action="store_true", help="TLS stays closed")
-    about = "other addresses, no names, no TLS secrets; payload stays"
+    parser.add_argument("source", metavar="IN", type=given, help="a recording")
+    parser.add_argument("target", metavar="OUT", type=given, help="a new file")
+    parser.add_argument("--no-payload", action="store_true", help="zeros for all that was sent, no TLS keys")
+    parser.add_argument("--no-secrets", action="store_true", help="no TLS keys: TLS data stays encrypted")
+    about = "other addresses, no names, no TLS keys; payload stays"
     parser.add_argument("--anonymise", action="store_true", help=about)
 
 

@@ -20,29 +20,30 @@ from trcvtui.cli.options import (
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake, need
 
-BROKER = "the broker; user and password: TRCVTUI_MQTT_.."
+BROKER = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
 
 
 def _add_certificates(parser: CommandParser) -> None:
-    parser.add_argument("--mqtt-ca", metavar="FILE", help="who may have signed its certificate (PEM)")
-    parser.add_argument("--mqtt-cert", metavar="FILE", help="ours")
-    parser.add_argument("--mqtt-key", metavar="FILE", help="of --mqtt-cert")
+    parser.add_argument("--mqtt-ca", metavar="FILE", help="authority of the broker's certificate (PEM)")
+    parser.add_argument("--mqtt-cert", metavar="FILE", help="certificate of this client (PEM)")
+    parser.add_argument("--mqtt-key", metavar="FILE", help="key of --mqtt-cert (PEM)")
 
 
 def add_agent(parser: CommandParser) -> None:
+    parser.description = "Runs a bench as a service, and publishes it to MQTT, Prometheus or both."
     add_project(parser)
     add_kernel(parser)
-    parser.add_argument("--site", default="default", help="of the topics; default: default")
-    parser.add_argument("--name", help="of the topics; default: HOST-PROJECT")
+    parser.add_argument("--site", default="default", help="site in the MQTT topics; default: default")
+    parser.add_argument("--name", help="name in the MQTT topics; default: HOST-PROJECT")
     parser.add_argument("--mqtt", metavar="mqtts://HOST", help=BROKER)
     _add_certificates(parser)
-    parser.add_argument("--metrics", metavar="ADDR:PORT", help="a page for Prometheus")
-    parser.add_argument("--record", metavar="DIR", type=Path, help="keep each run: numbered files")
-    parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
+    parser.add_argument("--metrics", metavar="ADDR:PORT", help="address of the metrics page for Prometheus")
+    parser.add_argument("--record", metavar="DIR", type=Path, help="record each run in this folder")
+    parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="size of all files; default: 256MiB")
     add_no_secrets(parser)
-    about = 'of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
+    about = 'capture program for [[watch]], such as "dumpcap -q -i eth0 -w -"'
     parser.add_argument("--packets", metavar="COMMAND", help=about)
-    about = "publish the evidence of findings, which may have bytes"
+    about = "publish the evidence of findings, which may contain payload"
     parser.add_argument("--with-payload", action="store_true", help=about)
 
 
@@ -88,8 +89,11 @@ def _agent(args: Args) -> int:
 
 
 def add_fleet(parser: CommandParser) -> None:
+    parser.description = "Shows the lines of all agents on one screen."
     parser.add_argument("url", metavar="mqtts://HOST", help=BROKER)
-    parser.add_argument("--site", metavar="PATTERN", default="*", help='such as "plant*"; default: all')
+    parser.add_argument(
+        "--site", metavar="PATTERN", default="*", help='sites, such as "plant*"; default: all'
+    )
     _add_certificates(parser)
     add_theme(parser)
 

@@ -36,16 +36,19 @@ if TYPE_CHECKING:
 
 def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
     parser.last_words = dialect_names
-    add_project(parser, "whose instances look on")
+    add_project(parser, "project whose instances receive the traffic as shadows")
     add_plc(parser, plc)
-    parser.add_argument("--dialect", metavar="NAME", help="default: the project's, or the first of all")
+    parser.add_argument(
+        "--dialect", metavar="NAME", help="of the shadows; default: the project's or the first"
+    )
 
 
 # -- watch ----------------------------------------------------------------------------------------------
 
 
 def add_watch(parser: CommandParser) -> None:
-    about = "pcapng or pcap, also .gz; one capture; - is stdin, as it grows"
+    parser.description = "Shows a capture, or packets from stdin, as the blocks of a PLC receive them."
+    about = "files of one capture (pcapng or pcap, also .gz), or - for stdin"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     _add_shadows(parser)
     parser.last_words = _capture_programs
@@ -94,7 +97,7 @@ def _capture_programs() -> str:
   macOS    sudo tcpdump -U --immediate-mode -i en0 -w - | trcvtui watch -
   Windows  (cmd.exe) "%ProgramFiles%\\Wireshark\\dumpcap" -q -i 1 -w - | trcvtui watch -
   ssh      ssh HOST tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
-who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
+not allowed to capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 {fill(dialect_names(), 78)}"""
 
 
@@ -102,17 +105,22 @@ who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 
 
 def add_tap(parser: CommandParser) -> None:
+    parser.description = "Forwards between two ends; its screen shows, holds and changes what passes."
     places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
     parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
-    about = "the other end; ADDR is 127.0.0.1 where it lacks"
+    about = "the other end, written in the same way; ADDR alone may be left out: 127.0.0.1"
     parser.add_argument("connect", metavar="CONNECT", nargs="?", help=about)
-    parser.add_argument("--record", metavar="FILE", help="keep what passes: pcapng, also for Wireshark")
-    about = "print what shadows show; default: text on a terminal"
+    parser.add_argument(
+        "--record", metavar="FILE", help="record what passes as pcapng, which Wireshark reads"
+    )
+    about = "print what the shadows show as JSON; default: the screen, or text"
     parser.add_argument("--format", choices=("jsonl",), help=about)
     _add_shadows(parser, "CONNECT")
-    parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
-    parser.add_argument("--armed", action="store_true", help="keys r (RST), f (FIN) act at once")
-    about = "observers at the socket of --project may intervene, too"
+    parser.add_argument(
+        "--hold", action="store_true", help="hold both directions until the screen releases them"
+    )
+    parser.add_argument("--armed", action="store_true", help="keys r (RST) and f (FIN) act at once")
+    about = "other programs at the socket of --project may intervene, too"
     parser.add_argument("--allow-orders", action="store_true", help=about)
 
 
@@ -165,9 +173,10 @@ def _taps_of(project: Path | None) -> list[Route]:
 
 
 def add_conversations(parser: CommandParser) -> None:
-    about = "pcapng or pcap, also .gz; one capture"
+    parser.description = "Lists who talked to whom in a capture, and what each end sent."
+    about = "files of one capture: pcapng or pcap, also .gz"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
-    add_project(parser, "on whose ports a PLC listens")
+    add_project(parser, "project of the PLC: its ports tell which end it is")
     add_plc(parser)
     add_format(parser, "text", "json")
 
@@ -184,20 +193,23 @@ def _conversations(args: Args) -> int:
 
 
 def add_doctor(parser: CommandParser) -> None:
+    parser.description = "Finds what is wrong in captures, recordings and projects. Exit 1: findings."
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
     add_plc(parser)
-    add_project(parser, "what its instances expect")
+    add_project(parser, "project of the PLC: what its instances expect")
     parser.add_argument("--udt", metavar="FILE", type=given, help="the type of the messages to the PLC")
-    add_set(parser, "judge it as if this had been so")
+    add_set(parser, "test a changed key of the project, such as instance.TRCV_C_1.LEN=20")
     add_format(parser, "text", "json", "jsonl")
-    about = "run the projects so long, judge the traffic"
+    about = "run the projects for this time and judge the traffic"
     parser.add_argument("--for", dest="time", metavar="T#..", help=about)
-    add_kernel(parser, of="of --for; ")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
-    about = "a Dask cluster that you trust, in place of --jobs"
+    add_kernel(parser, of=" of --for")
+    parser.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="captures read at the same time; default: 1"
+    )
+    about = "read them on a Dask cluster that you trust"
     parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help=about)
-    about = "write a project that takes what comes"
+    about = "write a project that can receive this traffic"
     parser.add_argument("--suggest", metavar="NEW.toml", type=given_path, help=about)
 
 
@@ -264,10 +276,15 @@ def _run_for(path: Path, args: Args, folder: str) -> list[str]:
 
 
 def add_report(parser: CommandParser) -> None:
+    parser.description = (
+        "Writes a recording or capture as an HTML page: verdict, time line, causes, STATUS, frames."
+    )
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording or a capture, also .gz")
     about = "a new file, or an older report"
     parser.add_argument("--out", metavar="REPORT.html", required=True, type=Path, help=about)
-    parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
+    parser.add_argument(
+        "--no-payload", action="store_true", help="show sizes and times, but no bytes that were sent"
+    )
     _add_shadows(parser)
 
 
@@ -282,23 +299,26 @@ def _report(args: Args) -> int:
 
 
 def add_messages(parser: CommandParser) -> None:
-    about = "a recording, one capture, or a project (.toml) with --for"
+    parser.description = "Prints each message of a recording, a capture or a run as a row with its members."
+    about = "recordings, files of one capture, or a project (.toml) with --for"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
-    add_project(parser, "whose instances look on at a capture")
+    add_project(parser, "project whose instances receive a capture as shadows")
     add_plc(parser)
-    about = "of a capture without a project: the type of the messages to the PLC"
+    about = "type of the messages to the PLC, for a capture without a project"
     parser.add_argument("--udt", metavar="FILE", type=given, help=about)
     parser.add_argument("--type", metavar="NAME", help="may be left out when FILE holds one type")
-    parser.add_argument("--layout", metavar="NAME", help="default: as `trcvtui udt decode`")
+    parser.add_argument(
+        "--layout", metavar="NAME", help="layout of the type; default: as `trcvtui udt decode`"
+    )
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")
-    parser.add_argument("--instance", metavar="NAME", help="of this one alone")
-    parser.add_argument("--members", metavar="A,B.C", default="", help="these columns; default: all")
-    about = "those of which it is so: weight > 3, STATUS=80C5, RCVD_LEN!=12"
+    parser.add_argument("--instance", metavar="NAME", help="only messages of this instance")
+    parser.add_argument("--members", metavar="A,B.C", default="", help="only these members; default: all")
+    about = "only rows that match, such as weight > 3, STATUS=80C5 or RCVD_LEN!=12"
     parser.add_argument("--where", metavar="CONDITION", help=about)
-    parser.add_argument("--for", dest="time", metavar="T#..", help="run the project so long")
-    add_kernel(parser, "sim", of="of --for; ")
+    parser.add_argument("--for", dest="time", metavar="T#..", help="run the project for this time")
+    add_kernel(parser, "sim", of=" of --for")
     add_format(parser, "text", "csv", "jsonl")
-    parser.add_argument("--out", metavar="FILE", type=Path, help="a new file, in place of stdout")
+    parser.add_argument("--out", metavar="FILE", type=Path, help="write to this new file, not to stdout")
 
 
 def _messages(args: Args) -> int:
@@ -324,9 +344,9 @@ def _messages(args: Args) -> int:
 
 COMMANDS = {
     "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch, _watch),
-    "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap, _tap),
+    "tap": ("between two ends: see and change bytes", "2001 192.168.0.10:2000", add_tap, _tap),
     "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations, _conversations),
     "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages, _messages),
-    "doctor": ("name what is wrong", "line.pcapng", add_doctor, _doctor),
+    "doctor": ("find what is wrong", "line.pcapng", add_doctor, _doctor),
     "report": ("one page to send on", "line.pcapng --out line.html", add_report, _report),
 }

@@ -16,13 +16,17 @@ from trcvtui.errors import mistake
 
 
 def add_status(parser: CommandParser) -> None:
+    parser.description = "Explains a STATUS code; without CODE it lists all codes of a dialect."
     parser.last_words = dialect_names
     parser.add_argument(
-        "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
+        "code",
+        metavar="CODE",
+        nargs="?",
+        help="80C5, 16#80C5, W#16#80C5 or 0x80c5; for TwinCAT also a number such as 23",
     )
-    parser.add_argument("--dialect", metavar="NAME", help="default: the first below; json: all")
-    parser.add_argument("--all", action="store_true", help="of all dialects")
-    parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first that has it; json: all")
+    parser.add_argument("--all", action="store_true", help="explain it in all dialects")
+    parser.add_argument("--block", metavar="BLOCK", help="only this block, such as TRCV_C")
     add_format(parser, "text", "json")
 
 
@@ -56,10 +60,11 @@ def _status(args: Args) -> int:
 
 
 def add_st(parser: CommandParser) -> None:
+    parser.description = "Prints instances as calls in Structured Text or SCL, ready to paste."
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
-    parser.add_argument("--short", action="store_true", help="only pins that differ from their defaults")
-    parser.add_argument("--multi", action="store_true", help="SCL of a multi-instance: #NAME")
+    parser.add_argument("--short", action="store_true", help="leave out pins that have their defaults")
+    parser.add_argument("--multi", action="store_true", help="SCL: call them as multi-instances, #NAME")
 
 
 def _st(args: Args) -> int:
@@ -74,8 +79,8 @@ def _st(args: Args) -> int:
 
 
 def add_completion(parser: CommandParser) -> None:
-    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
-    parser.description = 'Prints what completes `trcvtui` in a shell: eval "$(trcvtui completion bash)"'
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
+    parser.description = 'Prints the completion for a shell; bash: eval "$(trcvtui completion bash)"'
 
 
 def _completion(args: Args) -> int:

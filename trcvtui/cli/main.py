@@ -96,5 +96,5 @@ def _overview() -> str:
         lines += ["", title]
         lines += [f"  {f'{name} {example}':38}  {about}" for name, (about, example, *_) in group.items()]
     lines += ["", "Each line is an example: type `trcvtui` before it."]
-    lines += ["`trcvtui COMMAND --help` tells the rest."]
+    lines += ["`trcvtui COMMAND --help` lists its options."]
     return "\n".join(lines)

@@ -62,7 +62,7 @@ class CommandParser(argparse.ArgumentParser):
 
 Add = Callable[[CommandParser], None]  # its arguments
 Run = Callable[[Args], int] | None  # None: one of the commands below it
-Row = tuple[str, Add, Run]  # what a command does, in words
+Row = tuple[str, Add, Run]  # what a command does, in a few words
 Rows = Mapping[str, Row]
 
 
@@ -71,7 +71,7 @@ def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **set
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]
-        made = commands.add_parser(name, help=about)
+        made = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
         made.given = parser.given[1:]
         made.set_defaults(command=run)
         add(made)
@@ -82,22 +82,24 @@ def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **set
 
 def add_format(parser: CommandParser, *names: str, is_text_default: bool = False) -> None:
     default = None if is_text_default else names[0]
-    parser.add_argument("--format", choices=names, default=default, help=f"default: {default or 'text'}")
+    parser.add_argument(
+        "--format", choices=names, default=default, help=f"output format; default: {default or 'text'}"
+    )
 
 
 def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> None:
-    parser.add_argument("--kernel", choices=KERNELS, default=default, help=f"{of}default: {default}")
+    about = f"network{of}: simulated, or the real one of this machine; default: {default}"
+    parser.add_argument("--kernel", choices=KERNELS, default=default, help=about)
 
 
 def add_project(parser: CommandParser, help: str | None = None) -> None:
     """Add the project: the first word, or with a text an option."""
-    parser.add_argument(
-        "--project" if help else "project", metavar="PROJECT.toml", type=given_path, help=help
-    )
+    name, about = ("--project", help) if help else ("project", "the project file")
+    parser.add_argument(name, metavar="PROJECT.toml", type=given_path, help=about)
 
 
 def add_plc(parser: CommandParser, default: str = "guessed") -> None:
-    parser.add_argument("--plc", metavar="ADDR[:PORT]", help=f"the PLC end; default: {default}")
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help=f"address of the PLC end; default: {default}")
 
 
 def add_set(parser: CommandParser, help: str) -> None:
@@ -105,22 +107,26 @@ def add_set(parser: CommandParser, help: str) -> None:
 
 
 def add_theme(parser: CommandParser, default: str | None = argparse.SUPPRESS) -> None:
-    about = "dark, light, ansi or a theme of Textual such as nord; default: dark; "
-    about += "ansi where the terminal has 16 colours or fewer"
+    about = "colours: dark, light, ansi or a theme of Textual such as nord; default: dark, or "
+    about += "ansi on a terminal of 16 colours or fewer"
     parser.add_argument("--theme", choices=LOOKS, metavar="NAME", default=default, help=about)
 
 
 def add_netns(parser: CommandParser) -> None:
-    parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
+    parser.add_argument(
+        "--netns", action="store_true", help="with --kernel live: in a network namespace of its own (Linux)"
+    )
 
 
 def add_no_secrets(parser: CommandParser) -> None:
-    parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+    parser.add_argument(
+        "--no-secrets", action="store_true", help="no TLS keys, zeros for TLS data: no replay"
+    )
 
 
 def add_record(parser: CommandParser, places: str) -> None:
-    parser.add_argument("--record", metavar=places, help="keep the run: pcapng, also for Wireshark")
-    parser.add_argument("--overwrite", action="store_true", help="where a recording stands already")
+    parser.add_argument("--record", metavar=places, help="record the run as pcapng, which Wireshark reads")
+    parser.add_argument("--overwrite", action="store_true", help="replace an existing recording")
     add_no_secrets(parser)
 
 

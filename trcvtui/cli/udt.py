@@ -21,6 +21,9 @@ BYTES = "HEX|@FILE|-"
 
 
 def add_udt(parser: CommandParser) -> None:
+    parser.description = (
+        "Shows a type, its layouts and its bytes, exports it, and finds and mends a mismatch."
+    )
     add_commands(parser, COMMANDS, required=True)
 
 
@@ -29,11 +32,15 @@ def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = 
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
-        layout += "; twice: ours, then theirs; so with --type and each option down to --string-even"
-    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
+        layout += (
+            "; twice: ours, then theirs; likewise --type, --byte-order, --text, --pointer-size, --string-even"
+        )
+    parser.add_argument("--type", metavar="NAME", help="may be left out when the file has one type", **one)
     parser.add_argument("--layout", metavar="NAME", help=layout, **one)
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
-    parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
+    parser.add_argument(
+        "--text", metavar="FORM", help="form of STRING: s7, cstr or nul; default: that of the layout", **one
+    )
     parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
     about = "whether a STRING of odd size takes one byte more"
     parser.add_argument("--string-even", metavar="yes|no", help=about, **one)
@@ -43,13 +50,18 @@ def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = 
 
 def _add_files(parser: CommandParser) -> None:
     parser.last_words = _last_words
-    about = "the file that declares the type, a folder of such files, or - for stdin"
+    about = "file that declares the type, a folder of such files, or - for stdin"
     parser.add_argument("file", metavar="FILE", type=given, help=about)
     many: dict[str, Any] = {"action": "append", "default": []}
-    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
-    about = "a file or folder of types and constants that FILE uses; repeatable"
+    parser.add_argument(
+        "--constant",
+        metavar="NAME=VALUE",
+        help="constant that the type uses, such as GVL.MAX=10; repeatable",
+        **many,
+    )
+    about = "file or folder with types and constants that FILE uses; repeatable"
     parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
-    about = "bytes of long in a C header; without it a type that has one is refused"
+    about = "bytes of long in a C header; needed for a type that has one"
     parser.add_argument("--long-size", type=int, choices=(4, 8), help=about)
 
 
@@ -84,14 +96,14 @@ def _add_plain(parser: CommandParser) -> None:
 
 def _add_decode(parser: CommandParser) -> None:
     _add_type(parser, ("text", "json", "md", "csv"))
-    parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
+    parser.add_argument("hex", metavar=BYTES, nargs="+", help="bytes in hex, a file with them, or stdin")
 
 
 def _add_encode(parser: CommandParser) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
     _add_type(parser, tuple(BYTE_FORMS))
-    about = "an object of path: value"
+    about = "JSON object of member path: value, a file or stdin"
     parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
 
 
@@ -101,13 +113,15 @@ def _add_export(parser: CommandParser) -> None:
     _add_type(parser)
     about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
     parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
-    parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
-    parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
+    parser.add_argument("--port", type=int, help="TCP port of the dissector; default: none, use Decode As")
+    parser.add_argument("--out", metavar="FILE", help="write to this file, not to stdout")
 
 
 def _add_compare(parser: CommandParser) -> None:
     _add_type(parser, ("text", "json"), twice=True)
-    more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
+    more = parser.add_argument(
+        "hex", metavar=BYTES, nargs="+", default=[], help="compare the values of these bytes, too"
+    )
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
@@ -115,22 +129,21 @@ def _add_fit(parser: CommandParser) -> None:
     _add_plain(parser)
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
-        "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
-        "best, 1 where that is not sure. The layout options say what our own side uses: it is named first "
-        "where several mean the same."
+        "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0: one fits best, "
+        "1: not sure. The layout options say what your side uses: of equal results it comes first."
     )
-    about = "one message, or several of one size in a row; in a file an empty line stands between messages"
+    about = "one message, or several of one size in a row; in a file an empty line separates messages"
     parser.add_argument("hex", metavar=BYTES, nargs="+", help=about)
 
 
 def _add_cure(parser: CommandParser) -> None:
     _add_type(parser, twice=True)
     parser.description = (
-        "Prints the type for our side that lies as theirs does, and swap code for the sender where the byte "
-        "orders differ. A layout option given once is theirs, given twice ours and theirs."
+        "Prints the type for your side that has the layout of the partner, and swap code for the sender if "
+        "the byte orders differ. A layout option given once is the partner's, given twice yours and theirs."
     )
     forms = ("scl", "st", "padded")
-    about = "all of it in SCL or ST; padded: the type with its gaps as members alone, as our side writes it"
+    about = "all of it in SCL or ST; padded: only the type with its gaps as members"
     parser.add_argument("--as", dest="form", choices=forms, required=True, help=about)
 
 
@@ -142,16 +155,16 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
-    "types": ("all types of a file", _add_plain, _printing("list_types", bad=WRONG_INPUT)),
-    "show": ("members with offset, size, type; padding", _add_plain, _printing("show")),
-    "decode": ("bytes to values, as far as they go", _add_decode, _printing("decode")),
-    "encode": ("values to bytes, as hex on stdout", _add_encode, _printing("encode")),
-    "export": ("the type for Wireshark", _add_export, _printing("export")),
-    "compare": ("two layouts side by side; exit 1 where they differ", _add_compare, _printing("compare")),
+    "types": ("list all types of a file", _add_plain, _printing("list_types", bad=WRONG_INPUT)),
+    "show": ("show members with offset, size and type, and padding", _add_plain, _printing("show")),
+    "decode": ("turn bytes into values, as far as they go", _add_decode, _printing("decode")),
+    "encode": ("turn values into bytes, as hex on stdout", _add_encode, _printing("encode")),
+    "export": ("write a dissector of the type for Wireshark", _add_export, _printing("export")),
+    "compare": ("show two layouts side by side; exit 1: they differ", _add_compare, _printing("compare")),
     "fit": (
-        "which layout, byte order or other cause fits the bytes; exit 1: not sure",
+        "find the layout, byte order or other cause that fits bytes; exit 1: not sure",
         _add_fit,
         _printing("fit"),
     ),
-    "cure": ("the type or the swap code that cures a mismatch", _add_cure, _cure),
+    "cure": ("print the type or the swap code that cures a mismatch", _add_cure, _cure),
 }

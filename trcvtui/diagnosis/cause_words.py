@@ -105,7 +105,7 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("shifted", "jobs begin inside messages",
      "reset the connection (COM_RST) so that frames begin anew", (), _DATA),
     ("adhoc-splits", "a message comes in pieces, and each ends an ad-hoc job",
-     "receive static with a fixed LEN, or ReceiveData with a frame", (), _DATA),
+     "receive static with a fixed LEN, or cut in the program (TwinCAT: ReceiveData)", (), _DATA),
     ("merged", "several messages come at once", "receive static with LEN of one message", (), _DATA),
     ("datagram-size", "a datagram is larger than LEN or DATA",
      "DATA, and LEN, of the largest datagram", (Condition.MESSAGE_TOO_LONG,), "udp"),

@@ -276,7 +276,7 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
     offer = RemedyOffer(frames_anew(wanted))  # where nothing brings it again
     if again > 1 or (is_first and again):
-        ways = f"a job with LEN {odd.size} first, ad hoc, or ReceiveData with a frame by their delimiter"
+        ways = f"a job with LEN {odd.size} first, or ad hoc and cut in the program (TwinCAT: ReceiveData)"
         name = "the greeting" if is_first else "these messages"
         take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
@@ -314,7 +314,7 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
-        f"receive static, LEN {size}, where messages have one length; else ReceiveData with a frame",
+        f"receive static, LEN {size}, where messages have one length; else cut them in the program",
         f"set {name} {receiver.static}LEN={size}",
         f"instance.{name}.ADHOC=false" if receiver.static else None,
     )  # fmt: skip

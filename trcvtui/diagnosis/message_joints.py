@@ -102,7 +102,7 @@ def _by_mark(parts: Sequence[bytes]) -> Iterator[Joined]:
             begin, often = Counter(line[:2] for line in lines).most_common(1)[0]
             if len(begin) == 2 and often * 10 >= 9 * len(lines):
                 shown = mark.hex(" ").upper()
-                mend = f"ReceiveData with the suffix {shown}: it takes one message at a time"
+                mend = f"cut at {shown} in the program (TwinCAT: ReceiveData with that suffix)"
                 yield Joined(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
 
 

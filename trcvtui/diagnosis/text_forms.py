@@ -58,7 +58,7 @@ def has_numbers_alone(receiver: Receiver) -> bool:
 
 def as_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
     suffix = (
-        f", with ReceiveData or ReceiveString and the suffix {found.end.hex(' ').upper()}"
+        f", cut at {found.end.hex(' ').upper()} (TwinCAT: ReceiveString with that suffix)"
         if found.end
         else ""
     )

@@ -36,7 +36,7 @@ BACKLOG: Final = Switch(
     "backlog",
     "count",
     128,
-    "clients that wait at a listener; who comes when it is full gets no answer, and tries again by himself",
+    "clients that a listener queues; beyond them a client gets no answer, and retries",
     least=1,
     most=4096,
 )

@@ -126,7 +126,7 @@ def _named(what: str) -> Key:
 
 _HISTORY: Final = Key(
     "history", HISTORY_SIZE,
-    "Newest bytes kept, of received and of sent ones each; none: 1MiB. Of all together 64MiB.",
+    "How many of the newest bytes are kept, received and sent each; default 1MiB, 64MiB in all.",
     "history", HISTORY, is_played=True,
 )  # fmt: skip
 
@@ -193,18 +193,18 @@ def _local_port(config: ConnectConfig) -> int | None:
 
 _CONNECT: Final = TableRow(
     "connect", "connects", ConnectConfig,
-    "A connection: one TCP_CONNECTCONFIG; what is left out is 0, as in the record.",
+    "A connection, one TCP_CONNECTCONFIG. A key that is left out is 0, as in the record.",
     (
         _named("CONNECT"),
         Key("ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
             Hint("true: the PLC connects", fixed(*BOOLS), "false"), is_said=True),
-        Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+        Key("LocalAddress", ADDRESS, "The address of this machine to use.", "local.address",
             ANY_ADDRESS, Hint("an address of this machine", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
             Hint("0: a free one", first="0"), writes=_local_port, is_said=True),
-        Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 lets anybody in.", "remote_address",
+        Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 accepts any.", "remote_address",
             ANY_ADDRESS, Hint("0.0.0.0: anybody")),
-        Key("RemotePort", PORT_OR_NAME, "The partner's port, or @NAME: where that one listens.",
+        Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: where that peer or CONNECT listens.",
             "remote_port", 0, Hint("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT),
         Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
             False, _truth("true: Nagle off")),
@@ -219,7 +219,7 @@ _UDP_CONFIG: Final = TableRow(
     "udp_config", "udp_configs", UdpConfig, "Where a PLC receives datagrams.",
     (
         _named("UDP_CONFIG"),
-        Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+        Key("LocalAddress", ADDRESS, "The address of this machine to use.", "local.address",
             ANY_ADDRESS, Hint("0.0.0.0", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
             Hint("0", first="0"), is_said=True),
@@ -229,7 +229,7 @@ _UDP_CONFIG: Final = TableRow(
 )  # fmt: skip
 
 _ADDR: Final = TableRow(
-    "addr", "addrs", AddrParam, "An ADDR_PARAM: where datagrams go, and whom they came from.",
+    "addr", "addrs", AddrParam, "An ADDR_PARAM: where datagrams go, and where they came from.",
     (
         _named("ADDR"),
         Key("RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
@@ -273,7 +273,7 @@ def _field_keys() -> Iterable[Key]:
     yield newer("LocalPort", "passive: 1 to 49151")
     yield newer("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
     yield newer("RemoteTSelector", "that of the partner", is_quoted=True)
-    yield Key("IsoPort", PORT_OR_NAME, "The port in the place of 102, which not every user may open.",
+    yield Key("IsoPort", PORT_OR_NAME, "The port instead of 102, which needs rights.",
               default=descriptions.ISO_PORT, ask=Hint("of the bench, in place of 102", ends, where=_is_newer),
               refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
     yield newer("ActivateSecureConn", "SEC: true is TLS", fixed(*BOOLS))
@@ -316,23 +316,23 @@ def _described(values: Values) -> dict[str, Any] | None:
 
 _DESCRIBED_CONNECT: Final = replace(
     _CONNECT,
-    help="A connection description, by fields or as the bytes of the DB; keys of the bench beside it.",
+    help="A connection description, by fields or as the bytes of the DB, and some keys of the bench.",
     keys=(
         _named("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
             ask=Hint("none: plain TCP in what it takes",
                      lambda project, block: project.dialect.structures or tuple(CONNECTIONS))),
-        Key("bytes", None, "The bytes of the DB in hex, in the place of the fields.",
+        Key("bytes", None, "The bytes of the DB in hex, instead of the fields.",
             ask=Hint("hex of the DB in place of the fields", is_quoted=True)),
         Key("LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
             ask=Hint("of the bench, for InterfaceId", first=LOOPBACK),
             writes=lambda c: None if c.any_local else c.local.address),
-        Key("ListenPort", PORT, "The port that is really listened on, in the place of LocalPort.",
+        Key("ListenPort", PORT, "The port to listen on instead of LocalPort.",
             ask=Hint("of the bench, 0: a free one"), writes=descriptions.listen_port_of),
         *_field_keys(),
         Key("DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
             writes=descriptions.dns_answer_of),
-        Key("verify", VERIFY, "The only way to switch the check of a certificate off.",
+        Key("verify", VERIFY, "Switches the check of the certificate off.",
             writes=descriptions.verify_of),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: keep_alive.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
@@ -346,15 +346,15 @@ _DESCRIBED_ADDR: Final = replace(
     _ADDR, help="A TADDR_Param, by its fields or as bytes.",
     keys=(
         _named("ADDR"),
-        Key("type", None, "The structure; TADDR_Param where none is named.",
+        Key("type", None, "The structure; default TADDR_Param.",
             reads=lambda values: values.update(structure=descriptions.read_addr_structure(values.table))),
-        Key("bytes", None, "The bytes of the DB in hex, in the place of the fields."),
+        Key("bytes", None, "The bytes of the DB in hex, instead of the fields."),
         Key("rem_ip_addr", None, "The partner's address; a receiver writes it.",
             ask=Hint("0.0.0.0: a receiver writes it", first=LOOPBACK)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
             ask=Hint("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
         Key("reserved", None, "The two bytes after them."),
-        Key("RemotePort", None, "@NAME beside the bytes.", refers=_PEER_OR_UDP),
+        Key("RemotePort", None, "@NAME, with `bytes`.", refers=_PEER_OR_UDP),
     ),
     also=lambda values: values["structure"], head=lambda a: descriptions.addr_keys(a),
 )  # fmt: skip
@@ -396,14 +396,14 @@ _COMBUFFER: Final = TableRow(
             Hint("serial: 1", fixed("1", "1.5", "2")), only=_is_serial),
         Key("data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
             Hint("serial: 8", fixed("8", "7", "6", "5")), only=_is_serial),
-        Key("handshake", HANDSHAKE, "Who holds the sender up.", "serial.handshake", "none",
+        Key("handshake", HANDSHAKE, "The flow control.", "serial.handshake", "none",
             Hint("serial: none", fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
-        Key("line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
+        Key("line", TEXT, "What sends the bytes: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Hint("what sends what is written", _lines),
             NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
-        Key("size", QUEUE_SIZE, "Bytes that have room; none: what suits the source.", "size", 0,
+        Key("size", QUEUE_SIZE, "Its size in bytes; default: by source.", "size", 0,
             Hint("bytes that have room, 300"), is_played=True),
-        Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; none: all.", "per_cycle", 0,
+        Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; default: all.", "per_cycle", 0,
             Hint("bytes a scan, 0: all")),
         _HISTORY,
     ),
@@ -420,11 +420,11 @@ def _chosen(name: str, kind: Kind[Any], help_: str, ask: Hint | None = None) -> 
 
 _CHOICE: Final = (
     _chosen(
-        "layout", LAYOUT, "The layout of its own; none: the PLC's.",
+        "layout", LAYOUT, "Its layout; default: the PLC's.",
         Hint("none: the PLC's own", fixed(*LAYOUTS), is_of_change=True),
     ),
     _chosen(
-        "byte_order", BYTE_ORDER, "The byte order of its own; none: that of the layout.",
+        "byte_order", BYTE_ORDER, "Its byte order; default: that of the layout.",
         Hint("none: that of the layout", fixed(*BYTE_ORDERS), is_of_change=True),
     ),
     _chosen("text", TEXT_FORM, "How a STRING lies."),
@@ -466,7 +466,7 @@ _DATA: Final = TableRow(
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
             ask=Hint("an IEC type or a UDT", lambda project, block: tuple(project.types.names()),
                     "ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True, is_played=True),
-        Key("optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
+        Key("optimized", TRUTH, "Whether it is in an optimized data block.", "optimized",
             False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
         *_CHOICE,
     ),
@@ -536,7 +536,7 @@ def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
 
 def _mark_key(pin: str) -> Key:
     mark = pin.removeprefix("p").lower()
-    return Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
+    return Key(pin, TEXT, f"The variable of the {mark}; default: the pointer is 0.", default="",
                ask=Hint(f"{mark}, none: 0", _names("data", before=("",)),
                         where=lambda project, block: pin in block_row(block).pointers),
                refers=NameUse("DATA", ("data",)),
@@ -594,7 +594,7 @@ _ADDR_OF_INSTANCE: Final = Key(
 )  # fmt: skip
 _INSTANCE: Final = TableRow(
     "instance", "instances", InstanceDecl,
-    "A block instance; every key that stands not here is an input pin of its block.",
+    "A block instance. Every other key is an input pin of its block.",
     (
         _named("instance"),
         Key("block", TEXT, "The block.", "block", is_needed=True,
@@ -612,12 +612,12 @@ _INSTANCE: Final = TableRow(
         replace(_ADDR_OF_INSTANCE, writes=lambda i: None, ask=Hint(
             "of a UDP block", _new_or("addr"), free("addr"), lambda project, block:
             block_row(block).speaks_udp or (block_row(block).builds and bool(project.addrs)))),
-        Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
+        Key("data", TEXT, "The variable at its DATA; without it the pin is open.", "data",
             ask=Hint("a DATA variable", _new_or("data"), free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
         *map(_mark_key, pointer_pins()),
-        Key("task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
+        Key("task", TEXT, "The task that calls it; default: the first one.", is_said=True,
             ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
             refers=NameUse("task", ("task",)), writes=lambda i: i.task),
@@ -692,12 +692,12 @@ def _peer(values: Values) -> dict[str, Any]:
 
 
 _PEER: Final = TableRow(
-    "peer", "peers", PeerDecl, "A partner of our own, and what it does by itself.",
+    "peer", "peers", PeerDecl, "A partner that the bench plays, and what it does by itself.",
     (
         _named("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
             _truth("true: datagrams, no active")),
-        Key("active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True,
+        Key("active", TRUTH, "Whether it connects; default: if it has a remote.", is_said=True,
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else True,
             ask=Hint("true: it connects to remote", fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
@@ -706,26 +706,26 @@ _PEER: Final = TableRow(
             ask=Hint("address:port, or @NAME", _ENDS, _last(_ENDS)),
             refers=NameUse("CONNECT", ("connect",), by_at=True), only=_connects,
             writes=lambda p: p.end if p.active else None),
-        Key("local", ENDPOINT, "Where it listens; of one that connects: its own end.", "source",
+        Key("local", ENDPOINT, "Where it listens, or, if it connects, its own end.", "source",
             ask=Hint("where it listens, 127.0.0.1:0"), only=_dials),
         Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT,
             only=lambda table, around: not _dials(table, around),
             writes=lambda p: None if p.active else p.end),
-        Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; none: to whoever was heard last.", "remote",
+        Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; default: to the last sender.", "remote",
             refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
             only=lambda table, around: table.is_true("udp")),
-        Key("reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
+        Key("reconnect", DELAY, "When it connects again after a close; default: never.", "reconnect_ns", 0,
             Hint("after so long, such as T#1s"),
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else _is_active(table)),
         Key("says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
             Hint("a message, such as hex 01 02", is_quoted=True)),
-        Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
+        Key("every", INTERVAL, "How often it sends one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
         Key("replies", RULES, "Rules by which it answers, written as after `reply on`.", "replies", ()),
         *[replace(key, ask=None) for key in _CHOICE],
         Key("iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
             ask=_truth("true: it speaks ISO-on-TCP", where=_describes),
             writes=lambda p: isinstance(p.session, IsoSettings)),
-        Key("local_tsap", TSAP, "Its own TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
+        Key("local_tsap", TSAP, "Its TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
             ask=Hint("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True)),
         Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
             ask=Hint("that of the PLC", where=_describes, is_quoted=True)),
@@ -733,17 +733,17 @@ _PEER: Final = TableRow(
             writes=_of_iso("size_code")),
         Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
             ask=_truth("true: it speaks TLS", where=_describes)),
-        Key("certificate", NUMBER, "The number of its own certificate, one with a key.", only=_TLS,
+        Key("certificate", NUMBER, "The number of its certificate, which has a key.", only=_TLS,
             ask=Hint("the number of its own, with a key", _number(with_key=True), where=_describes),
             writes=_of_tls("certificate")),
         Key("authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
             ask=Hint("the number of whom it trusts", _number(), where=_describes),
             writes=_of_tls("authority")),
-        Key("client_certificate", TRUTH, "Whether it asks for a certificate of a client.", default=False,
+        Key("client_certificate", TRUTH, "Whether it asks the client for a certificate.", default=False,
             only=_TLS, writes=_of_tls("client_certificate")),
-        Key("server_name", HOST, "The name that the partner's certificate must bear.", only=_TLS,
+        Key("server_name", HOST, "The name that the partner's certificate must have.", only=_TLS,
             writes=_of_tls("server_name")),
-        Key("verify", VERIFY, "The only way to switch the check of a certificate off.", only=_TLS,
+        Key("verify", VERIFY, "Switches the check of the certificate off.", only=_TLS,
             writes=_of_tls("verify")),
     ),
     "peer", "a peer", "P", also=_peer, asks_first=("active", "remote", "local"),
@@ -756,7 +756,7 @@ _MESSAGE: Final = TableRow(
         _named("message"),
         Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
             ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
-        Key("peer", TEXT, "The peer whose alone it is; none: everybody's.", "peer", "",
+        Key("peer", TEXT, "The only peer that may send it; default: all may.", "peer", "",
             Hint("one peer's alone, or nobody's", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
     ),
     "message", "a message of the library", "message", asks_first=("peer",),
@@ -764,7 +764,7 @@ _MESSAGE: Final = TableRow(
 
 _SEQUENCE: Final = TableRow(
     "sequence", "sequences", SequenceDecl,
-    "Messages one after the other over one connection: `peer P1 play NAME`.",
+    "Messages in a row over one connection: `peer P1 play NAME`.",
     (
         _named("sequence"),
         Key("steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
@@ -778,15 +778,15 @@ _SEQUENCE: Final = TableRow(
 
 _WATCH: Final = TableRow(
     "watch", "watches", WatchDecl,
-    "A line of others: in a capture, the instances on a CONNECT or UDP_CONFIG look on (`trcvtui watch`).",
+    "A line to watch: instances on a CONNECT or UDP_CONFIG receive its traffic as shadows.",
     (
         _named("line"),
-        Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 where the PLC calls.", "plc",
+        Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 if the PLC connects.", "plc",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
-        Key("connect", TEXT, "The CONNECT whose instances look on.", "connect",
+        Key("connect", TEXT, "The CONNECT whose instances are the shadows.", "connect",
             ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
             refers=NameUse("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
-        Key("partner", FAR_END, "The other end; without it any.", "partner", "",
+        Key("partner", FAR_END, "The other end; default: any.", "partner", "",
             Hint("the other end; none: any")),
     ),
     "watched line", "a line that is watched", "watch",
@@ -796,17 +796,17 @@ _WATCH: Final = TableRow(
 _LOOKED_ON: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
 _TAP: Final = TableRow(
     "tap", "taps", TapDecl,
-    "A tap between two ends, whose bytes go on; the instances on a CONNECT look on (`trcvtui tap`).",
+    "A tap (`trcvtui tap`): forwards between two ends; instances on a CONNECT are shadows.",
     (
         _named("tap"),
         Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
             "listen", ask=Hint("where it listens: 2000"), is_needed=True),
-        Key("to", TAP_PLACE, "To whom it goes on: 10.0.0.5:2000, the PLC end.", "to",
+        Key("to", TAP_PLACE, "Where it forwards to: 10.0.0.5:2000, the PLC end.", "to",
             ask=Hint("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
-        Key("connect", TEXT, "The CONNECT whose instances look on at what goes to the PLC end.", "connect",
+        Key("connect", TEXT, "The CONNECT whose instances receive what goes to the PLC end.", "connect",
             ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
             refers=_LOOKED_ON, is_needed=True),
-        Key("back", TEXT, "The CONNECT whose instances look on at what comes from it.", "back", "",
+        Key("back", TEXT, "The CONNECT whose instances receive what comes from it.", "back", "",
             Hint("a CONNECT for what comes back; none: nobody", _names("connect")),
             refers=_LOOKED_ON._replace(or_none=True)),
     ),
@@ -817,12 +817,12 @@ _TAP: Final = TableRow(
 # -- the rest --------------------------------------------------------------------------------------------
 
 _TASK: Final = TableRow(
-    "task", "tasks", Task, "A task: it calls its instances; without one there is MAIN with 10 ms.",
+    "task", "tasks", Task, "A task calls its instances. Without one there is MAIN with 10 ms.",
     (
         _named("task"),
-        Key("interval", INTERVAL, "How often it calls them.", "interval_ns", DEFAULT_INTERVAL_NS,
+        Key("interval", INTERVAL, "The time from call to call.", "interval_ns", DEFAULT_INTERVAL_NS,
             is_played=True),
-        Key("priority", PRIORITY, "The smallest number goes first.", "priority", 1, is_played=True),
+        Key("priority", PRIORITY, "The smallest number runs first.", "priority", 1, is_played=True),
     ),
     "task",
 )  # fmt: skip
@@ -835,9 +835,9 @@ def _finish_unnamed(values: Values) -> None:
 
 _CERTIFICATE: Final = TableRow(
     "certificate", "certificates", certificate_of,
-    "A certificate of the CPU's certificate manager; without a key it is one to trust.",
+    "A certificate of the CPU's certificate manager. One without a key is an authority to trust.",
     (
-        Key("number", NUMBER, "Its number, by which others refer to it.", "number", is_needed=True),
+        Key("number", NUMBER, "The number that other keys refer to.", "number", is_needed=True),
         Key("file", FILE, "Its PEM file.", "file", ask=Hint("a PEM file"), is_needed=True),
         Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of one's own: its PEM file")),
     ),
@@ -849,20 +849,20 @@ SIM: Final = TableRow(
     "sim", "sim", SimDecl, "The simulated network.",
     (
         Key("addresses", ADDRESSES, "Addresses of the PLC besides loopback.", "addresses", ()),
-        Key("not_ethernet", ADDRESSES, "Which of them are no Ethernet ports.", "not_ethernet", ()),
-        Key("seed", SEED, "What random faults and pieces begin with.", "seed", 0),
-        Key("latency", DELAY, "How long bytes are on their way.", "latency_ns", 0),
-        Key("fragment", TRUTH, "Whether bytes come in pieces.", "fragment", False),
-        Key("names", NAMES, "What its DNS server knows; none: there is no server.", "names"),
+        Key("not_ethernet", ADDRESSES, "Those of them that are not on an Ethernet port.", "not_ethernet", ()),
+        Key("seed", SEED, "The seed of random faults and pieces.", "seed", 0),
+        Key("latency", DELAY, "How long bytes travel.", "latency_ns", 0),
+        Key("fragment", TRUTH, "Whether bytes arrive in random pieces.", "fragment", False),
+        Key("names", NAMES, "The names that its DNS server knows; default: no server.", "names"),
     ),
 )  # fmt: skip
 TOP: Final = TableRow(
-    "", "", dict, "What stands above all tables.",
+    "", "", dict, "Keys before the first table.",
     (
-        Key("dialect", None, "Whose PLC it is."),
-        Key("model", None, "The model, which says how many connections it has."),
+        Key("dialect", None, "The dialect: which PLC it is."),
+        Key("model", None, "The model of the PLC, which limits its connections."),
         Key("start", TEXT, "Bench commands before scan 1.", "start", ""),
-        Key("program", TEXT, "What the PLC's program does by itself while scans pass.", "program", ""),
+        Key("program", TEXT, "Bench commands of the PLC's program while scans pass.", "program", ""),
     ),
 )  # fmt: skip
 
@@ -877,8 +877,8 @@ def _udt_content(values: Values) -> dict[str, Any] | None:
 
 
 UDT: Final = TableRow(
-    "udt", "udts", UdtFile, "A file of UDTs.",
-    (Key("file", FILE, "The file, beside the project.", "name", is_needed=True),),
+    "udt", "udts", UdtFile, "A file with UDTs.",
+    (Key("file", FILE, "The file; its path begins at the project's folder.", "name", is_needed=True),),
     "UDT file", "a UDT file", called="file", also=_udt_content,
 )  # fmt: skip
 

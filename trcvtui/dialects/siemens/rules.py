@@ -112,7 +112,7 @@ SWITCHES: Final = (
         "iso_tpdu_default",
         "count",
         1024,
-        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024",
+        "bytes of a DT to an ISO-on-TCP partner that names no TPDU size; at most our own 1024",
         least=128,
         most=65531,
     ),

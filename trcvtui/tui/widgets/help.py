@@ -24,16 +24,17 @@ EVERYWHERE: Final = (
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
-    ("F", "freeze the view while the PLC runs on, its keys act as before; again: live"),
+    ("F", "freeze the view while the PLC runs on; its keys still act; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
-    ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
+    ("X", "bytes that were thrown away: the newest, again: those before"),
+    ("J", "doctor: what is wrong with the selected instance, where it shows, how to mend it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name, or by words such as copy, graph, recent projects"),
     ("y", "yank what the pane shows: hex, 16#.., members, history; y y takes the first"),
-    ("K", "mark: what a saved session will expect begins here"),
+    ("K", "mark: a saved scenario begins here"),
     (
         "A",
         "add an instance (with CONNECT, DATA of its own), connection, DATA, UDT file, peer; it is selected",
@@ -41,10 +42,13 @@ EVERYWHERE: Final = (
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
     ("ctrl+z", "undo: takes the newest add, change or remove back"),
     ("ctrl+s", "`save project`: what was added, changed and removed, into its file"),
-    ("P", "a picture of the screen as SVG, its path is told"),
+    ("P", "save a picture of the screen as SVG; the prompt shows where"),
     ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
-    ("other keys", "one that a single pane has works from everywhere, if it only looks; else go there first"),
+    (
+        "other keys",
+        "a key of one pane alone works everywhere if it changes nothing; else go to the pane first",
+    ),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),
@@ -55,7 +59,7 @@ LETTERS: Final = (  # of panes 1 to 3
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
 )
-PINS: Final = (*LETTERS, ("a letter", "the pin before which it stands in pane 2, also by a click"))
+PINS: Final = (*LETTERS, ("a letter", "the pin that has this letter in pane 2; a click on it does the same"))
 INSTANCES: Final = (
     ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
     ("!", "the next one with an ERROR"),
@@ -69,7 +73,7 @@ STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no tr
 HISTORY: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
-    ("n N", "the code of / before, the next one, until esc; without /: as !, and back"),
+    ("n N", "the edge before, after to the code of /, until esc; without /: as !, and back"),
     ("!", "the ERROR before"),
 )
 RECEIVED: Final = (
@@ -103,18 +107,18 @@ TIMING: Final = (
     ("n N", "next and previous edge of the chosen row"),
     ("! /", "next ERROR; next edge to a code, as in `find 7008`"),
     ("+ = -, wheel", "fewer or more scans a column; a pulse stays visible"),
-    ("m", "first and second marker: the distance in scans and ms stands in the title"),
-    ("f, esc", "follow or stand; back to now"),
+    ("m", "first and second marker: the title shows their distance in scans and ms"),
+    ("f, esc", "follow the newest scan, or stay; back to now"),
     ("o", "the other instances of this CONNECT, too"),
     ("e", "write a VCD (GTKWave, PulseView)"),
 )
 PEER_ACTS: Final = (  # its commands go out, or the prompt opens with them
     ("c s f", "connect or listen; send the message; FIN (UDP: close)"),
-    ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
-    ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
+    ("r h z", "RST; half-close: the peer still receives; stall: it stops reading, then reads again"),
+    ("l u", "silence the wire, without FIN or RST; let a kernel call fail, or clear such faults"),
     ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
     ("e", "try every split of the message, as a table; y copies it"),
-    ("a d", "a reply rule more; no replies"),
+    ("a d", "add a reply rule; remove all of them"),
 )
 PEER: Final = (
     *PEER_ACTS,
@@ -138,12 +142,12 @@ LINE: Final = (
 SCENARIOS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
     ("k", "simulated network or real sockets, for the next one that is loaded"),
-    ("enter", "load it: a fresh bench stands in for the present one"),
+    ("enter", "load it: a new bench replaces the present one"),
     ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all steps that are left; simulated ones as fast as they go"),
     ("5 6 7", "STATUS, history, timing of what plays"),
     ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
-    ("esc or q", "leave: the project that was opened begins afresh"),
+    ("esc or q", "leave: the project that was open starts anew"),
 )
 LAB: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
@@ -170,7 +174,7 @@ TIME_LINE: Final = (
     ("+ -", "faster, slower: 0.1x to the fastest"),
     ("T", "the next scan in which a trigger fires"),
     ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they part"),
-    ("9 or esc", "the keys to the time line; a pane that has the focus keeps its other ones"),
+    ("9 or esc", "give the time line its keys; the pane with the focus keeps the others"),
 )
 KeyTable = tuple[tuple[str, str], ...]
 # All keys by pane: a title, the ids of what has the focus there, and the rows.

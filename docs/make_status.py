@@ -20,7 +20,7 @@ BASES: Final = {"siemens-legacy": "siemens", "twincat": "baosky"}  # a page, and
 
 SCOPE: Final = "Each STATUS word with its likely causes and what to check."
 INTRODUCTION: Final = """\
-`trcvtui status CODE --dialect {name}` prints the same for one code.
+`trcvtui status CODE --dialect {name}` prints the same for one code, and its source.
 
 `!` is ERROR=1. Commands under "Check" run on the machine of the bench. The links at the end of a card
 are scenarios that show its code: `trcvtui scenario FILE`.
@@ -168,7 +168,6 @@ def _page_card(card: Card, up: str) -> str:
     row = card.one.row
     error = "ERROR=1" if row.error else "no error"
     scenarios = [f"[{_name(file)}]({up}{file})" for file in card.one.telling()]
-    source = [f"source: {row.manual}"] if card.differs("manual") else []
     parts = [
         f"## {row.word}",
         f"**{_plain(row.title)}** · {error} · {', '.join(row.blocks)} · {row.reach}",
@@ -177,7 +176,7 @@ def _page_card(card: Card, up: str) -> str:
         *(_sentence("Not certain", row.unsure) if card.differs("unsure") else ()),
         *(_sentence("Not on this bench", row.unreached) if card.differs("unreached") else ()),
         *([f"{card.rest}: as [{card.like.word}]({card.link})."] if card.like else []),
-        " · ".join([*scenarios, *source]),
+        " · ".join(scenarios),
     ]
     return "\n\n".join(filter(None, parts))
 

@@ -29,7 +29,7 @@ def test_a_card_tells_everything_of_its_row() -> None:
     assert lines[start + 2].endswith(" · real")
     bullets = [line[2:] for line in lines[start:] if line.startswith("- ")]
     assert bullets == [*one.row.causes, *one.row.checks]
-    assert lines[-1] == f"[80c5-partner](../configs/80c5-partner.toml) · source: {one.row.manual}"
+    assert lines[-1] == "[80c5-partner](../configs/80c5-partner.toml)"
 
 
 def test_a_card_of_a_page_of_differences_prints_what_the_other_row_has_not() -> None:

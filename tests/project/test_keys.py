@@ -24,7 +24,11 @@ from trcvtui.project.tables import of_text
 from trcvtui.tui.completion import complete
 
 ROOT = Path(__file__).parents[2]
-CONFIGS = sorted(file for file in (ROOT / "configs").rglob("*.toml") if file.parent.name != "tls")[::36]
+CONFIGS = sorted(
+    file
+    for file in (ROOT / "configs").rglob("*.toml")
+    if file.parent.name != "tls" and not re.search(r"^project\s*=", file.read_text("utf-8"), re.M)
+)[::36]  # with a project of its own, not that of another folder
 WORDS = ("short", "long")
 
 

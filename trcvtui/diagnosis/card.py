@@ -51,7 +51,7 @@ class Card:
         told = advice_on(e)
         causes = told.causes if told.checks else tuple(notes_of(instance, index))
         swapped = self._swapped(e, data) if has_values else ""
-        offer, do = self.offer(e, data), told.do
+        offer, do = self.offer(e, data, index), told.do
         if offer is not None:
             read = DoLine(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
@@ -60,7 +60,7 @@ class Card:
             told.why + _missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
         )
 
-    def offer(self, e: Evidence, data: DataBytes) -> Offer | None:
+    def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
         decl, content = data.decl, data.content
         if decl is None or e.facts.drop is not None:
@@ -69,14 +69,17 @@ class Card:
         if size is None and e.have and is_stuck(e):
             size = e.have
         if size is None or size != decl.size:
-            content = data.partial or content
+            content = _message_bytes(e.instance, data, index)
         elif e.done_scan is None or _wanders(e):
             return None
         asked = decl.layout, size, content
         if asked != self._asked:
             from trcvtui.diagnosis.data_view import offer_for  # read when the first bytes are here
 
-            self._asked, self._offer = asked, offer_for(decl, size, content)
+            # Of a few bytes nothing is known: what more of them have shown stays.
+            before = self._offer if self._asked is not None and self._asked[:2] == asked[:2] else None
+            found = offer_for(decl, size, content)
+            self._asked, self._offer = asked, found or (before if size != decl.size else None)
         return self._offer
 
     def _swapped(self, e: Evidence, data: DataBytes) -> str:
@@ -88,6 +91,14 @@ class Card:
 
             self._suspected = decl.layout, content, str(byte_order_suspicion(decl.layout, content) or "")
         return self._suspected[2]
+
+
+def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
+    """Return the longest part that begins with a message, of job or DATA; all where no message is known."""
+    known = [(data.partial, span) for span in index.messages(name, of_job=True)]
+    known += [(data.content, span) for span in index.messages(name, of_job=False)]
+    parts = [content[span.position : span.stop] for content, span in known if span.begins]
+    return max(parts, key=len, default=b"" if known else data.partial or data.content)
 
 
 def _wanders(e: Evidence) -> bool:

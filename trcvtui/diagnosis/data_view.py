@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from trcvtui.project.project import DataDecl
-from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out, profiles_for, same_layouts
 from trcvtui.udt.layout.rules import LayoutChoice, rules_for
 from trcvtui.udt.types import Elementary, Enumeration, ValueKind
 from trcvtui.wording import count
@@ -133,9 +133,9 @@ def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
     """
     if size is not None and size != decl.size:
         found = _of_size(decl, size)
-        if found is None:
+        order = _order(found, content) if found is not None else None
+        if found is None or order is None:
             return None
-        order = _order(found, content)
         name = found.rules.name
         why = f"{count(size, 'byte')} came, and that is the size of {decl.type_name} in the layout {name}"
         return Offer(LayoutChoice(name, None if rules_for(name).byte_order == order else order), why)
@@ -155,9 +155,14 @@ def _of_size(decl: DataDecl, size: int) -> Layout | None:
     return next(iter([*same, *found]), None)
 
 
-def _order(layout: Layout, content: bytes) -> str:
-    suspicion = byte_order_suspicion(layout, content)
-    return layout.rules.byte_order if suspicion is None else suspicion.other
+def _order(layout: Layout, content: bytes) -> str | None:
+    """Return the byte order that the members speak for, None where they speak for none."""
+    own = layout.rules.byte_order
+    if byte_order_suspicion(layout, content) is not None:
+        return OTHER[own]
+    swapped = lay_out(layout.type, replace(layout.rules, byte_order=OTHER[own]))
+    has_order = any(map(_number, layout.leaves(0, min(layout.leaf_count, MOST_LEAVES))))
+    return own if not has_order or byte_order_suspicion(swapped, content) is not None else None
 
 
 def view_line(decl: DataDecl, choice: LayoutChoice) -> str:

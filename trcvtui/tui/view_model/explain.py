@@ -67,7 +67,8 @@ class Explainer:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
         instance = self._view_model.instance
         evidence = self._evidence(instance.name) if instance else None
-        return self._card.offer(evidence, self._bytes) if evidence is not None else None
+        index = self._view_model.stream_index
+        return self._card.offer(evidence, self._bytes, index) if evidence is not None else None
 
     def _evidence(self, name: str) -> Evidence | None:
         picture = self._view_model.picture

@@ -29,7 +29,7 @@ the screen sends one of them and shows it. `tab` completes a line in the prompt.
 - "Screen" in a row: only the prompt takes it. "Scenario": only a scenario takes it. `start` takes
   what lets no scan pass.
 
-`make atlas` writes this page: verbs, forms and kinds come from `trcvtui/commands`, examples from the script.
+`make atlas` writes this page.
 """
 SECTIONS: Final[dict[str, Sequence[Row]]] = {
     "Inputs and DATA": (

@@ -314,7 +314,7 @@ def _lines() -> Iterator[str]:
                 "The forms of `A` and `E` send these lines. A STRUCT pasted into the form of a UDT file",
             )
             yield "becomes a file beside the project."
-            yield from ("", "Kinds of parts:", "", "| kind | what it is |", "| --- | --- |")
+            yield from ("", "| kind | what it is |", "| --- | --- |")
             yield from (f"| `{kind}` | {TABLES[kind].help} |" for kind in OFFERED)
         if title == "Faults and the wire":
             yield from ("", "The calls, and the error of each if the line names none:", "")

@@ -261,7 +261,8 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ),
         (
             "`expect TRCV_C_1 trace 0001 7001 7002+ 80A1! 7004 7006+`",
-            "Scenario: compares the STATUS of each scan since the last `trace`. `+`: one scan or more, `!`: ERROR.",
+            "Scenario: compares the STATUS of each scan since the last `trace`. `+`: one scan or more, "
+            "`!`: ERROR.",
         ),
     ),
 }

@@ -178,7 +178,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
     "A tap": (
         (
             "`tap T to-plc hold` · `tap T from-plc go`",
-            "Holds the bytes of a direction, and releases them. Beyond 1 MiB the sender waits, too.",
+            "Holds the bytes of a direction, and releases them. Beyond 1 MiB the sender waits.",
         ),
         (
             "`tap T to-plc edit 3 hex 0A` · `tap T to-plc drop 4`",

@@ -26,9 +26,10 @@ the screen sends one of them and shows it. `tab` completes a line in the prompt.
 - A line that is not understood changes nothing. The answer says where, what was found and what was expected.
 - The names are those of a project: TRCV_C_1 is an instance, C1 a CONNECT, rx a DATA, P1 a peer,
   RX a ComBuffer, T a tap.
-- "Screen" in a row: only the prompt takes it. "Scenario": only a scenario takes it.
+- "Screen" in a row: only the prompt takes it. "Scenario": only a scenario takes it. `start` takes
+  what lets no scan pass.
 
-`make atlas` writes this page: verbs, forms and kinds come from `trcvtui/commands`, examples from the script.
+`make atlas` writes this page.
 """
 SECTIONS: Final[dict[str, Sequence[Row]]] = {
     "Inputs and DATA": (
@@ -177,7 +178,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
     "A tap": (
         (
             "`tap T to-plc hold` · `tap T from-plc go`",
-            "Holds the bytes of a direction, and releases them. Beyond 1 MiB the sender waits, too.",
+            "Holds the bytes of a direction, and releases them. Beyond 1 MiB the sender waits.",
         ),
         (
             "`tap T to-plc edit 3 hex 0A` · `tap T to-plc drop 4`",
@@ -188,7 +189,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ("`tap T to-plc split 3,7`", "Forwards the next bytes in pieces, with 50 ms between them."),
         (
             "`tap T to-plc fin` · `tap T to-plc rst`",
-            "Sends FIN to this end and nothing more; RST to both.",
+            "Sends FIN this way and nothing more; RST to both ends.",
         ),
         (
             "`tap T to-plc hold conversation 2`",
@@ -211,7 +212,10 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
     ),
     "Time and triggers": (
         ("`hold` · `go`", "Screen: holds the scans, and lets them go on."),
-        ("`run 5` · `run T#200ms`", "Lets that many scans, or scans for that time, pass."),
+        (
+            "`run 5` · `run T#200ms`",
+            "Lets that many scans, or scans for that time, pass; at the prompt after `hold`.",
+        ),
         (
             "`trigger TRCV_C_1 STATUS=80C5` · `trigger TRCV_C_1 EN_R rises` · `trigger rx.speed > 100`",
             "Screen: freezes the view in the scan in which it fires. `hold` at the end holds the scans, too.",
@@ -227,7 +231,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ),
         (
             "`mark` · `save scenario FILE`",
-            "Screen: saves what was done since the mark, and expects what came.",
+            "Screen: saves what was done, and expects what came since the mark.",
         ),
         (
             "`record` · `record FILE` · `record stop`",
@@ -249,7 +253,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ("`wait TRCV_C_1 STATUS=7004 within T#2s`", "Scenario: lets scans pass until it holds."),
         (
             "`expect TRCV_C_1 STATUS=7008 RCVD_LEN=4` · `expect rx hex 01`",
-            "Fails if it does not hold now; with `within T#1s`, if it does not come to hold in that time.",
+            "Fails if it does not hold now; in a scenario with `within T#1s`, if not in that time.",
         ),
         (
             "`expect peer P1 closed` · `expect peer P1 received nothing`",
@@ -257,7 +261,8 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ),
         (
             "`expect TRCV_C_1 trace 0001 7001 7002+ 80A1! 7004 7006+`",
-            "Compares the STATUS of each scan since the last `trace`. `+`: one scan or more, `!`: ERROR.",
+            "Scenario: compares the STATUS of each scan since the last `trace`. `+`: one scan or more, "
+            "`!`: ERROR.",
         ),
     ),
 }
@@ -267,9 +272,9 @@ NOT_SAVED: Final = (
 TAP_NOTES: Final = """
 `trcvtui tap` reads these lines from stdin without a terminal, and they mark each act as yours.
 
-- A held direction holds its end, too.
+- A held direction holds its FIN or RST, too.
 - Held datagrams go on one by one. What has no room is lost, and the tap says so.
-- N and OFFSET count held bytes.
+- Positions are those of held bytes, from 0.
 - Nothing stays held when stdin, or the screen, ends.
 - On the screen the keys `e` `i` `d` `y` `s` `r` `f` of pane 7 open the prompt with the line: enter sends it.
   `h` acts at once; with `--armed`, `r` and `f` do, too. The header shows `IN THE LINE`, and `HELD 12 s` since
@@ -310,7 +315,7 @@ def _lines() -> Iterator[str]:
                 "The forms of `A` and `E` send these lines. A STRUCT pasted into the form of a UDT file",
             )
             yield "becomes a file beside the project."
-            yield from ("", "Kinds of parts:", "", "| kind | what it is |", "| --- | --- |")
+            yield from ("", "| kind | what it is |", "| --- | --- |")
             yield from (f"| `{kind}` | {TABLES[kind].help} |" for kind in OFFERED)
         if title == "Faults and the wire":
             yield from ("", "The calls, and the error of each if the line names none:", "")

@@ -105,6 +105,17 @@ def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Pa
     assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
 
 
+def test_messages_have_the_times_of_their_packets_after_scans_that_are_not_run(
+    watch: Watch, tmp_path: Path
+) -> None:
+    watch([*handshake(), *stream(12, 12)], "--project", str(project(tmp_path)), step_ms=60_000)
+    line = shown(watch.path, project(tmp_path))
+    work(line)
+    while (delta := line.picture(UpdateRequest(messages=("R1", 0, NOW))).messages) is None or delta.share < 1:
+        work(line)
+    assert [row.t_ns for row in delta.rows] == [180_000_000_000, 300_000_000_000]
+
+
 def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Path) -> None:
     bench = project(tmp_path)
     seen = watch([*handshake(), *stream(6, 6, 6, 6)], "--project", str(bench), step_ms=60_000)

@@ -41,7 +41,7 @@ METRICS: Final = (
     Metric("trcvtui_status", "gauge", "STATUS", _INSTANCE, lambda i: int(i.status.status, 16)),
     Metric("trcvtui_error", "gauge", "1: ERROR", _INSTANCE, lambda i: i.status.error),
     Metric("trcvtui_jobs_done", "counter", "DONEs", _INSTANCE, lambda i: i.jobs_done),
-    Metric("trcvtui_errors", "counter", "ERROR edges", _INSTANCE, lambda i: i.errors),
+    Metric("trcvtui_errors", "counter", "calls that show ERROR", _INSTANCE, lambda i: i.errors),
     Metric("trcvtui_here_bytes", "gauge", "bytes of the job", _INSTANCE, lambda i: i.status.here),
 )
 

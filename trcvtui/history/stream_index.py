@@ -216,7 +216,8 @@ class StreamIndex:
         self._claimed = dict(self._newest)  # who meets again begins a new stream
 
     def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        peer, message, local, remote, offset, size = event
+        peer, message, local, remote, offset, size, ns = event
+        t_ns = t_ns if ns < 0 else ns
         self.has_holes = self.has_holes or peer == A_HOLE
         self._are_packets = self._are_packets or peer == A_PACKET
         ends = local, remote

@@ -107,7 +107,7 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
             progress.tell()
 
         player.shadows.after_scan = after_scan
-        player.shadows.sent = lambda note, _: recorder.seam.note(note)
+        player.shadows.sent = lambda note, ns: recorder.seam.note(note._replace(ns=ns))
         recorder.begin(bench, Path(paths[0]), (), is_scenario=False)
         player.play(paths)
         played = player.close()

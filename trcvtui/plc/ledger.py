@@ -70,7 +70,10 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 
 
 class PeerSent(NamedTuple):
-    """A peer's message: its number (from 1), and where it lies in the peer's sent stream."""
+    """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
+
+    `ns`: when a captured packet came, in ns from the first one; -1: in the scan that the ledger tells.
+    """
 
     peer: str
     message: int
@@ -78,6 +81,7 @@ class PeerSent(NamedTuple):
     remote: str
     offset: int
     size: int
+    ns: int = -1
 
 
 class BenchNote(Struct, frozen=True):

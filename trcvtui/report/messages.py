@@ -240,13 +240,23 @@ def _run_again(rows: _Rows, path: str) -> None:
     found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
     run.before_close = found.take
-    try:
-        with restored_state(run.is_restored, path):
-            while run.scan():
-                found.take()
-        if not run.is_whole:
-            raise run.differs()
-    except UserError as stopped:
+    stopped: UserError | None = None
+
+    def scan() -> bool:
+        nonlocal stopped
+        try:
+            with restored_state(run.is_restored, path):
+                if run.scan():
+                    return True
+                if not run.is_whole:
+                    raise run.differs()
+        except UserError as wrong:
+            stopped = wrong
+        return False
+
+    while scan():
+        found.take()  # what it refuses is of the command line, and ends it
+    if stopped is not None:
         found.take()
         _say(recording.stopped or stopped)
     found.take(is_last=True)

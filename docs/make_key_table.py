@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from textual.binding import Binding
-from textual.keys import format_key
 
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
@@ -25,13 +24,13 @@ KEYS: Final = """
 
 `keys.toml` gives actions other keys: `action = "key"`, or a list of keys. A key is one character, or a name
 such as `f5`, `ctrl+k` or `pageup`. Lower-case letters, digits, tab, enter, esc and arrows belong to the pins
-and the panes: no action can take one that it does not have below.
+and the panes: no action can take one that it does not have below. The tables above say what an action does.
 
 The file is in the folder of your settings (Linux: `~/.config/trcvtui`), beside `config.toml`. The prompt
 shows a mistake in either file when the screen opens; the top of the help (`?`) lists all of them.
 
-| action | key | does |
-| --- | --- | --- |
+| action | key |
+| --- | --- |
 """
 NOTES: Final = """
 - `add` proposes parts that are free, also a CONNECT of the other direction, else `new`, which makes one.
@@ -74,12 +73,7 @@ def _actions() -> Iterator[str]:
     for binding in (*BenchApp.BINDINGS, *MainScreen.BINDINGS):
         if isinstance(binding, Binding) and binding.id:
             keys = ", ".join(f"`{key}`" for key in binding.key.split(","))
-            yield f"| `{binding.id}` | {keys} | {_cell(_does(format_key(binding.key.split(',')[0])))} |\n"
-
-
-def _does(key: str) -> str:
-    """Return what the help says of a key: under "Everywhere", else in the first pane that has it."""
-    return next(what for _, _, table in SECTIONS for shown, what in table if key in shown.split(" or "))
+            yield f"| `{binding.id}` | {keys} |\n"
 
 
 def _cell(text: str) -> str:

@@ -268,10 +268,11 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     )
     if since is None or len(off) - since < 2:
         return None
-    odd, rest = messages[since], Counter(off[since:]).most_common(1)[0][0]
+    odd, later = messages[since], off[since:]
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
-    text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
+    where = f"{count(later[0], 'byte')} inside messages" if min(later) == max(later) else "inside messages"
+    text = f"frames of {need} bytes begin {where} since {line.seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
     offer = RemedyOffer(frames_anew(wanted))  # where nothing brings it again

@@ -10,6 +10,7 @@ import pytest
 
 from trcvtui.capture.pcap import RAW_IP, interface_block, section_block
 from trcvtui.cli.main import main
+from trcvtui.paths import configs_path
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS, DEMO = ROOT / "configs" / "scenarios", ROOT / "trcvtui" / "demo" / "demo.toml"
@@ -31,6 +32,16 @@ def test_a_recording_of_a_good_run_is_healthy(
     scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert all(one["healthy"] for one in judged(scenario, tmp_path, capsys))
+
+
+def test_a_few_messages_of_several_lengths_are_not_given_the_len_of_one_of_them(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    project = str(configs_path() / "guide" / "barcode.toml")
+    assert main(["doctor", project, "--for", "T#4s", "--kernel", "sim", "--format", "json"]) == 1
+    found = [each for one in json.loads(capsys.readouterr().out) for each in one["findings"]]
+    (short,) = [each for each in found if each["cause"] == "frame-short"]
+    assert [mend.get("command") for mend in short["mend"]] == [None]
 
 
 def test_the_demo_is_healthy_and_its_recording_knows_the_plc_end_of_each_conversation(

@@ -170,11 +170,14 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if found is None:
         return None
     wanted, sizes = found
-    if sizes.usual >= wanted.need or (sizes.share < 0.7 and sizes.messages >= FEW):
+    is_varied = sizes.share < 0.7  # then no LEN is theirs
+    longest = max(one.size for one in line.messages)
+    if sizes.usual >= wanted.need or (is_varied and (sizes.messages >= FEW or longest >= wanted.need)):
         return None
     last = line.messages[-1]
-    of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')}"
-    text = f"{of_all} have {sizes.usual} bytes, a job wants {wanted.need}"
+    of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
+    some = "messages of several lengths" if is_varied else of_all
+    text = f"{some}, a job wants {wanted.need}"
     sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
     is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces come soon after each other
     whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
@@ -191,7 +194,7 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if is_soon and last.at + last.size - _start(line) == wanted.need:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
-    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual, line)
+    offer = NO_OFFER if may_be_cut or is_varied else _with_len(wanted, sizes.usual, line)
     return finding_to_plc(wanted, sure, (text,), _at(last), offer)
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.terminal import TRCVTUI, Terminal
+from tests.e2e.test_in_a_terminal import terminals
 from tests.guide_page import Step, joined, opens_screen, played_text, steps
 from tests.test_guide import PAGES, SIZE, folder, output_of
 
-__all__ = ["folder"]
+__all__ = ["folder", "terminals"]
 pytestmark = [
     pytest.mark.live,
     pytest.mark.slow,
@@ -25,14 +25,6 @@ TMUX_NAMES = {
     "backspace": "BSpace",
     "delete": "DC",
 }
-
-
-@pytest.fixture
-def terminals() -> Iterator[list[Terminal]]:
-    opened: list[Terminal] = []
-    yield opened
-    for terminal in opened:
-        terminal.close()
 
 
 def play(terminal: Terminal, step: Step) -> None:

@@ -32,7 +32,7 @@ class Card:
 
     def __init__(self) -> None:
         self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion
-        self._asked: tuple[object, int | None, bytes] | None = None
+        self._asked: tuple[str, object, int | None, bytes] | None = None
         self._offer: Offer | None = None
 
     def on(
@@ -72,12 +72,12 @@ class Card:
             content = _message_bytes(e.instance, data, index)
         elif e.done_scan is None or _wanders(e):
             return None
-        asked = decl.layout, size, content
+        asked = e.instance, decl.layout, size, content
         if asked != self._asked:
             from trcvtui.diagnosis.data_view import offer_for  # read when the first bytes are here
 
             # Of a few bytes nothing is known: what more of them have shown stays.
-            before = self._offer if self._asked is not None and self._asked[:2] == asked[:2] else None
+            before = self._offer if self._asked is not None and self._asked[:3] == asked[:3] else None
             found = offer_for(decl, size, content)
             self._asked, self._offer = asked, found or (before if size != decl.size else None)
         return self._offer

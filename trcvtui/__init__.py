@@ -3,4 +3,4 @@
 The folders and their order: docs/architecture.md.
 """
 
-__version__ = "0.3.0.dev1"
+__version__ = "0.3.0.dev2"

@@ -15,10 +15,11 @@ import pytest
 from tests.cli.test_cli import ENVIRONMENT
 from tests.scenario.scenarios import BAOSKY, CONFIGS
 from tests.waiting import until, until_size
+from trcvtui import __version__
 from trcvtui.capture.pcap import open_capture
 from trcvtui.cli.main import main
 from trcvtui.errors import mistake
-from trcvtui.recording import files, state, writer
+from trcvtui.recording import files, journal, state, writer
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
 from trcvtui.recording.recording import Recording, RecordingWriter
@@ -217,6 +218,19 @@ def test_each_file_of_a_split_run_runs_again(
     assert [main(["replay", str(file), "--check"]) for file in files] == [0] * len(files)
     assert capsys.readouterr().err == ""
     assert all(Recording(file).keyframes() for file in files[1:])
+
+
+def test_a_late_file_of_another_version_is_refused_with_its_version(
+    blinking: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with monkeypatch.context() as older:  # its states name classes that are renamed since
+        older.setattr(journal, "__version__", "0.3.0.dev1")
+        assert main([*blinking, "--split", "64KiB", "--duration", "T#2s"]) == 0
+    first, late, *_ = (str(file) for file in sorted((tmp_path / "out").iterdir()))
+    assert main(["replay", late, "--check"]) == 2
+    [error] = capsys.readouterr().err.splitlines()
+    assert "found a state of trcvtui 0.3.0.dev1" in error and f"expected one of {__version__}" in error
+    assert main(["replay", first, "--check"]) == 0  # it begins with its run: it needs no state
 
 
 def test_a_ring_too_small_for_two_files_is_told_with_the_size_that_would_do(

@@ -72,7 +72,6 @@ class DescriptionFlaw(NamedTuple):
     text: str
 
 
-Finding = DescriptionFlaw  # its name in the keyframes of older recordings
 Answer = tuple[Flaw, str, str]  # of a question, as a DescriptionFlaw
 
 

@@ -9,7 +9,7 @@ from typing import Final
 from trcvtui import clock
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources
 from trcvtui.net.faults import FaultPlan, FaultyKernel
-from trcvtui.net.kernel import Accepted, Handle
+from trcvtui.net.kernel import Handle, NewClient
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.plc.commands import SetInput
@@ -29,10 +29,10 @@ class OpenKernel(OsKernel):
         super().__init__()
         self.accepted: list[Handle] = []
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         """Take one finished handshake."""
         got = super().accept(handle)
-        if isinstance(got, Accepted):
+        if isinstance(got, NewClient):
             self.accepted.append(got.handle)
         return got
 
@@ -44,7 +44,7 @@ class ManyReceivers:
         project = read_project(_document(count, size), "benchmark", Path())
         plan, self.kernel = FaultPlan(), OpenKernel()
         unlimited = Resources(
-            JobQueue(count, plan.take), BufferPool(count, plan.take), ConnectionBudget(count)
+            JobQueue(count, plan.take_fault), BufferPool(count, plan.take_fault), ConnectionBudget(count)
         )
         kernel = FaultyKernel(self.kernel, plan)
         containment = Containment(

@@ -127,6 +127,6 @@ def test_a_full_combuffer_slows_a_tcp_device_and_loses_nothing(tmp_path: Path) -
 def test_a_scan_takes_no_more_of_a_port_than_its_share() -> None:
     port = SimSerialPort()
     port.open()
-    port.arrive(b"\x55" * (SIMULATED_LINE_BYTES + 1000))
+    port.simulate_arrival(b"\x55" * (SIMULATED_LINE_BYTES + 1000))
     assert len(port.read(MOST_A_SCAN)) == MOST_A_SCAN
     assert len(port.read(SIMULATED_LINE_BYTES)) == SIMULATED_LINE_BYTES - MOST_A_SCAN

@@ -18,7 +18,7 @@ from trcvtui.cli.main import main
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.connection.connection import Connection
-from trcvtui.net.layers.iso_on_tcp import IsoOnTcp
+from trcvtui.net.layers.iso_on_tcp import IsoSession
 from trcvtui.net.layers.layered_stream import SharedListener
 from trcvtui.plc.containment import INTERNAL_ERROR, RAISES
 from trcvtui.plc.ledger import BenchNote
@@ -78,14 +78,14 @@ PLACES: dict[str, tuple[str, tuple[str, ...], Callable[[pytest.MonkeyPatch], Non
         four("baosky"), ("A",), lambda m: raising(m, Connection, "receive", lambda c: c.config.name == "C1")),
     "a connection between scans": (
         four("baosky"), SHARING,
-        lambda m: raising(m, Connection, "service", lambda c: c.config.name == "C1", 0)),
+        lambda m: raising(m, Connection, "serve_listener", lambda c: c.config.name == "C1", 0)),
     "a connection halfway": (
         four("baosky"), ("A",),
         lambda m: raising(m, Connection, "_begin_incarnation", lambda c: c.config.name == "C1", 0)),
     "a layer": (
-        four("s7-1500", iso=True), (), lambda m: raising(m, IsoOnTcp, "feed", lambda s: not s._messages)),
+        four("s7-1500", iso=True), (), lambda m: raising(m, IsoSession, "feed", lambda s: not s._messages)),
     "the last word of a layer": (
-        four("s7-1500", iso=True), (), lambda m: raising(m, IsoOnTcp, "say_goodbye", lambda s: True, 0)),
+        four("s7-1500", iso=True), (), lambda m: raising(m, IsoSession, "say_goodbye", lambda s: True, 0)),
     "a listener": (
         four("s7-1500", iso=True), (), lambda m: raising(m, SharedListener, "poll", lambda s: True, 30)),
     "a peer": (four("baosky"), (), lambda m: raising(m, Peer, "step", lambda p: p.decl.name == "P1", 20)),

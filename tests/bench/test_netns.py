@@ -273,5 +273,5 @@ def test_a_system_without_namespaces_is_told_in_one_line(
 
 
 def test_the_network_of_everybody_is_never_cut() -> None:
-    assert not os_namespace.is_own_network()
+    assert not os_namespace.has_own_network()
     assert os_namespace.set_loopback(up=False) == "this is no network of its own"

@@ -61,7 +61,10 @@ def test_descriptions_and_what_goes_with_them_are_saved_as_they_were_added(tmp_p
         first.description is not None and first.description.data.hex() == "004000010b000000000000000" + "7d0"
     )
     assert iso.session is not None and udp.is_datagram
-    assert [addr.written.data.hex() for addr in project.addrs] == ["7f00000113880000", "7f00000107d00000"]
+    assert [addr.effective_description.data.hex() for addr in project.addrs] == [
+        "7f00000113880000",
+        "7f00000107d00000",
+    ]
     assert isinstance(project.peers[0].session, IsoSettings)
 
 

@@ -18,7 +18,7 @@ from trcvtui.commands.patterns import ANY, Atom, TracePattern
 from trcvtui.commands.table import COMMANDS, parse_line, to_line
 from trcvtui.commands.words import Contains, Starts
 from trcvtui.net.faults import KNOWN_ERRORS
-from trcvtui.net.kernel import CALLS
+from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.project.project import InstanceDecl, Project
 
 TRUTH = st.booleans()
@@ -101,7 +101,7 @@ TRIALS = st.builds(
 )
 FAULTS = st.builds(
     words.FaultOn,
-    st.sampled_from(CALLS),
+    st.sampled_from(KERNEL_CALLS),
     st.none() | st.sampled_from(sorted(KNOWN_ERRORS)),
     st.sampled_from([None, "C1"]),
     st.integers(1, 10**9),

@@ -11,7 +11,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
-from trcvtui.net.layers.layered_stream import ENDED
+from trcvtui.net.layers.layered_stream import SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Outputs, StatusEdge
 from trcvtui.project.file import load_project
 
@@ -69,7 +69,7 @@ def test_an_error_that_is_expected_is_none(bench: Bench) -> None:
 def test_an_error_of_a_handshake_has_the_words_of_the_library(bench: Bench) -> None:
     words = "the partner's certificate: IP address mismatch"
     symptoms = BlockSymptoms(bench, 0)
-    symptoms.take(1, 0, BenchNote(bench.project.instances[0].connect, ENDED, words))
+    symptoms.take(1, 0, BenchNote(bench.project.instances[0].connect, SESSION_ENDED, words))
     symptoms.take(1, 0, shown(bench, Condition.TLS_HANDSHAKE, HANDSHAKE))
     (found,) = symptoms.found(is_running=False)
     assert found.explains[0].endswith(words)

@@ -12,7 +12,7 @@ from trcvtui.blocks.conditions import Condition as Is
 from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 
 BLOCKS: Final = ("TRCV_C", "TSEND_C")
 SECOND: Final = 1_000_000_000  # ns
@@ -65,7 +65,7 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
         status={condition: row.code for row in STATUS for condition in row.conditions},
         course=StatusSequence(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
         not_connected=NotConnected.NEVER,
-        policy=Policy(retry_ns=int(values.get("retry", SECOND))),
+        policy=ConnectionPolicy(retry_ns=int(values.get("retry", SECOND))),
     )
 
 

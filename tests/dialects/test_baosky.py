@@ -10,7 +10,7 @@ from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import defaults, format_value, read_switches
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 
 
 def rules(**raw: object) -> Rules:
@@ -58,7 +58,7 @@ def test_without_switches_the_rules_are_the_decisions_of_the_design() -> None:
     answered = BAOSKY.answer({})
     of_the_manual = StatusSequence(silent_dead_link=True)
     assert answered == Rules(status=answered.status, course=of_the_manual, adhoc_at_once=True)
-    assert answered.policy == Policy()
+    assert answered.policy == ConnectionPolicy()
 
 
 def test_every_switch_gives_the_same_rules_at_its_default_as_when_it_is_left_out() -> None:

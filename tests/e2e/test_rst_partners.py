@@ -26,7 +26,7 @@ from tests.e2e.tapping import PATIENCE, reset
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.net.os.forwarder import Forwarder
-from trcvtui.net.tap import route_of
+from trcvtui.net.tap import make_route
 from trcvtui.project.file import read_project
 
 pytestmark = pytest.mark.live
@@ -272,7 +272,7 @@ def test_iso_on_tcp(is_active: bool, door: socket.socket, tmp_path: Path) -> Non
 @pytest.mark.parametrize("speaks", ["near", "far"])
 def test_a_tap_hands_on_what_came_before_a_reset(speaks: str, door: socket.socket) -> None:
     tap = Forwarder(lambda _: None)
-    tap.add_route(route_of("T", "127.0.0.1:0", f"127.0.0.1:{door.getsockname()[1]}", ("LISTEN", "CONNECT")))
+    tap.add_route(make_route("T", "127.0.0.1:0", f"127.0.0.1:{door.getsockname()[1]}", ("LISTEN", "CONNECT")))
     address, received, last = tap.routes[0].address, 0, b""
     assert address is not None
 
@@ -280,7 +280,7 @@ def test_a_tap_hands_on_what_came_before_a_reset(speaks: str, door: socket.socke
         for _ in range(MOST_SCANS):
             with suppress(BlockingIOError):
                 return act()
-            tap.turn(0.01)
+            tap.run_once(0.01)
         raise AssertionError(f"{what}: {received} frames, {last!r}")
 
     for number in range(1, PARTNERS + 1):

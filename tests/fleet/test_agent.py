@@ -26,7 +26,7 @@ from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
-from trcvtui.net.os.forwarder import say_at_once
+from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTo
@@ -226,11 +226,11 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
     record = RecordTo(tmp_path / "runs")
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
     agent = Agent(settings, load_bench(PROJECT))
-    queue = DiskQueue(tmp_path / "queue.sqlite", say_at_once)
+    queue = DiskQueue(tmp_path / "queue.sqlite", write_or_drop_line)
     queue._base.close()  # every call of it is an error from now on
     connection = DeadEnd(Broker("127.0.0.1", 1, False), "x")
     connection._append(Connected())
-    agent._publisher = Publisher(connection, queue, say_at_once)
+    agent._publisher = Publisher(connection, queue, write_or_drop_line)
     with ExitStack() as opened, monkeypatch.context() as broken:
         opened.callback(agent._end_engine)
         broken.setattr(fleet_agent, "EngineDriver", fails)

@@ -138,13 +138,13 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
             number,
             size,
             "U",
-            [(rings.ring("U").append(bytes(size)), size)] * (size > 0),
+            [(rings.open_ring("U").append(bytes(size)), size)] * (size > 0),
             "",
             size,
         )
         crossed(rows, known)
         assert (known.oldest, known.rows[-1].content) == (0, bytes(size))
-    rings.ring("U").most = 2
+    rings.open_ring("U").most = 2
     crossed(rows, known)
     assert (known.oldest, [row.content for row in known.rows]) == (2, [b"", None, b""])
 
@@ -154,7 +154,7 @@ def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in
     rows = KeptRows(rings.get)
     for _ in range(100):
         for number in islice(numbers, 2 * messages.ROWS_A_PICTURE):
-            rows.add("X", number, number, number, 1, "C", [(rings.ring("C").append(b"1"), 1)], "", 1)
+            rows.add("X", number, number, number, 1, "C", [(rings.open_ring("C").append(b"1"), 1)], "", 1)
         known.take(rows.news(*known.asked("X")), NOW)
         here.append(len(known.rows))
     assert max(here[50:]) > messages.ROWS // 3 and sum(each == messages.ROWS_A_PICTURE for each in here) <= 5

@@ -15,11 +15,11 @@ from trcvtui.errors import UserError
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import ReceivedStreams
-from trcvtui.net.received_ring import sent_by
+from trcvtui.net.received_ring import sent_ring_name
 from trcvtui.scenario.runner import Runner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
-SENT = sent_by("")
+SENT = sent_ring_name("")
 
 
 class Messages(VirtualPace):

@@ -22,7 +22,7 @@ from trcvtui.line.tap_watch import TapWatch
 from trcvtui.line.tapped import NOTES, TapCapture
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.os.lossy_pipe import MOST_LINE
-from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of
+from trcvtui.net.tap import WAY_BACK, WAY_TO, TapEvent, TapEventKind, TapOrder, parse_order, parse_place
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
@@ -96,7 +96,7 @@ def test_a_bench_without_a_tap_says_who_has_one(project: Project) -> None:
 
 def test_an_order_crosses_as_a_line() -> None:
     order = TapOrder(1, 2, 1, "edit", (3,), b"\n \x00;")
-    assert order_of(order.line().rstrip(b"\n"), order.route + 1) == order
+    assert parse_order(order.encode().rstrip(b"\n"), order.route + 1) == order
 
 
 @pytest.mark.parametrize(
@@ -110,12 +110,12 @@ def test_an_order_crosses_as_a_line() -> None:
     ],
 )
 def test_a_place_is_written_whole(text: str, place: str) -> None:
-    assert str(place_of(text, "LISTEN")) == place
-    assert place_of(str(place_of(text, "")), "") == place_of(text, "")
+    assert str(parse_place(text, "LISTEN")) == place
+    assert parse_place(str(parse_place(text, "")), "") == parse_place(text, "")
 
 
 def test_a_serial_place_has_its_settings() -> None:
-    line = place_of("serial:/dev/ttyS0,19200,7E2", "LISTEN").line
+    line = parse_place("serial:/dev/ttyS0,19200,7E2", "LISTEN").line
     assert line is not None
     assert (line.baud, line.data_bits, line.parity, line.stop_bits) == (19200, 7, "even", 2)
 
@@ -149,13 +149,13 @@ class Observed:
         return [json.loads(line) for line in "".join(self.lines).splitlines()]
 
     def blocks(self, *events: TapEvent) -> bytes:
-        return b"".join([self.capture.block(event) for event in events])
+        return b"".join([self.capture.encode_event(event) for event in events])
 
 
 def event(
     kind: TapEventKind,
     ms: int,
-    way: int = TO,
+    way: int = WAY_TO,
     at: int = 0,
     data: bytes = b"",
     number: int = 1,
@@ -165,7 +165,7 @@ def event(
 
 
 OPENS = b"tcp|127.0.0.1|50000|127.0.0.1|2000"
-BEGIN = event(TapEventKind.OPEN, 0, data=OPENS), event(TapEventKind.STANDS, 0, BACK)
+BEGIN = event(TapEventKind.OPEN, 0, data=OPENS), event(TapEventKind.STANDS, 0, WAY_BACK)
 
 
 def test_a_tap_without_descriptors_says_so_in_words_of_its_tap() -> None:
@@ -178,7 +178,7 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     tap = Observed()
     before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
     tap.blocks(event(TapEventKind.BYTES, 150, at=4, data=bytes(1000)))  # was left out
-    loss = tap.capture.loss(200 * MS, 3, 3, 1000) + tap.capture.open()
+    loss = tap.capture.encode_loss(200 * MS, 3, 3, 1000) + tap.capture.encode_open()
     again = event(TapEventKind.BYTES, 300, at=1004, data=b"again"), event(TapEventKind.OVER, 500)
     records = tap.read(before, loss, tap.blocks(*again))
     assert tap.said == [("lost", "3 events with 1000 bytes came faster than they were shown")]
@@ -214,8 +214,8 @@ def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_no
         assert tap.watch.player is not None and tap.watch.player.talks is not None
         return [each.to_plc.held for each in tap.watch.player.talks.snapshot()]
 
-    assert held(before, tap.capture.loss(200 * MS, 3, 3, 1000), tap.capture.open()) == [4]
-    assert held(other.capture.head(300 * MS), other.capture.open()) == [None]
+    assert held(before, tap.capture.encode_loss(200 * MS, 3, 3, 1000), tap.capture.encode_open()) == [4]
+    assert held(other.capture.head(300 * MS), other.capture.encode_open()) == [None]
 
 
 ROWS = """
@@ -245,7 +245,10 @@ def test_a_conversation_whose_begin_was_lost_has_its_ends_and_the_connect_of_its
     project.write_text(connect + ROWS)
     tap = Observed(project, ("ONE", "1998", "2000"), ("TWO", "1999", "2000"))
     told = event(TapEventKind.OPEN, 0, at=1, data=OPENS, number=7, tap=1)
-    later = event(TapEventKind.BYTES, 9, BACK, 5, data, 7, 1), event(TapEventKind.BYTES, 9, TO, 4, data, 7, 1)
+    later = (
+        event(TapEventKind.BYTES, 9, WAY_BACK, 5, data, 7, 1),
+        event(TapEventKind.BYTES, 9, WAY_TO, 4, data, 7, 1),
+    )
     records = tap.read(tap.blocks(told, *later))
     assert records[-1]["assigned"] == [{"id": "C7", "shadows": ["C2"]}]
     assert [each["note"] for each in records if "conversation" in each] == ["begins in the middle"]

@@ -32,8 +32,8 @@ from trcvtui.line import live_screen
 from trcvtui.line.live_screen import TapSocketDriver
 from trcvtui.line.tap_socket import connection_to, socket_of
 from trcvtui.net.os import observers
-from trcvtui.net.os.observers import CREDENTIALS, MOST_NAME, is_trusted, listening
-from trcvtui.net.tap import TO, TapOrder
+from trcvtui.net.os.observers import MOST_PATH_BYTES, PEER_CREDENTIALS, is_trusted, listen_at
+from trcvtui.net.tap import WAY_TO, TapOrder
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.scenario.scenario import load_bench
 
@@ -133,7 +133,7 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     plc_end = plc.getsockname()
     device.sendall(b"one")
     assert exactly(plc, 3) == b"one"
-    observer.sendall(TapOrder(0, 0, TO, "insert", (), b"!!").line() + b"9 9 9 no order\n")
+    observer.sendall(TapOrder(0, 0, WAY_TO, "insert", (), b"!!").encode() + b"9 9 9 no order\n")
     assert exactly(plc, 2) == b"!!"
     until(lambda: "gives an order that is none" in tap.said)
     device.close()
@@ -162,7 +162,7 @@ def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(s
     device, plc = tap.connect()
     wrong = ["0 99999999999 0 rst ;", "0 -1 0 rst ;", "0 0 0 delay 9000000000000000000;", "0 0 0 drop ;"]
     wrong.append("! words of the process that serves")
-    dies.sendall("".join(f"{line}\n" for line in wrong).encode() + TapOrder(0, 0, TO, "hold").line())
+    dies.sendall("".join(f"{line}\n" for line in wrong).encode() + TapOrder(0, 0, WAY_TO, "hold").encode())
     until(lambda: tap.said.count("gives an order that is none") == len(wrong))
     device.sendall(b"held")
     dies.close()  # with bytes unread, as a program that was killed
@@ -175,7 +175,7 @@ def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(s
 def test_an_observer_without_leave_gives_no_orders(tap: TapService) -> None:
     observer = tap.observer()
     device, plc = tap.connect()
-    observer.sendall(TapOrder(0, 0, TO, "rst").line())
+    observer.sendall(TapOrder(0, 0, WAY_TO, "rst").encode())
     until(lambda: "--allow-orders" in tap.said)
     device.sendall(b"still")
     assert exactly(plc, 5) == b"still"
@@ -351,16 +351,16 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
 def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapService, short: Path) -> None:
     assert tap.socket.stat().st_mode & 0o777 == 0o600
     with pytest.raises(UserError, match="a tap that listens there already"):
-        listening(tap.socket)
+        listen_at(tap.socket)
     tap.process.kill()
     tap.process.wait()
     until(lambda: not tap.socket.exists())
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(tap.socket))
-    listening(tap.socket).close()
+    listen_at(tap.socket).close()
     tap.socket.unlink()
-    with pytest.raises(UserError, match=f"{MOST_NAME} at most"):
-        listening(short / ("x" * 100))
+    with pytest.raises(UserError, match=f"{MOST_PATH_BYTES} at most"):
+        listen_at(short / ("x" * 100))
 
 
 def _link(folder: Path, _: pytest.MonkeyPatch) -> None:
@@ -387,7 +387,7 @@ def test_a_folder_that_others_may_have_made_is_refused_at_both_ends(
         tap.bind(str(path))
         tap.listen()
         change(path.parent, monkeypatch)
-        for ask in (lambda: connection_to(short / "line.toml"), lambda: listening(path)):
+        for ask in (lambda: connection_to(short / "line.toml"), lambda: listen_at(path)):
             with pytest.raises(UserError, match="expected a folder of yours, mode 700"):
                 ask()
 
@@ -399,7 +399,7 @@ class Peer:
         self._user = user
 
     def getsockopt(self, *_: int) -> bytes:
-        return CREDENTIALS.pack(1, self._user, 1)
+        return PEER_CREDENTIALS.pack(1, self._user, 1)
 
 
 @pytest.mark.skipif(not hasattr(socket, "SO_PEERCRED"), reason="the system does not tell")

@@ -11,7 +11,7 @@ from trcvtui.capture import pcap
 from trcvtui.capture.packets import IpPayload, carried_by
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
 from trcvtui.line.tapped import TapPacket, TapPackets
-from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
+from trcvtui.net.tap import LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import checksum
 
 OPENS = {
@@ -22,11 +22,11 @@ OPENS = {
 }
 
 
-def event(kind: TapEventKind, way: int = TO, at: int = 0, data: bytes = b"", number: int = 1) -> TapEvent:
+def event(kind: TapEventKind, way: int = WAY_TO, at: int = 0, data: bytes = b"", number: int = 1) -> TapEvent:
     return TapEvent(kind, way, 0, number, at, 1_000_000_000, data)
 
 
-BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.STANDS, BACK)
+BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.STANDS, WAY_BACK)
 
 
 def packets_of(*events: TapEvent) -> list[TapPacket]:
@@ -50,11 +50,11 @@ def test_every_sum_is_right(opens: str, size: int) -> None:
     data = (bytes(range(256)) * 40)[:size]
     packets = packets_of(
         event(TapEventKind.OPEN, data=OPENS[opens]),
-        event(TapEventKind.STANDS, BACK),
+        event(TapEventKind.STANDS, WAY_BACK),
         event(TapEventKind.BYTES, data=data),
-        event(TapEventKind.BYTES, BACK, data=b"\xff" * size),
+        event(TapEventKind.BYTES, WAY_BACK, data=b"\xff" * size),
         event(TapEventKind.FIN, at=size),
-        event(TapEventKind.RST, BACK, at=size),
+        event(TapEventKind.RST, WAY_BACK, at=size),
         event(TapEventKind.OVER),
     )
     for packet in packets:
@@ -71,9 +71,9 @@ def test_a_conversation_is_read_back_as_it_was() -> None:
         packets_of(
             *BEGIN,
             event(TapEventKind.BYTES, data=b"question"),
-            event(TapEventKind.BYTES, BACK, data=b"answer"),
+            event(TapEventKind.BYTES, WAY_BACK, data=b"answer"),
             event(TapEventKind.FIN, at=8),
-            event(TapEventKind.RST, BACK, at=6),
+            event(TapEventKind.RST, WAY_BACK, at=6),
             event(TapEventKind.OVER),
         )
     )
@@ -92,7 +92,7 @@ def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
         event(TapEventKind.LOST, data=LOSS.pack(2, 100) + alive),
         event(TapEventKind.OPEN, at=1, data=OPENS["v4"]),
         event(TapEventKind.BYTES, at=103, data=b"two"),
-        event(TapEventKind.BYTES, BACK, data=b"seen"),
+        event(TapEventKind.BYTES, WAY_BACK, data=b"seen"),
         event(TapEventKind.FIN, at=106),
     )
     assert [p.comments for p in packets if p.comments] == 2 * [
@@ -107,10 +107,10 @@ def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
     packets = packets_of(
         *BEGIN,
         event(TapEventKind.OURS, data=b"hold"),
-        event(TapEventKind.BYTES, BACK, data=b"other way"),
+        event(TapEventKind.BYTES, WAY_BACK, data=b"other way"),
         event(TapEventKind.OURS, data=b"edit byte 2 aa"),
         event(TapEventKind.BYTES, data=b"edited"),
-        event(TapEventKind.OURS, BACK, data=b"delay 5 ms"),
+        event(TapEventKind.OURS, WAY_BACK, data=b"delay 5 ms"),
         event(TapEventKind.OVER),
     )
     assert [p.comments for p in packets[4:]] == [
@@ -122,7 +122,7 @@ def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
 def test_a_serial_line_has_an_interface_of_its_own() -> None:
     packets = TapPackets()
     assert list(packets.of(event(TapEventKind.OPEN, data=b"serial|/dev/a|0|/dev/b|0"))) == []
-    (one,) = packets.of(event(TapEventKind.BYTES, BACK, data=b"\x02x\x03"))
+    (one,) = packets.of(event(TapEventKind.BYTES, WAY_BACK, data=b"\x02x\x03"))
     assert (one.interface, one.data[12:], packets.lines) == (1, b"\x02x\x03", ["/dev/a - /dev/b"])
     whole = pcap.section_block("x") + pcap.interface_block(pcap.RAW_IP, "tap")
     whole += pcap.interface_block(pcap.RTAC_SERIAL, packets.lines[0]) + pcap.packet_block(*one)

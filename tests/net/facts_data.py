@@ -319,12 +319,12 @@ def a_look_at_unread_bytes_takes_none_of_them(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"AAAABBBB")
     b.until(lambda: b.kernel.unread(one.server) == 8)
-    assert b.kernel.left([one.server]) == [one.server]
+    assert b.kernel.list_unread([one.server]) == [one.server]
     assert b.kernel.peek(one.server, 0)[:2] == (8, b"AAAABBBB")
     assert b.kernel.peek(one.server, 6).data == b"BB"
     assert b.kernel.peek(one.server, 8)[:2] == (8, b"")
     assert b.receive(one.server, 8) == b"AAAABBBB"
-    assert b.kernel.left([one.server]) == []
+    assert b.kernel.list_unread([one.server]) == []
     assert b.kernel.peek(one.server, 0)[:2] == (0, b"")
 
 

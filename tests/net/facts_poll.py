@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_facts import fact
-from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
+from trcvtui.net.kernel import KernelLoss, NewClient, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Fault
 
 
@@ -57,7 +57,7 @@ def a_listener_outside_the_poll_set_accepts_as_well(b: Bench) -> None:
     assert b.kernel.accept(listener) is WOULD_BLOCK
     b.connect(b.end(listener))
     b.until(lambda: b.kernel.readable(listener))
-    assert isinstance(b.kernel.accept(listener), Accepted)
+    assert isinstance(b.kernel.accept(listener), NewClient)
 
 
 @fact

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from trcvtui.net.kernel import Accepted, Handle, Kernel, KernelLoss, SocketOptions
+from trcvtui.net.kernel import Handle, Kernel, KernelLoss, NewClient, SocketOptions
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
@@ -126,11 +126,11 @@ class Bench:
         assert self.kernel.poll_add(handle) is None
         return handle
 
-    def accept(self, listener: Handle) -> Accepted:
+    def accept(self, listener: Handle) -> NewClient:
         """Wait for a client and take it; the new handle goes into the poll set."""
         self.until(lambda: self.kernel.readable(listener))
         got = self.kernel.accept(listener)
-        assert isinstance(got, Accepted), got
+        assert isinstance(got, NewClient), got
         assert self.kernel.poll_add(got.handle) is None
         return got
 

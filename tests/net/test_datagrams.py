@@ -11,7 +11,7 @@ from tests.net.facts_datagrams import opened, say, take, try_take
 from tests.net.net_bench import ANY_PORT, Bench, OsNetwork
 from tests.net.sim.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
-from trcvtui.net.broadcast import begin_broadcasts
+from trcvtui.net.broadcast import enable_broadcasts
 from trcvtui.net.kernel import Handle
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
@@ -58,7 +58,7 @@ def test_where_no_broadcast_address_is_known_broadcasts_are_sent_and_not_heard(
     b = SimBench()
     handle = opened(b)
     monkeypatch.setattr(b.sim, "local_addresses", lambda: ())
-    hearing, why = begin_broadcasts(b.sim, "X", handle, b.end(handle))
+    hearing, why = enable_broadcasts(b.sim, "X", handle, b.end(handle))
     assert (hearing, why) == (None, "this system tells no broadcast address of 127.0.0.1")
     assert b.sim.send_to(handle, memoryview(b"x"), Endpoint("127.255.255.255", 9)) == 1
 
@@ -109,7 +109,7 @@ class Told(socket.socket):
 
 
 def told(network: OsNetwork, times: int, number: int = errno.ECONNRESET) -> Handle:
-    return network.kernel._keep(Told(times, number), "X")
+    return network.kernel._add_socket(Told(times, number), "X")
 
 
 @pytest.mark.parametrize("number", [errno.ECONNRESET, errno.ECONNREFUSED, errno.ENETRESET])

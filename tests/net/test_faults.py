@@ -9,7 +9,7 @@ from tests.net.net_bench import Bench
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
-from trcvtui.net.kernel import CALLS, Accepted, KernelLoss
+from trcvtui.net.kernel import KERNEL_CALLS, KernelLoss, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
@@ -38,28 +38,28 @@ def b() -> FaultyBench:
 
 
 def test_every_call_has_a_default_errno() -> None:
-    for call in CALLS:
+    for call in KERNEL_CALLS:
         plan = FaultPlan()
         plan.add(call)
-        assert plan.take(call, "C1") == injected(call, DEFAULT_ERROR[call])
-        assert plan.take(call, "C1") is None
+        assert plan.take_fault(call, "C1") == injected(call, DEFAULT_ERROR[call])
+        assert plan.take_fault(call, "C1") is None
         assert not plan.active
 
 
 def test_nth_counts_from_the_moment_of_adding() -> None:
     plan = FaultPlan()
     plan.add("send", nth=1)
-    plan.take("send", "C1")
+    plan.take_fault("send", "C1")
     plan.add("send", nth=3, times=2)
-    assert [plan.take("send", "C1") is None for _ in range(5)] == [True, True, False, False, True]
+    assert [plan.take_fault("send", "C1") is None for _ in range(5)] == [True, True, False, False, True]
 
 
 def test_times_none_lasts_until_cleared() -> None:
     plan = FaultPlan()
     plan.add("recv", times=None)
-    assert all(plan.take("recv", "C1") for _ in range(1000))
+    assert all(plan.take_fault("recv", "C1") for _ in range(1000))
     plan.clear()
-    assert plan.take("recv", "C1") is None
+    assert plan.take_fault("recv", "C1") is None
     assert plan.entries() == ()
 
 
@@ -68,7 +68,7 @@ def test_entries_side_by_side_each_get_their_turn() -> None:
     plan.add("recv", "ECONNRESET")
     plan.add("recv", "EIO")
     plan.add("recv", "EIO", nth=2)
-    found = [plan.take("recv", "C1") for _ in range(4)]
+    found = [plan.take_fault("recv", "C1") for _ in range(4)]
     assert [fault.error if fault else None for fault in found] == ["ECONNRESET", "EIO", "EIO", None]
 
 
@@ -83,8 +83,8 @@ def test_entries_are_shown_as_the_commands_that_make_them() -> None:
         "fault send ENOBUFS nth=2 times=3",
         "fault recv ECONNRESET times=forever",
     ]
-    plan.take("send", "X")
-    plan.take("send", "X")
+    plan.take_fault("send", "X")
+    plan.take_fault("send", "X")
     assert plan.entries()[1].times == 2
 
 
@@ -113,7 +113,7 @@ def test_what_is_no_fault_is_refused_in_one_line(
 @pytest.mark.slow
 @pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
 def test_with_a_plan_for_somebody_else_it_keeps_the_contract(b: FaultyBench, fact: Fact) -> None:
-    for call in CALLS:
+    for call in KERNEL_CALLS:
         b.plan.add(call, on="C99", times=None)
     fact(b)
 
@@ -147,7 +147,7 @@ def test_the_client_of_a_failed_accept_stays_queued_and_comes_out_with_his_bytes
         assert b.kernel.accept(listener) == injected("accept", "EMFILE")
     b.settle()
     got = b.kernel.accept(listener)
-    assert isinstance(got, Accepted)
+    assert isinstance(got, NewClient)
     assert got.peer == b.end(client)
     assert b.receive(got.handle, 5) == b"early"
     assert b.kernel.accept(listener) is WOULD_BLOCK

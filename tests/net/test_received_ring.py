@@ -7,48 +7,59 @@ import random
 import pytest
 
 from trcvtui.net import received_ring
-from trcvtui.net.received_ring import BLOCK, MOST_SKIPPED, ReceivedRings
+from trcvtui.net.received_ring import BLOCK_BYTES, MOST_SKIPPED, ReceivedRings
 from trcvtui.recording.state import Shared, from_state, state_of
 
 
 def test_the_newest_bytes_stand_at_their_positions_however_they_came() -> None:
-    draw, ring = random.Random(1), ReceivedRings().ring("C1", 3 * BLOCK)
+    draw, ring = random.Random(1), ReceivedRings().open_ring("C1", 3 * BLOCK_BYTES)
     sent = b""
-    for size in [0, 1, BLOCK - 1, 0, BLOCK, 2 * BLOCK + 5, *(draw.randrange(700) for _ in range(100))]:
+    for size in [
+        0,
+        1,
+        BLOCK_BYTES - 1,
+        0,
+        BLOCK_BYTES,
+        2 * BLOCK_BYTES + 5,
+        *(draw.randrange(700) for _ in range(100)),
+    ]:
         content = draw.randbytes(size)
         assert ring.append(memoryview(content)) == len(sent)
         sent += content
-        assert (ring.begin, ring.end) == (max(0, len(sent) - 3 * BLOCK), len(sent))
+        assert (ring.begin, ring.end) == (max(0, len(sent) - 3 * BLOCK_BYTES), len(sent))
         assert ring.read(0, 1 << 40) == sent[ring.begin :]
         assert ring.read(ring.end - 300, ring.end - 7) == sent[-300:-7][: max(0, ring.end - 7 - ring.begin)]
 
 
 def test_of_all_rings_the_oldest_bytes_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(received_ring, "MOST_BYTES", 4 * BLOCK)
+    monkeypatch.setattr(received_ring, "MOST_RING_BYTES", 4 * BLOCK_BYTES)
     rings = ReceivedRings()
-    quiet, busy = rings.ring("C1"), rings.ring("C2")
+    quiet, busy = rings.open_ring("C1"), rings.open_ring("C2")
     quiet.append(bytes(10))
-    busy.append(bytes(4 * BLOCK))
+    busy.append(bytes(4 * BLOCK_BYTES))
     assert (quiet.begin, quiet.end, busy.begin) == (10, 10, 0)
     quiet.append(b"again")
-    assert (quiet.read(0, 99), busy.begin) == (b"again", BLOCK)
-    assert busy.lack == "older than the 64MiB that all keep together"
+    assert (quiet.read(0, 99), busy.begin) == (b"again", BLOCK_BYTES)
+    assert busy.lack_reason == "older than the 64MiB that all keep together"
 
 
 def test_a_ring_that_may_keep_more_says_why_older_bytes_are_gone() -> None:
     rings = ReceivedRings()
-    rings.ring("C1", BLOCK).append(bytes(4 * BLOCK))
-    assert rings.ring("C1", 8 * BLOCK).lack == "older than what was kept while its history was smaller"
+    rings.open_ring("C1", BLOCK_BYTES).append(bytes(4 * BLOCK_BYTES))
+    assert (
+        rings.open_ring("C1", 8 * BLOCK_BYTES).lack_reason
+        == "older than what was kept while its history was smaller"
+    )
 
 
 def test_bytes_without_values_have_a_few_places() -> None:
-    ring = ReceivedRings().ring("C1")
+    ring = ReceivedRings().open_ring("C1")
     assert (ring.append(b"ab"), ring.skip(3), ring.skip(1 << 30), ring.end) == (0, 2, 5, 5 + MOST_SKIPPED)
 
 
 def test_a_state_has_no_bytes_and_a_ring_goes_on_where_it_ended() -> None:
     rings = ReceivedRings()
-    rings.ring("C1", 1 << 16).append(b"before" * 5000)
+    rings.open_ring("C1", 1 << 16).append(b"before" * 5000)
     state = state_of(rings, Shared(()))
     assert len(state) < 1000
     restored = from_state(state, Shared(()), "test")

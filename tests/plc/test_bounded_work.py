@@ -12,19 +12,19 @@ import trcvtui.net.layers.iso_on_tcp as cotp
 from tests.bench.bench_lines import do
 from tests.certificates import NEEDS_OPENSSL
 from trcvtui.bench.bench import Bench
-from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, ScanBudget
+from trcvtui.net.connection.resources import ACCEPT_UNITS, DEFAULT_INTERVAL_NS, HANDSHAKE_UNITS, ScanBudget
 from trcvtui.net.events import ConnectionChanged, EventKind
-from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES, Code, Connect, Data, encode
-from trcvtui.net.layers.tls import Tls
+from trcvtui.net.layers.iso_on_tcp import MOST_EMPTY_PIECES, Code, ConnectTpdu, DataTpdu, encode_tpdu
+from trcvtui.net.layers.tls import TlsSession
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import read_project
 
 GOOD = 8
 SCANS = 120
-UNITS = ScanBudget(interval_ns=USUAL_INTERVAL).units
-REQUEST = encode(Connect(Code.CR, 0, 1, b"\xe0\x01", b"\xe0\xff", 10))
-EMPTY, ONE_BYTE = encode(Data(b"", False)), encode(Data(b"x", False))
-EMPTY_MESSAGE, EXPEDITED = encode(Data(b"", True)), b"\x03\0\0\x0b\x06\x10\0\1\0\1\7"
+UNITS = ScanBudget(interval_ns=DEFAULT_INTERVAL_NS).units
+REQUEST = encode_tpdu(ConnectTpdu(Code.CR, 0, 1, b"\xe0\x01", b"\xe0\xff", 10))
+EMPTY, ONE_BYTE = encode_tpdu(DataTpdu(b"", False)), encode_tpdu(DataTpdu(b"x", False))
+EMPTY_MESSAGE, EXPEDITED = encode_tpdu(DataTpdu(b"", True)), b"\x03\0\0\x0b\x06\x10\0\1\0\1\7"
 WAITS = (EventKind.TPDUS_WAIT, EventKind.RECORDS_WAIT, EventKind.CLIENTS_WAIT, EventKind.HANDSHAKES_WAIT)
 
 
@@ -116,7 +116,7 @@ class Counter:
 @pytest.fixture
 def tpdus(monkeypatch: pytest.MonkeyPatch) -> Counter:
     counter = Counter()
-    monkeypatch.setattr(cotp, "parse", counter.count(cotp.parse))
+    monkeypatch.setattr(cotp, "parse_tpdu", counter.count(cotp.parse_tpdu))
     return counter
 
 
@@ -155,7 +155,7 @@ def test_a_flood_of_the_smallest_tpdus_costs_a_scan_its_share_and_no_more(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("unit", "why"),
-    [(EMPTY, f"more than {EMPTY_PIECES} empty DTs"), (ONE_BYTE, "more than {cap} DTs")],
+    [(EMPTY, f"more than {MOST_EMPTY_PIECES} empty DTs"), (ONE_BYTE, "more than {cap} DTs")],
 )
 def test_a_message_in_pieces_without_end_reaches_a_limit(tmp_path: Path, unit: bytes, why: str) -> None:
     works = Works(tmp_path, attackers=1)
@@ -172,7 +172,7 @@ def test_a_message_in_pieces_without_end_reaches_a_limit(tmp_path: Path, unit: b
 
 def test_a_good_message_in_many_pieces_comes_whole_and_its_close_does_not_overtake_it(tmp_path: Path) -> None:
     works = Works(tmp_path, attackers=1)
-    message = b"".join(encode(Data(bytes([n % 251]), n == 2000)) for n in range(1, 2001))
+    message = b"".join(encode_tpdu(DataTpdu(bytes([n % 251]), n == 2000)) for n in range(1, 2001))
     works.say("resize DX ARRAY[0..1999] OF BYTE", "peer A0 connect", f"peer A0 send hex {REQUEST.hex()}")
     works.run(3)
     works.say(f"peer A0 send hex {message.hex()}", "peer A0 close")
@@ -219,7 +219,7 @@ def test_a_flood_of_clients_at_a_plain_connect_is_turned_away_a_few_a_scan(
         most, seen = max(most, now - seen), now
 
     works.run(SCANS, attack)
-    assert 0 < most <= UNITS // ACCEPT
+    assert 0 < most <= UNITS // ACCEPT_UNITS
     assert works.dones - before >= 0.95 * undisturbed
     assert works.nothing_is_wrong()
     assert len(works.told()) <= 1
@@ -243,7 +243,7 @@ def test_handshakes_that_begin_and_do_not_end_are_a_few_a_scan(
     secure_bench: Path, undisturbed: int, monkeypatch: pytest.MonkeyPatch, leaves: bool
 ) -> None:
     steps = Counter()
-    monkeypatch.setattr(Tls, "_shake_hands", steps.count(Tls._shake_hands))
+    monkeypatch.setattr(TlsSession, "_shake_hands", steps.count(TlsSession._shake_hands))
     works = Works(secure_bench / "certificates", attackers=40, secure=True)
     before, hello = works.dones, client_hello()
     again = come_and_go(works, hello)
@@ -256,7 +256,7 @@ def test_handshakes_that_begin_and_do_not_end_are_a_few_a_scan(
             works.say(*(f"peer {name} close" for name in works.attackers))
 
     works.run(SCANS, attack)
-    assert steps.most <= UNITS // HANDSHAKE
+    assert steps.most <= UNITS // HANDSHAKE_UNITS
     assert works.dones - before >= 0.95 * undisturbed
     assert works.nothing_is_wrong()
     works.bench.close()
@@ -268,7 +268,7 @@ def test_handshakes_get_a_tenth_of_the_interval_by_the_clock_and_one_step_at_lea
     secure_bench: Path, monkeypatch: pytest.MonkeyPatch, step_ms: float, steps_a_scan: int, is_told: bool
 ) -> None:
     steps, ticks = Counter(), iter(range(1 << 30))
-    monkeypatch.setattr(Tls, "_shake_hands", steps.count(Tls._shake_hands))
+    monkeypatch.setattr(TlsSession, "_shake_hands", steps.count(TlsSession._shake_hands))
     works = Works(secure_bench / "certificates", attackers=12, secure=True)
     works.bench._work.clock = lambda: int(next(ticks) * step_ms * 1_000_000)  # each look is so much later
     again = come_and_go(works, client_hello())

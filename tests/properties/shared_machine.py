@@ -25,7 +25,7 @@ from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import Create, Resize, Write
-from trcvtui.net.kernel import CALLS
+from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.project.project import InstanceDecl
@@ -262,7 +262,7 @@ class SharedMachine(RuleBasedStateMachine):
         self.run(scans)
 
     @rule(
-        call=st.sampled_from(CALLS),
+        call=st.sampled_from(KERNEL_CALLS),
         error=st.sampled_from(ERRORS),
         connect=PICK,
         times=st.integers(1, 3),
@@ -287,7 +287,7 @@ class SharedMachine(RuleBasedStateMachine):
             if not peer.active:
                 self.do(f"peer {peer.name} listen")
 
-    @rule(call=st.sampled_from(("", "", *CALLS)))
+    @rule(call=st.sampled_from(("", "", *KERNEL_CALLS)))
     def bring_up(self, call: str = "") -> None:
         """Ask every block for all it can do, and let the partners come; perhaps one call fails."""
         self.mend()

@@ -17,7 +17,7 @@ from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.timing import ScanTiming
-from trcvtui.net.kernel import CALLS
+from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import read_project
 
@@ -120,7 +120,7 @@ def live_on(life: SharedMachine, dice: random.Random) -> None:
     """Make one move that dice choose, and let some scans pass."""
     pick, name, choose = dice.randrange(24), dice.choice(tuple(DATA)), dice.choice
     moves = {
-        "bring up": lambda: life.bring_up(dice.choice(("", *CALLS))),
+        "bring up": lambda: life.bring_up(dice.choice(("", *KERNEL_CALLS))),
         "turn": lambda: life.turn(pick, dice.randrange(24), choose(VALUES)),
         "length": lambda: life.set_length(pick, dice.random() < 0.5, dice.choice(LENGTHS)),
         "write": lambda: life.write(name, 0, b"\x01\x02\x03"),
@@ -141,7 +141,7 @@ def live_on(life: SharedMachine, dice: random.Random) -> None:
         "leave": lambda: life.end_in_mid_frame(pick, 10, choose(PEER_MOVES[:3])),
         "stop": lambda: life.stop_for_a_while(3),
         "wire": lambda: life.link(pick, dice.random() < 0.8, 2),
-        "fault": lambda: life.fault(dice.choice(CALLS), "", pick, 1),
+        "fault": lambda: life.fault(dice.choice(KERNEL_CALLS), "", pick, 1),
     }
     dice.choice(tuple(moves.values()))()
     life.run(dice.randint(1, 12))

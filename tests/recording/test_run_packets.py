@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.capture.pcap import Packet, open_capture
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss
+from trcvtui.net.kernel import Handle, KernelLoss, NewClient
 from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.recording.files import FileLimits, RecordTo
 from trcvtui.recording.journal import RECV, SHOWS, SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
@@ -19,7 +19,7 @@ BEGINS = RunBegins("0", "sim", 0, SIM_WALL_NS, False, "x.toml", (), "/", (), ())
 HERE, PARTNER = Endpoint("10.0.0.5", 2000), Endpoint("10.0.0.9", 51000)
 CONNECTED: list[Entry] = [
     WireCall(0, "C1", "bind", 3, (HERE,), None, b""),
-    WireCall(0, "C1", "accept", 3, (), Accepted(Handle(7), PARTNER), b""),
+    WireCall(0, "C1", "accept", 3, (), NewClient(Handle(7), PARTNER), b""),
 ]
 FLAGS = {1: "FIN", 2: "SYN", 4: "RST"}
 

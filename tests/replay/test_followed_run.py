@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import namedtuple
 from collections.abc import Iterator
 from functools import cache
 from itertools import chain
@@ -17,7 +16,6 @@ from tests.replay.test_keyframes import lines
 from tests.replay.test_time_line import LAST, journal
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.net.connection.description_check import DescriptionFlaw, Flaw
 from trcvtui.plc.ledger import Line
 from trcvtui.recording.files import FileLimits, RecordTo
 from trcvtui.recording.journal import DO, STEP, Answered, BlockWriter, EntriesLost, Entry
@@ -231,13 +229,6 @@ def test_a_file_without_its_keyframe_says_what_it_lacks(
     assert main(["replay", str(path), "--check"]) in (1, 2)
     told = capsys.readouterr()
     assert "this file begins in the middle" in told.out + told.err
-
-
-def test_a_state_of_an_older_version_calls_a_flaw_a_finding() -> None:
-    Finding = namedtuple("Finding", ["flaw", "field", "text"], module=DescriptionFlaw.__module__)
-    state = state_of(Finding(Flaw.TSAP, "LocalTSelector", "it is empty"), Shared(()))
-    flaw = from_state(state, Shared(()), "R")
-    assert type(flaw) is DescriptionFlaw and flaw.flaw is Flaw.TSAP and flaw.text == "it is empty"
 
 
 @pytest.mark.parametrize("seed", range(60))

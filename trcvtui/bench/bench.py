@@ -52,9 +52,9 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
     """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
     if kernel != "live":
         raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
-    from trcvtui.net.os.network import enter
+    from trcvtui.net.os.network import enter_namespace
 
-    wrong = enter(sim.addresses, sim.not_ethernet)
+    wrong = enter_namespace(sim.addresses, sim.not_ethernet)
     if wrong:
         raise mistake("--netns", wrong, "one that lets a program have a network of its own")
 
@@ -63,11 +63,11 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
     """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and by what means it was done."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
-    from trcvtui.net.os.network import LOOPBACK, is_own_network, set_loopback
+    from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
 
-    if is_own_network():
+    if has_own_network():
         how = "up" if up else "down: it carries every CONNECT and peer"
-        return set_loopback(up), f"interface {LOOPBACK} {how}"
+        return set_loopback(up), f"interface {LOOPBACK_INTERFACE} {how}"
     return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"
 
 
@@ -237,7 +237,7 @@ class Bench:
         """
         for config in self.project.connects:
             if config.session is not None:
-                config.session.new(config.active)
+                config.session.make_session(config.active)
         return LayerKernel(self._tapped(), self._time, self._of_a_session, self._caught, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
@@ -317,8 +317,8 @@ class Bench:
 
     def _resources(self, project: Project) -> Resources:
         return Resources(
-            JobQueue(project.rules.queue, self.plan.take),
-            BufferPool(project.rules.buffers, self.plan.take),
+            JobQueue(project.rules.queue, self.plan.take_fault),
+            BufferPool(project.rules.buffers, self.plan.take_fault),
             ConnectionBudget(project.connection_limit),
             self._work,
         )
@@ -408,7 +408,7 @@ class Bench:
                     check.received(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
 
     def step_peers(self) -> None:
-        self._peers_work.begin(self.now)
+        self._peers_work.begin_scan(self.now)
         now, contained = self.now, self.containment
         for steps in (self._self_acting, self._checks, self.peers):
             for name, each in steps.items():
@@ -436,7 +436,7 @@ class Bench:
             entry = cast("Replay", self._seam).coming()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
         assert self._sim is not None
-        due = min(scan, self._sim.wire.agenda.due or scan, *self._due())
+        due = min(scan, self._sim.wire.agenda.next_due or scan, *self._due())
         at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
         return at if at < scan else None
 

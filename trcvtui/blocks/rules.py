@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Pin
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.set_up import SetUpStage
 
@@ -148,7 +148,7 @@ class Rules(Struct, frozen=True):
     part_follows_en_r: bool = False  # of a frame from a TRCV_C: EN_R = 0 throws it away
     lock_outlives: bool = True  # the lock of a job stays when its instance goes
     one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
-    policy: Policy = field(default_factory=Policy)
+    policy: ConnectionPolicy = field(default_factory=ConnectionPolicy)
     buffers: int = 64
     queue: int = 64
     internal_fault: int = 0x8FFF  # STATUS of an instance that an error of this program has stopped

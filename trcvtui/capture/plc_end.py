@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.capture.reassembly import SENT_END, Conversation, WireDirection
 from trcvtui.errors import UserError, mistake
-from trcvtui.net.results import end_in_words
+from trcvtui.net.results import parse_end
 
 # The first three bytes of MACs, as the IEEE gave them.
 _MACS: Final = {
@@ -48,7 +48,7 @@ class PlcGuess(NamedTuple):
 
 def parse_plc(text: str) -> PlcEnd:
     """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
-    found = end_in_words(text)
+    found = parse_end(text)
     if found is None:
         raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000")
     return PlcEnd(*found)

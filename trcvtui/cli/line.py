@@ -126,14 +126,14 @@ def add_tap(parser: CommandParser) -> None:
 
 def _tap(args: Args) -> int:
     from trcvtui.line.tap_command import ObserverSettings, forward
-    from trcvtui.net.tap import route_of
+    from trcvtui.net.tap import make_route
 
     if args.listen is None:
         routes = _taps_of(args.project)
     elif args.connect is None:
         raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
     else:
-        routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
+        routes = [make_route("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
     shadows = args.project, args.plc, args.dialect, args.format
     looks = ObserverSettings(
         *shadows,
@@ -164,9 +164,9 @@ def _taps_of(project: Path | None) -> list[Route]:
     taps = () if project is None else load_bench(project).taps
     if not taps:
         raise mistake("trcvtui tap", "neither", "LISTEN and CONNECT, or a --project with [[tap]]")
-    from trcvtui.net.tap import route_of
+    from trcvtui.net.tap import make_route
 
-    return [route_of(t.name, t.listen, t.to, (f"[[tap]] {t.name}: listen", "to")) for t in taps]
+    return [make_route(t.name, t.listen, t.to, (f"[[tap]] {t.name}: listen", "to")) for t in taps]
 
 
 # -- conversations, doctor, report ----------------------------------------------------------------------

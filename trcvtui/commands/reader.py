@@ -46,7 +46,7 @@ from trcvtui.commands.words import (
 )
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
-from trcvtui.net.kernel import CALLS
+from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.net.serial_line import SERIAL_CALLS
 from trcvtui.project.edit import edited, undone
 from trcvtui.project.file import WORDS
@@ -337,7 +337,7 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
     if call == "clear":
         return FaultClear()
     ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
-    calls = (*CALLS, *SERIAL_CALLS) if ports else CALLS
+    calls = (*KERNEL_CALLS, *SERIAL_CALLS) if ports else KERNEL_CALLS
     if call not in calls:
         raise words.unknown(call, (*calls, "clear"), "call")
     error = _error(words, call)

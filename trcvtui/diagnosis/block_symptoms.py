@@ -26,7 +26,7 @@ from trcvtui.diagnosis.readings.proposal import FramingAdvice
 from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.events import BytesReceived
-from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
+from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.snapshots.doctor import Finding, Remedy

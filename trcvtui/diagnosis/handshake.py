@@ -6,8 +6,8 @@ from typing import Final
 
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, DoLine, Sentence
-from trcvtui.net.layer import TlsError, tls_of
-from trcvtui.net.results import octets
+from trcvtui.net.layer import TlsError, tls_credentials_of
+from trcvtui.net.results import parse_octets
 
 _LOOK: Final = "`openssl s_client -showcerts -connect {peer}` shows it"
 _VERSION: Final = "{peer} does not speak TLS 1.2 or 1.3", "let it take TLS 1.2 or 1.3"
@@ -57,7 +57,7 @@ _REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log, w
 
 def why_it_failed(e: Evidence) -> Answer:
     """Return what the session knows of its end, and the remedy for just that."""
-    session = tls_of(e.config.session) if e.config is not None else None
+    session = tls_credentials_of(e.config.session) if e.config is not None else None
     if e.config is None or session is None or e.cause.call != "session":
         return ""
     error, is_active, name = e.cause.error, e.config.active, session.server_name.rstrip(".")
@@ -66,7 +66,7 @@ def why_it_failed(e: Evidence) -> Answer:
     words = e.cause.words.replace("_", " ")
     references = ["TLSClientCertRef", "TLSServerCertRef"]
     shows, trusts = references if is_active else reversed(references)
-    peer, name = e.cause.peer or "the partner", f"{'DNS' if octets(name) is None else 'IP'}:{name}"
+    peer, name = e.cause.peer or "the partner", f"{'DNS' if parse_octets(name) is None else 'IP'}:{name}"
     is_open = error in _THEIRS or (error == TlsError.HANDSHAKE and not told[0])
     cause, *texts = (
         each.format(peer=peer, name=name, shows=shows, trusts=trusts, words=words)

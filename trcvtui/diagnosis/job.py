@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.history.records import Facts
-from trcvtui.net.connection.description import selector_text
-from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.net.connection.description import format_selector
+from trcvtui.net.connection.description_check import Transport, read_spec
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
@@ -263,7 +263,7 @@ def another_port(e: Evidence) -> Answer:
     config = e.config
     if config is None:
         return ""
-    says_iso = config.description is not None and meaning(config.description).protocol is Protocol.ISO
+    says_iso = config.description is not None and read_spec(config.description).protocol is Transport.ISO
     if config.local.port == ISO_PORT or says_iso:
         return do(
             f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks",
@@ -277,7 +277,7 @@ def ask_for_the_name(e: Evidence) -> Answer:
     """Return how to ask for the partner's name outside of the bench."""
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
-        name = meaning(e.config.description).remote_name
+        name = read_spec(e.config.description).remote_name
     text = f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
     return do("", text) if name else ""
 
@@ -289,11 +289,11 @@ def no_such_selector(e: Evidence) -> Answer:
     """The partner took the call and refused its T-selector."""
     if e.cause.call != "session" or e.config is None or e.config.description is None:
         return ""
-    says_what = meaning(e.config.description)
-    if says_what.protocol is not Protocol.ISO:
+    says_what = read_spec(e.config.description)
+    if says_what.protocol is not Transport.ISO:
         return ""
-    ours = selector_text(says_what.local_tsap) or "none"
-    theirs = selector_text(says_what.remote_tsap) or "any"
+    ours = format_selector(says_what.local_tsap) or "none"
+    theirs = format_selector(says_what.remote_tsap) or "any"
     return do(
         f"{_peer(e)} took the call and refused it",
         "make the selectors fit crosswise: its remote one has to "

@@ -13,8 +13,8 @@ from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, as_sentence, do
 from trcvtui.history.records import NOT_BUILT, Failures
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.description import selector_text
-from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.net.connection.description import format_selector
+from trcvtui.net.connection.description_check import Transport, read_spec
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
@@ -116,9 +116,9 @@ def _not_built(e: Evidence) -> str:
 
 def remote_tsap(config: ConnectConfig) -> str:
     """Return the T-selector that the partner has to have, "" where there is none or any will do."""
-    if config.description is None or meaning(config.description).protocol is not Protocol.ISO:
+    if config.description is None or read_spec(config.description).protocol is not Transport.ISO:
         return ""
-    return selector_text(meaning(config.description).remote_tsap)
+    return format_selector(read_spec(config.description).remote_tsap)
 
 
 def _called(e: Evidence) -> str:
@@ -212,9 +212,9 @@ def let_go(e: Evidence) -> str:
         return ""
     refused = next((p.name for p in e.peers if p.name in e.callers and p.state == "refused"), dropped.peer)
     text = f"{refused} called and was refused in scan {dropped.at.scan}: {dropped.why}"
-    if e.config.description is None or meaning(e.config.description).protocol is not Protocol.ISO:
+    if e.config.description is None or read_spec(e.config.description).protocol is not Transport.ISO:
         return text
-    ours = selector_text(meaning(e.config.description).local_tsap)
+    ours = format_selector(read_spec(e.config.description).local_tsap)
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 

@@ -21,10 +21,10 @@ from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
-from trcvtui.net.connection.description_check import meaning
-from trcvtui.net.connection.resources import TakenId
+from trcvtui.net.connection.description_check import read_spec
+from trcvtui.net.connection.resources import IdConflict
 from trcvtui.net.connection.set_up import SetUpStage
-from trcvtui.net.results import ANY_ADDRESS, octets
+from trcvtui.net.results import ANY_ADDRESS, parse_octets
 from trcvtui.project.project import SERIAL
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.udt.types import Struct
@@ -137,7 +137,7 @@ def _ports(project: Project) -> frozenset[int]:
 
 def _host(address: str) -> bytes:
     """Return the four bytes of an address, b"" where it is any, or a name."""
-    found = None if address == ANY_ADDRESS else octets(address)
+    found = None if address == ANY_ADDRESS else parse_octets(address)
     return b"" if found is None else bytes(found)
 
 
@@ -233,10 +233,10 @@ def _one_id_twice(project: Project) -> Iterator[Finding]:
     for config in project.connects:
         if config.description is None or config.flaw is not None:
             continue
-        identity = meaning(config.description).identity
+        identity = read_spec(config.description).identity
         other = first.setdefault(identity, config)
         if other is not config:
-            how = TakenId.BUILDING if config.description == other.description else TakenId.OTHER
+            how = IdConflict.BUILDING if config.description == other.description else IdConflict.OTHER
             said = Finding(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
             yield _of_opener(project, config, (SetUpStage.IDENTITY, how), said)
 
@@ -247,7 +247,7 @@ def _one_port_twice(project: Project) -> Iterator[Finding]:
     mend = Remedy("give each of them a LocalPort of its own")
     for config in project.connects:
         local, described = config.local, config.description
-        port = local.port if described is None else meaning(described).local_port
+        port = local.port if described is None else read_spec(described).local_port
         if not port or config.flaw is not None:
             continue
         other = first.setdefault((config.is_datagram, local.address, port), config)
@@ -348,7 +348,7 @@ def _keep_alive(project: Project) -> Iterator[Finding]:
         if asked > LONG_KEEP_ALIVE_S:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
             usual = connect.keep_alive_default_s
-            more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
+            more = (connect.keep_alive_limit_note,) if asked > LONGEST_KEEP_ALIVE_S else ()
             mend = Remedy(f"0, which is {usual} s, or some minutes at most")
             yield Finding(0.7, (text, *more), mend=(mend,))
 

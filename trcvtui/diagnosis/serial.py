@@ -13,7 +13,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, do
-from trcvtui.net.serial_line import OVER_TCP
+from trcvtui.net.serial_line import TCP_URL_PREFIXES
 from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
@@ -84,7 +84,7 @@ class FramedBlock:
     @property
     def is_tcp(self) -> bool:
         port = self.buffer.serial.port if self.buffer.serial is not None else ""
-        return self.feeder is not None or port.startswith(OVER_TCP)
+        return self.feeder is not None or port.startswith(TCP_URL_PREFIXES)
 
     @property
     def size_pin(self) -> str:

@@ -179,9 +179,9 @@ class EngineDriver(ProcessDriver):
 
         self._door, self.door = None, Path()
         if is_shared:
-            from trcvtui.net.os.tab_door import TabDoor
+            from trcvtui.net.os.tab_door import TabListener
 
-            self._door = TabDoor()
+            self._door = TabListener()
             self.door = self._door.path
         self._record = record
         super().__init__(engine_main, path, kernel, netns, read_only)

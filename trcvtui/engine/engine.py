@@ -28,7 +28,7 @@ from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
-    from trcvtui.net.os.tab_door import TabDoor
+    from trcvtui.net.os.tab_door import TabListener
     from trcvtui.recording.files import RecordTo
     from trcvtui.recording.recorder import RunRecorder
 
@@ -54,7 +54,7 @@ def _run(
     netns: bool,
     read_only: bool,
     record: RecordTo | None,
-    door: TabDoor | None = None,
+    door: TabListener | None = None,
 ) -> None:
     from trcvtui.scenario.scenario import load_bench
 

@@ -24,7 +24,7 @@ from trcvtui.snapshots.bench import Answer
 
 if TYPE_CHECKING:
     from trcvtui.engine.trigger_watch import KeptScan
-    from trcvtui.net.os.tab_door import TabDoor
+    from trcvtui.net.os.tab_door import TabListener
     from trcvtui.project.project import Project
 
 MOST_MESSAGES: Final = 64  # that are taken at once
@@ -61,7 +61,7 @@ class AttachedScreen:
 class AttachedScreens:
     """The first screen, or `serve` in its place, and the tabs that come in by the door of `serve`."""
 
-    def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabDoor | None) -> None:
+    def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabListener | None) -> None:
         self.first = AttachedScreen(channel, 0)
         self.all = deque([self.first])  # as their turns come
         self._read_only, self._door, self._came = read_only, door, 0

@@ -20,7 +20,7 @@ from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
-from trcvtui.net.os.forwarder import say_at_once
+from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
@@ -76,7 +76,7 @@ def queue_path(site: str, name: str) -> Path | None:
             if not each.is_dir():
                 make_folder(each, "the folder of the queue")
     except UserError as refused:
-        say_at_once(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
+        write_or_drop_line(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
         return None
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
@@ -161,14 +161,14 @@ class Agent:
 
     def _connect(self, broker: Broker, opened: ExitStack) -> None:
         if not broker.has_tls:
-            say_at_once(OPEN_TO_ALL)
+            write_or_drop_line(OPEN_TO_ALL)
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
         connection = BrokerConnection(broker, client_id, LastWill(topic, self._state_message("offline")))
-        queue = DiskQueue(queue_path(settings.site, settings.name), say_at_once)
+        queue = DiskQueue(queue_path(settings.site, settings.name), write_or_drop_line)
         opened.callback(queue.close)
-        self._publisher = Publisher(connection, queue, say_at_once)
+        self._publisher = Publisher(connection, queue, write_or_drop_line)
         self._tell_state()
         connection.open()
         opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
@@ -200,7 +200,7 @@ class Agent:
             line = f"publishing has failed: {type(failed).__name__} {failed}; the bench goes on"
             if line != self._failure:
                 self._failure = line
-                say_at_once(line)
+                write_or_drop_line(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
         """Open the page; where its place is taken try again later: that is no reason to end a bench."""
@@ -211,7 +211,7 @@ class Agent:
         except OSError as failed:
             if not self._page_at:
                 why = f"{failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s"
-                say_at_once(f"--metrics: {why}")
+                write_or_drop_line(f"--metrics: {why}")
             self._page_at = now + PAGE_NS
             return
         self._page_at = -1
@@ -223,7 +223,7 @@ class Agent:
         self._scan = -1
         self._engine = self._new_engine()
         if self._has_taps:
-            say_at_once("the tap is there")
+            write_or_drop_line("the tap is there")
         self.seen.begin_run()
         self._has_asked = False
 
@@ -246,7 +246,7 @@ class Agent:
             from trcvtui.bench.error_report import write_report
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
-        say_at_once(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
+        write_or_drop_line(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
         with self._going_on():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
@@ -362,7 +362,7 @@ class Agent:
             self._state = state
             self._publisher.retain(self._topic("state"), self._state_message(state))
             if state == "stale":
-                say_at_once(f"no scan for {self._patience // NS} s: what is shown is old")
+                write_or_drop_line(f"no scan for {self._patience // NS} s: what is shown is old")
 
     def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
 from trcvtui.fleet.seen_fleet import UP
-from trcvtui.net.results import end_in_words
+from trcvtui.net.results import parse_end
 
 MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
@@ -57,7 +57,7 @@ def _rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...]
 
 def place_of_page(text: str) -> tuple[str, int]:
     """Return address and port of `--metrics`; raise UserError."""
-    found = end_in_words(text)
+    found = parse_end(text)
     if found is None or found[1] is None:
         raise mistake("--metrics", f"'{text}'", "ADDR:PORT such as 127.0.0.1:9464")
     return str(ip_address(found[0])), found[1]

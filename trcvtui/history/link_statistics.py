@@ -29,8 +29,8 @@ from trcvtui.history.records import (
 )
 from trcvtui.history.stream_index import ENDINGS, KEPT_SIZES, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
-from trcvtui.net.layers.layered_stream import DROPPED
-from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
+from trcvtui.net.layers.layered_stream import CLIENT_DROPPED
+from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 
 KEPT_ERRORS: Final = 8
@@ -168,7 +168,7 @@ class LinkStatistics:
 
     def _note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
         link = self._links.get(event.subject)
-        if link is None or event.what not in (DROPPED, SESSION_ENDED):
+        if link is None or event.what not in (CLIENT_DROPPED, SESSION_ENDED):
             return
         said = DroppedClient(ScanStamp(scan, t_ns), event.end, event.detail)
         if event.what == SESSION_ENDED:

@@ -19,7 +19,7 @@ from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.received_streams import ReceivedStreams, first_of
 from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
 from trcvtui.net.events import BytesSent
-from trcvtui.net.received_ring import ReceivedRing, sent_by
+from trcvtui.net.received_ring import ReceivedRing, sent_ring_name
 from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
 ROWS: Final = 10_000  # of an instance
@@ -277,7 +277,7 @@ class MessageRows(KeptRows):
         if sum([piece for _, piece in pieces]) != size:
             pieces = []
         reason = "" if done else reason
-        self.add(instance, number, scan, last_ns, size, sent_by(connect), pieces, reason, size)
+        self.add(instance, number, scan, last_ns, size, sent_ring_name(connect), pieces, reason, size)
 
     def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status

@@ -47,7 +47,7 @@ class _Source:
 
     @property
     def lack(self) -> str:
-        return self.ring.lack if self.begin == self.ring.begin else "older than the jobs that are kept"
+        return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
 
     def runs(self, start: int, stop: int) -> Runs:
         """Return the bytes from `start` to `stop`, put together as far as no byte is missing between them."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
-from trcvtui.net.os.packet_pipe import take_stdin
-from trcvtui.net.os.tap_ways import TapWay, ask_what_is_open
-from trcvtui.net.tap import end_text
+from trcvtui.net.os.packet_pipe import detach_stdin
+from trcvtui.net.os.tap_ways import TapChannel, ask_open_count
+from trcvtui.net.tap import format_end
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.replay.driver import ScreenChannel, serve_until_gone
 from trcvtui.snapshots.bench import EngineTiming
@@ -38,7 +38,7 @@ SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each 50 ms
 
 def live_driver(asked: ShadowChoice) -> ProcessDriver:
     """Return shadows of the packets of stdin; that is the keyboard from now on."""
-    return ProcessDriver(live_main, Channel(take_stdin(with_keyboard=True), writable=False), asked)
+    return ProcessDriver(live_main, Channel(detach_stdin(with_keyboard=True), writable=False), asked)
 
 
 def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
@@ -74,7 +74,7 @@ class TapDriver(ProcessDriver):
         return picture
 
     def cuts(self) -> str:
-        return ask_what_is_open(self._asks.fileno())
+        return ask_open_count(self._asks.fileno())
 
 
 def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
@@ -86,9 +86,9 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
         places, project, plc, dialect = asked
         path = None if project is None else Path(project)
         plan = TapPlan(places, path, plc, dialect)
-        to, way = plan.routes[0].to, TapWay(asks.fileno())
+        to, way = plan.routes[0].to, TapChannel(asks.fileno())
         if plc is None and len(places) == 1 and to.kind != "serial":
-            plc = end_text(to.address, to.port)
+            plc = format_end(to.address, to.port)
         ShadowServer(channel, plan, (path, plc, dialect), way, kernel).run(way.fd)
 
     serve_until_gone(channel, run)
@@ -148,7 +148,7 @@ class ShadowServer:
         channel: Channel,
         plan: LivePlan,
         asked: ShadowChoice,
-        way: TapWay | None = None,
+        way: TapChannel | None = None,
         kernel: str = "capture",
     ) -> None:
         self._channel, self._screen = channel, ScreenChannel(channel)
@@ -164,7 +164,7 @@ class ShadowServer:
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.line.tap_watch import TapWatch
 
-        order, whole = (None, bytes) if self._way is None else (self._way.tell, self._way.whole)
+        order, whole = (None, bytes) if self._way is None else (self._way.send, self._way.feed)
         if most_idle_ns or self._way is not None:  # a tap
             live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
         else:

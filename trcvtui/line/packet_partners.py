@@ -18,7 +18,7 @@ from typing import Final
 from trcvtui.bench.bench import Bench
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.results import Endpoint
-from trcvtui.net.sim.network import PLAYED_ROOM
+from trcvtui.net.sim.network import PLAYED_SEND_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StatusEdge
 
@@ -64,7 +64,7 @@ class ShadowBench:
     def go_to(self, ns: int) -> None:
         """Let the scans before this time pass; then it is the time of the network."""
         while (due := self.bench.runtime.scans * self._interval) < ns:
-            if self.network.take_news() or self._quiet < QUIET:
+            if self.network.take_ready_flag() or self._quiet < QUIET:
                 self.step()
             elif not self._skip(due, ns):
                 if self._quiet < MOST_QUIET:
@@ -84,7 +84,7 @@ class ShadowBench:
         runtime = self.bench.runtime
         for _ in range(NEXT_CALL):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
-            if self.network.wire.refuse(connect) or is_ahead:
+            if self.network.wire.refuse_as_partner(connect) or is_ahead:
                 break
             runtime.call_at_once(connect)
             self.step()
@@ -98,7 +98,7 @@ class ShadowBench:
 
     def settle(self) -> None:
         left = SETTLING
-        while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
+        while left and (self.leaving or self.network.take_ready_flag() or self._quiet < QUIET):
             jobs = self._jobs
             self.step()
             left = left - 1 if self._jobs == jobs else SETTLING
@@ -112,7 +112,7 @@ class ShadowBench:
             limit = min(limit, *((end.due - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
-        reached = self.network.pass_time(limit)
+        reached = self.network.advance_until_ready(limit)
         scans = -(-reached // self._interval) - due // self._interval
         if scans > 0:
             self.bench.skip(scans)
@@ -131,7 +131,7 @@ class ShadowBench:
         for end in over:
             end.read_no_more()
         self.leaving = [end for end in self.leaving if end not in over]
-        self.network.take_news()
+        self.network.take_ready_flag()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
         self._quiet = self._quiet + 1 if is_quiet else 0
@@ -243,13 +243,13 @@ class PlayedEnd:
             config = self._shadows.bench.project.connect(self.connect)
             if port is None or config is None:
                 return
-            stream = wire.call(self._own, Endpoint(config.local.address, port))
+            stream = wire.call_as_partner(self._own, Endpoint(config.local.address, port))
             self._has_called |= stream is not None
             self.keeps_out = self._has_called  # else the same ends have a connection
             if stream is None or stream.phase is not StreamPhase.OPEN:
                 return
         else:
-            stream = wire.answer(self.connect)
+            stream = wire.answer_as_partner(self.connect)
             if stream is None:
                 runtime.call_at_once(self.connect)
                 return
@@ -273,7 +273,7 @@ class PlayedEnd:
             self.begin()
         if self._stream is not None and not self._awaits:
             act()
-        elif not self.is_over and self._kept + size <= PLAYED_ROOM:
+        elif not self.is_over and self._kept + size <= PLAYED_SEND_ROOM:
             self._kept += size
             self._acts.append(act)
         else:
@@ -315,7 +315,7 @@ class PlayedEnd:
             self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)), ns)
         self._sent += len(data)
         while rest:
-            part = rest[: max(PLAYED_ROOM - stream.untaken, 0)]
+            part = rest[: max(PLAYED_SEND_ROOM - stream.pending_bytes, 0)]
             got = stream.write(part) if part else 0
             if not isinstance(got, int):  # the shadow has ended the connection
                 self.left_out += len(rest)
@@ -326,10 +326,10 @@ class PlayedEnd:
                 return
 
     def _wait_for_room(self, stream: SimStream) -> bool:
-        unread = stream.untaken
+        unread = stream.pending_bytes
         for _ in range(QUIET + 1):
             self._shadows.step()
-            if stream.untaken < unread:
+            if stream.pending_bytes < unread:
                 return True
         return False
 
@@ -340,7 +340,7 @@ class PlayedEnd:
 
     def _finish(self) -> None:
         if self._stream is not None and not self.is_over:
-            self._stream.shut(both=False)
+            self._stream.shutdown(both=False)
         self.is_over = True
 
     def _reset(self) -> None:
@@ -358,7 +358,7 @@ class PlayedEnd:
 
     def _leave(self, unread: int, may_read: bool) -> None:
         if self._stream is not None:
-            self._stream.take_back(unread)
+            self._stream.withdraw(unread)
             if not may_read:
                 self._shadows.leaving.append(self)
 
@@ -369,17 +369,17 @@ class PlayedEnd:
         since = runtime.stands_since(self.connect)
         now_ns, stream = self._shadows.network.now_ns, self._stream
         due = since + max(self._stood + task - 1, FIRST_JOB * task)
-        is_late = since <= self._begun or (self._has_read and stream is not None and stream.untaken > 0)
+        is_late = since <= self._begun or (self._has_read and stream is not None and stream.pending_bytes > 0)
         return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
 
     def leave_now(self) -> None:
         if self._stream is not None and self.has_left and not self.is_over:
-            self._stream.leave()
+            self._stream.end_as_partner()
 
     def read_no_more(self) -> None:
         if self._stream is not None:
-            self.left_out += self._stream.untaken
-            self._stream.take_back(self._stream.untaken)
+            self.left_out += self._stream.pending_bytes
+            self._stream.withdraw(self._stream.pending_bytes)
 
     def fall_silent(self) -> None:
         if self._stream is not None:
@@ -431,7 +431,7 @@ class PlayedLine:
     def read_no_more(self) -> None:
         port = self._shadows.bench.runtime.listening_port(self.link)
         if self._address and port is not None:
-            for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
+            for source, data in self._shadows.network.datagrams.withdraw(Endpoint(self._address, port)):
                 self._left_out[self._numbers[source]] += len(data)
 
     def close(self) -> None:
@@ -452,7 +452,7 @@ class PlayedLine:
             line = shadows.bench.lines[self.link]
             if not line.is_open:
                 return False
-            is_taken = line.arrive(whole)
+            is_taken = line.simulate_arrival(whole)
             shadows.wake()
         if not is_taken:
             self._left_out[number] += len(data)

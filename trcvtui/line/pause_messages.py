@@ -44,7 +44,7 @@ class PauseMessages(KeptRows):
         def take(ns: int, content: bytes, size: int, reason: str, begins: bool) -> None:
             for name in names:
                 self._numbers[name] += 1
-                at = self._rings.ring(name).append(content + bytes(size - len(content)))
+                at = self._rings.open_ring(name).append(content + bytes(size - len(content)))
                 number, t_ns = self._numbers[name], ns - self._first_ns
                 self.add(name, number, 0, t_ns, size, name, [(at, size)], reason, len(content))
 

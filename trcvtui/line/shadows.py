@@ -22,9 +22,9 @@ from trcvtui.capture.reassembly import Conversation, WireDirection
 from trcvtui.commands import words
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, end_in_words
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, parse_end
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.net.tap import end_text, place_of
+from trcvtui.net.tap import format_end, parse_place
 from trcvtui.project.file import read_project
 from trcvtui.project.project import (
     SERIAL,
@@ -260,15 +260,15 @@ def known_ends(project: Project) -> KnownEnds:
 
 def _hosts(addresses: Iterable[str]) -> frozenset[bytes]:
     """Return addresses as a capture has them, without names and those that mean any."""
-    found = (end_in_words(each) for each in addresses if each != ANY_ADDRESS)
+    found = (parse_end(each) for each in addresses if each != ANY_ADDRESS)
     return frozenset(end[0] for end in found if end is not None and any(end[0]))
 
 
 def rows_of_taps(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
     """Return rows that name the same conversations, as far as they have ends: a serial line has none."""
-    places = [(tap, place_of(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
+    places = [(tap, parse_place(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
     return tuple(
-        WatchDecl(tap.name, end_text(to.address, to.port), tap.connect, back=tap.back)
+        WatchDecl(tap.name, format_end(to.address, to.port), tap.connect, back=tap.back)
         for tap, to in places
         if to.kind != "serial"
     )

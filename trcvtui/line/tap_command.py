@@ -15,10 +15,10 @@ from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
 from trcvtui.files import create
-from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
-from trcvtui.net.os.system_calls import OUT, look_at
-from trcvtui.net.os.tap_ways import COUNTS, ORDERS, RECORDER, SCREEN, EventPipes, ServerPipes
-from trcvtui.net.tap import Route, end_text
+from trcvtui.net.os.forwarder import Forwarder, list_reachable, raise_descriptor_limit, write_or_drop_line
+from trcvtui.net.os.system_calls import OUT, poll_once
+from trcvtui.net.os.tap_ways import ASK_COUNT, ORDERS, RECORDER, SCREEN, ChannelServer, ObserverServerPipes
+from trcvtui.net.tap import Route, format_end
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 
 RECORDS: Final = "import sys; from trcvtui.line.tapped import record_tap; record_tap(int(sys.argv[1]))"
@@ -62,7 +62,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
     if looks.holds and not looks.has_screen:
         raise mistake("--hold", "no screen", "one that lets go what is held")
-    raise_limit()
+    raise_descriptor_limit()
     voice = _Voice()
     loop = Forwarder(voice.say)
     for route in routes:
@@ -115,7 +115,7 @@ def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Rou
     for route, address in zip(routes, addresses, strict=True):
         how = f"; kill {os.getpid()} ends the tap" if route is routes[-1] and os.name == "posix" else ""
         say(f"{route.name}: {_listens(route, address)} to {route.to}{how}")
-    for place in reachable(addresses):
+    for place in list_reachable(addresses):
         say(f"other machines reach {place}")
 
 
@@ -130,12 +130,12 @@ class _Voice:
         if self.is_kept:
             self._kept.append(line)
         else:
-            say_at_once(line)
+            write_or_drop_line(line)
 
     def let_out(self) -> None:
         self.is_kept = False
         while self._kept:
-            say_at_once(self._kept.popleft())
+            write_or_drop_line(self._kept.popleft())
 
 
 class _Server:
@@ -153,32 +153,32 @@ class _Server:
         self._words = path, str(int(looks.may_order)), told
         self._pause = 0
         self._process: Popen[bytes] | None = None
-        self._pipes: ServerPipes | None = None
+        self._pipes: ObserverServerPipes | None = None
         self._pending: list[tuple[bytes, Any]] = []  # ways that wait for it
 
     def start(self) -> None:
         """Start it; where the system gives no process now, later."""
         try:
-            pipes = ServerPipes()
+            pipes = ObserverServerPipes()
             told = DEVNULL if self.voice.is_kept else None  # the terminal belongs to the screen
             words = (SERVES, *map(str, pipes.fds), *self._words)
             self._process = _started(words, stdin=DEVNULL, stdout=DEVNULL, stderr=told, pass_fds=pipes.fds)
-            pipes.close_theirs()
+            pipes.close_far_ends()
         except OSError as failed:
             self._again(failed.strerror or str(failed))
             return
         self._pipes = pipes
-        self.loop.serve(pipes.events, self._lose)
+        self.loop.attach_server(pipes.events, self._lose)
         pending, self._pending = self._pending, []
         for kind, way in pending:
-            pipes.hand_over(kind, way)
+            pipes.hand_over_observer(kind, way)
 
     def hand_over(self, kind: bytes, way: Any) -> None:
         """Let an observer of that kind be served; later, when there is no process now."""
         if self._pipes is None:
             self._pending.append((kind, way))
         else:
-            self._pipes.hand_over(kind, way)
+            self._pipes.hand_over_observer(kind, way)
 
     def _lose(self) -> None:
         if self._pipes is not None and self._process is not None:
@@ -190,7 +190,7 @@ class _Server:
 
     def _again(self, why: str) -> None:
         self.voice.say(f"no observers: {why}; tried again in {self._pause // SECOND} s, bytes go on")
-        self.loop.after(self._pause, self.start)
+        self.loop.call_after(self._pause, self.start)
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
     def wait(self) -> None:
@@ -206,7 +206,7 @@ class _Child:
 
     def __init__(self, server: _Server, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what
-        self._loop, self._asked = server.loop, EventPipes()  # at its end the child has ended
+        self._loop, self._asked = server.loop, ChannelServer()  # at its end the child has ended
         self._process: Popen[bytes] | None = None
         self._is_served = False  # it has asked
 
@@ -215,20 +215,20 @@ class _Child:
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
-        self._loop.hear(self._asked.fd, 1, self._answer)
+        self._loop.register(self._asked.fd, 1, self._answer)
         self._is_served = self._answer()
         return self._is_served
 
     def _answer(self, _: int = 0) -> bool:
         """Wait for a question of it; return whether it has one, and has not ended."""
-        question = self._asked.take_question()
-        if question == COUNTS:
-            self._asked.answer(self._loop.open_in_words())
+        question = self._asked.read_question()
+        if question == ASK_COUNT:
+            self._asked.answer_count(self._loop.describe_open())
         elif not question:
-            self._loop.forget(self._asked.fd)
+            self._loop.unregister(self._asked.fd)
             if self._is_served:  # otherwise it has said what is wrong
                 self._gone()
-        elif (way := self._asked.hand_over()) is not None:
+        elif (way := self._asked.hand_over_channel()) is not None:
             self._server.hand_over(self._kind, way)
         return bool(question)
 
@@ -266,19 +266,19 @@ class _Screen(_Child):
         import termios
 
         code = self.wait()
-        self._loop.let_all_go()
+        self._loop.release_all()
         if code == 0:
-            if cut := self._loop.open_in_words():
-                say_at_once(f"the tap ends and cuts {cut}")
+            if cut := self._loop.describe_open():
+                write_or_drop_line(f"the tap ends and cuts {cut}")
             self._loop.stop()
         else:
             ends = f"kill {os.getpid()} ends the tap"
             with suppress(termios.error, OSError):  # the terminal is closed
                 termios.tcsetattr(0, termios.TCSANOW, self._terminal)
                 ends = f"Ctrl+C or {ends}"
-                if code < 0 and look_at({1: OUT}):
+                if code < 0 and poll_once({1: OUT}):
                     os.write(1, LEAVE_SCREEN)
-            say_at_once(f"the screen has ended: bytes still go on; {ends}")
+            write_or_drop_line(f"the screen has ended: bytes still go on; {ends}")
         self._server.voice.let_out()
 
     def end(self) -> None:
@@ -290,7 +290,7 @@ class _Screen(_Child):
 def _listens(route: Route, address: tuple[str, int] | None) -> str:
     if address is None:
         return str(route.listen)
-    return ("udp:" if route.listen.kind == "udp" else "") + end_text(*address)
+    return ("udp:" if route.listen.kind == "udp" else "") + format_end(*address)
 
 
 def _can_type() -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from trcvtui import paths
 from trcvtui.line.tapped import TapCapture
-from trcvtui.net.os.observers import ObserverServer, connected
+from trcvtui.net.os.observers import ObserverServer, connect_to_tap
 from trcvtui.signals import OF_A_GROUP, leave
 
 
@@ -25,7 +25,7 @@ def socket_of(project: Path) -> Path:
 
 def connection_to(project: Path) -> int:
     """Return the descriptor of a connection to the tap of a project; raise UserError where none runs."""
-    return connected(socket_of(project), f"`trcvtui tap --project {project}` beside it")
+    return connect_to_tap(socket_of(project), f"`trcvtui tap --project {project}` beside it")
 
 
 def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:

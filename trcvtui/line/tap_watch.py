@@ -27,7 +27,7 @@ from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
 from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
 from trcvtui.line.tapped import TapNote
 from trcvtui.net.os.lossy_pipe import MOST_LINE
-from trcvtui.net.tap import BACK, TO, Route, TapOrder, TapPlace, end_text, route_of
+from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapOrder, TapPlace, format_end, make_route
 from trcvtui.project.project import TapDecl
 
 _MAPPED: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a packet whose other end has IPv6
@@ -39,7 +39,7 @@ class TapPlan(LivePlan):
     def __init__(
         self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None
     ) -> None:
-        self.routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
+        self.routes = [make_route(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
         super().__init__(project, plc, dialect)
 
     def _expect(
@@ -49,7 +49,7 @@ class TapPlan(LivePlan):
         self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
         if given is not None and given.port is not None and any(self.calls):
             raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
-        end = plc or (end_text(to.address, to.port) if to.kind != "serial" else None)
+        end = plc or (format_end(to.address, to.port) if to.kind != "serial" else None)
         plan_of, loaded = planned(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
         rows = rows_of_taps([known[route.name] for route in routes if route.name in known and not plc])
@@ -209,7 +209,7 @@ class TapWatch(LiveWatch):
         if command.tap not in names or self._order is None:
             return f"tap {command.tap} does not run"
         route = names.index(command.tap)
-        way = BACK if command.to_plc == self._plan.calls[route] else TO
+        way = WAY_BACK if command.to_plc == self._plan.calls[route] else WAY_TO
         order = TapOrder(route, command.conversation, way, command.verb, command.sizes, command.payload)
-        self._order(order.line())
+        self._order(order.encode())
         return ""

@@ -19,8 +19,8 @@ from msgspec import Meta, Struct
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.os.tap_ways import TapWay
-from trcvtui.net.tap import BACK, FIGURES, LOSS, TO, TapEvent, TapEventKind
+from trcvtui.net.os.tap_ways import TapChannel
+from trcvtui.net.tap import FIGURES_DATA, LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,
     FIN,
@@ -138,8 +138,8 @@ class TapPackets:
             talk.remarks[way].append(f"{pcap.OURS}{event.data.decode(errors='replace')}")
         elif kind == TapEventKind.STANDS and talk.kind == "tcp":
             talk.stands = True
-            yield self._segment(talk, BACK, ns, SYN | ACK)
-            yield self._segment(talk, TO, ns, ACK)
+            yield self._segment(talk, WAY_BACK, ns, SYN | ACK)
+            yield self._segment(talk, WAY_TO, ns, ACK)
         elif kind in (TapEventKind.FIN, TapEventKind.RST) and talk.kind == "tcp":
             if talk.stands:
                 talk.next[way] = event.at + 1
@@ -163,12 +163,12 @@ class TapPackets:
         ends = (addresses[0].packed, int(near_port)), (addresses[1].packed, int(far_port))
         talk = self._talks[event.number] = _TappedConversation(kind, ends)
         if kind == "tcp" and not event.at:
-            yield self._segment(talk, TO, event.ns, SYN)
+            yield self._segment(talk, WAY_TO, event.ns, SYN)
         talk.stands = bool(event.at)
 
     def _over(self, number: int, ns: int) -> Iterator[TapPacket]:
         talk = self._talks.pop(number)
-        for way in (TO, BACK):
+        for way in (WAY_TO, WAY_BACK):
             if talk.remarks[way] and talk.kind == "tcp":
                 yield self._segment(talk, way, ns, ACK)
 
@@ -273,10 +273,10 @@ class TapCapture:
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
         return made + _note(ns, {"note": "taps", **self._told, "open": [*self._open]})
 
-    def lines(self, since: int) -> list[bytes]:
+    def encode_lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
 
-    def block(self, event: TapEvent) -> bytes:
+    def encode_event(self, event: TapEvent) -> bytes:
         if event.kind == TapEventKind.OPEN:
             self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
         elif event.kind in STATES and event.number in self._open:
@@ -287,12 +287,12 @@ class TapCapture:
         blocks += [pcap.packet_block(*packet) for packet in self._packets.of(event)]
         return b"".join(blocks)
 
-    def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
+    def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
         self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
         return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
 
-    def open(self) -> bytes:
+    def encode_open(self) -> bytes:
         """Return which conversations there are, and how they stand."""
         events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
         return b"".join([block for event in events for block in self._note(event)])
@@ -311,16 +311,16 @@ class TapCapture:
             told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
             holds, first = bool(event.data), event.data[1:].hex()
-            told |= {"to_connect": event.way == TO, "holds": holds, "bytes": event.at, "first": first}
+            told |= {"to_connect": event.way == WAY_TO, "holds": holds, "bytes": event.at, "first": first}
         elif event.kind == TapEventKind.OPEN:
             kind, near, near_port, far, far_port = event.data.decode().split("|")
             ends = (near, int(near_port)), (far, int(far_port))
             told |= {"kind": kind, "ends": ends, "new": not event.at}
         elif event.kind == TapEventKind.FIGURES:
-            figures = zip(("round_trip_us", "window", "again"), FIGURES.unpack(event.data), strict=True)
-            told |= {"to_connect": event.way == TO, **dict(figures)}
+            figures = zip(("round_trip_us", "window", "again"), FIGURES_DATA.unpack(event.data), strict=True)
+            told |= {"to_connect": event.way == WAY_TO, **dict(figures)}
         elif event.kind != TapEventKind.OVER:
-            told |= {"to_connect": event.way == TO, "text": event.data.decode(errors="replace")}
+            told |= {"to_connect": event.way == WAY_TO, "text": event.data.decode(errors="replace")}
         yield _note(event.ns, told)
 
 
@@ -337,9 +337,9 @@ def record_tap(asks: int) -> None:
     When the process that serves observers was killed, a new one begins a new section, after whole blocks.
     """
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
-    way = TapWay(asks)
+    way = TapChannel(asks)
     try:
-        while (data := way.whole(os.read(way.fd, READ))) != b"":
+        while (data := way.feed(os.read(way.fd, READ))) != b"":
             _write(data or b"")
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")

@@ -19,9 +19,9 @@ from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.tap_watch import TapPlan, TapWatch
 from trcvtui.line.tapped import TapNote
-from trcvtui.net.os.packet_pipe import take_stdin
-from trcvtui.net.os.system_calls import IN, look_at
-from trcvtui.net.os.tap_ways import TapWay
+from trcvtui.net.os.packet_pipe import detach_stdin
+from trcvtui.net.os.system_calls import IN, poll_once
+from trcvtui.net.os.tap_ways import TapChannel
 from trcvtui.net.tap import RELEASE
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.scenario.report import JsonLines, json_line, outputs_record
@@ -135,7 +135,7 @@ def watch(
 
 
 def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
-    watch_pipe(take_stdin(with_keyboard=False), project, plc, dialect, form)
+    watch_pipe(detach_stdin(with_keyboard=False), project, plc, dialect, form)
 
 
 def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
@@ -164,7 +164,7 @@ def watch_tap(asks: int, asked: str) -> None:
     except UserError as wrong:
         _say("\n".join(wrong.lines()))
         sys.exit(2)
-    way = TapWay(asks)
+    way = TapChannel(asks)
 
     def tell(ns: int, note: TapNote, text: str) -> None:
         lines = live.player and live.player.lines
@@ -177,7 +177,7 @@ def watch_tap(asks: int, asked: str) -> None:
     def hear() -> None:
         nonlocal can_type
         sys.stdout.flush()
-        if can_type and live.player is not None and look_at({0: IN}):  # once: stdin may never be empty
+        if can_type and live.player is not None and poll_once({0: IN}):  # once: stdin may never be empty
             data = b""
             with suppress(OSError):
                 data = os.read(0, TYPED)
@@ -185,13 +185,13 @@ def watch_tap(asks: int, asked: str) -> None:
             for line in live.type(data):
                 _say(line)
             if not data:
-                way.tell(RELEASE + b"\n")
+                way.send(RELEASE + b"\n")
 
-    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.tell)
+    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.send)
     said: list[str] = []
     try:
         with suppress(UserError):  # the tap has ended before its first word
-            said = PacketStream(way.fd, live, _say, hear, whole=way.whole).take()
+            said = PacketStream(way.fd, live, _say, hear, whole=way.feed).take()
         _end(live, plan, said)
         sys.stdout.flush()
     except OSError:  # the reader of what shadows show is gone, or its terminal

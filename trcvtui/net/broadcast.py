@@ -11,10 +11,10 @@ from typing import Final
 from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
 
-MOST_OWN: Final = 256  # datagrams of our own that one call passes over
+MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call passes over
 
 
-def begin_broadcasts(
+def enable_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
     """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
@@ -35,14 +35,14 @@ def begin_broadcasts(
     return None, f"{end}: {refused}"
 
 
-def take_datagram(
+def receive_datagram(
     kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
     """Take the next datagram; of broadcasts the stack brings back our own, which a CPU does not hear."""
     got = kernel.recv_from(handle, into)
     if hearing is None or got is not WOULD_BLOCK:
         return got
-    for _ in range(MOST_OWN):
+    for _ in range(MOST_OWN_BROADCASTS):
         got = kernel.recv_from(hearing, into)
         if not isinstance(got, Datagram) or got.source != own:
             return got

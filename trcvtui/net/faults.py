@@ -15,9 +15,9 @@ from typing import Any, Final
 from msgspec import Struct, structs
 
 from trcvtui.errors import mistake
-from trcvtui.net.kernel import CALLS, Accepted, Handle, Kernel, KernelFront
+from trcvtui.net.kernel import KERNEL_CALLS, Handle, Kernel, KernelProxy, NewClient
 from trcvtui.net.results import Fault, WouldBlock
-from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
+from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, PortOpening, SerialPort
 
 # The errno of a call when the plan names none: what Linux answers.
 DEFAULT_ERROR: Final = {
@@ -73,7 +73,7 @@ class PlannedFault(Struct, frozen=True):
         return " ".join(parts)
 
 
-def nobody_asks(owner: str, fault: Fault) -> None:
+def ignore_fault(owner: str, fault: Fault) -> None:
     """Do nothing: what a plan tells when nobody keeps a ledger."""
 
 
@@ -82,15 +82,15 @@ class FaultPlan:
 
     def __init__(self) -> None:
         self.active = False
-        self.fired: Callable[[str, Fault], None] = nobody_asks  # told the owner and the fault, each time
+        self.fired: Callable[[str, Fault], None] = ignore_fault  # told the owner and the fault, each time
         self._entries: list[PlannedFault] = []
 
     def add(
         self, call: str, error: str | None = None, on: str | None = None, nth: int = 1, times: int | None = 1
     ) -> None:
         """Plan a fault; `nth` counts from now. Raise UserError for what no call or errno is."""
-        if call not in CALLS and call not in SERIAL_CALLS:
-            raise mistake("fault", call, "one of " + ", ".join((*CALLS, *SERIAL_CALLS)))
+        if call not in KERNEL_CALLS and call not in SERIAL_CALLS:
+            raise mistake("fault", call, "one of " + ", ".join((*KERNEL_CALLS, *SERIAL_CALLS)))
         name = error if error is not None else DEFAULT_ERROR[call]
         if name not in KNOWN_ERRORS:
             raise mistake(f"fault {call}", name, "an errno name such as " + DEFAULT_ERROR[call])
@@ -109,7 +109,7 @@ class FaultPlan:
         """Return what is still to come, in the order of adding."""
         return tuple(self._entries)
 
-    def take(self, call: str, owner: str) -> Fault | None:
+    def take_fault(self, call: str, owner: str) -> Fault | None:
         """Count this call of owner; return the Fault that it must answer, or None."""
         if not self.active:
             return None
@@ -130,40 +130,40 @@ class FaultPlan:
         return fault
 
 
-NOTHING: Final[Mapping[Handle, str]] = {}
-_BY_NAME: Final = ("set_reuse", "bind", "listen", "poll_add", "poll_del", "resolve", "connect")
+NO_HANDLES: Final[Mapping[Handle, str]] = {}
+_SAME_NAME_CALLS: Final = ("set_reuse", "bind", "listen", "poll_add", "poll_del", "resolve", "connect")
 # The calls that a planned fault only stands before, and what the plan calls them; each look at a name is one.
-STOPPED: Final = {
-    **{name: name for name in (*_BY_NAME, "recv", "send", "shutdown")},
+FAULTED_CALLS: Final = {
+    **{name: name for name in (*_SAME_NAME_CALLS, "recv", "send", "shutdown")},
     "recv_from": "recv",
     "send_to": "send",
     "probe": "shutdown",
 }
 
 
-class FaultyKernel(KernelFront):
+class FaultyKernel(KernelProxy):
     """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
 
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         super().__init__(inner)
         self.plan = plan
-        self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._readable_ones)
+        self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._list_readable)
         self._owners: dict[Handle, str] = {}
-        self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail
-        for name, call in STOPPED.items():
-            setattr(self, name, partial(self._stopped, call, getattr(inner, name)))
+        self._held: dict[Handle, NewClient] = {}  # clients whose accept was made to fail
+        for name, call in FAULTED_CALLS.items():
+            setattr(self, name, partial(self._attempt, call, getattr(inner, name)))
 
-    def _stopped(self, call: str, act: Callable[..., Any], handle: Handle, *more: Any, **named: Any) -> Any:
-        return (self.plan.active and self._take(call, handle)) or act(handle, *more, **named)
+    def _attempt(self, call: str, act: Callable[..., Any], handle: Handle, *more: Any, **named: Any) -> Any:
+        return (self.plan.active and self._take_fault(call, handle)) or act(handle, *more, **named)
 
-    def _take(self, call: str, handle: Handle) -> Fault | None:
-        return self.plan.take(call, self._owners.get(handle, ""))
+    def _take_fault(self, call: str, handle: Handle) -> Fault | None:
+        return self.plan.take_fault(call, self._owners.get(handle, ""))
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw something, or a client still waits after a planned fault."""
         return self.inner.readable(handle) or handle in self._held
 
-    def _readable_ones(self) -> Collection[Handle]:
+    def _list_readable(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
@@ -172,31 +172,31 @@ class FaultyKernel(KernelFront):
             return None
         ready, owners = self._ready(), self._owners
         if not ready:
-            return NOTHING
+            return NO_HANDLES
         try:
             return dict(zip(ready, map(owners.__getitem__, ready), strict=True))
         except KeyError:  # a peer's handle is in the poll set, too
             return {handle: owners[handle] for handle in ready if handle in owners}
 
     def socket(self, owner: str) -> Handle | Fault:
-        return self._made(owner, self.inner.socket)
+        return self._make_socket(owner, self.inner.socket)
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        return self._made(owner, self.inner.datagram_socket)
+        return self._make_socket(owner, self.inner.datagram_socket)
 
-    def _made(self, owner: str, make: Callable[[str], Handle | Fault]) -> Handle | Fault:
-        made = self.plan.take("socket", owner) or make(owner)
+    def _make_socket(self, owner: str, make: Callable[[str], Handle | Fault]) -> Handle | Fault:
+        made = self.plan.take_fault("socket", owner) or make(owner)
         if not isinstance(made, Fault):
             self._owners[made] = owner
         return made
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         """Take one finished handshake; no client is no attempt, and a planned fault leaves it waiting."""
         held = self._held.pop(handle, None)
         got = held or self.inner.accept(handle)
-        if not isinstance(got, Accepted):
+        if not isinstance(got, NewClient):
             return got
-        fault = self._take("accept", handle)
+        fault = self._take_fault("accept", handle)
         if fault is not None:
             self._held[handle] = got
             return replace(fault, peer=str(got.peer))
@@ -204,14 +204,14 @@ class FaultyKernel(KernelFront):
         return got
 
     def abort(self, handle: Handle) -> Fault | None:
-        return self._freed("abort", handle, self.inner.abort)
+        return self._free("abort", handle, self.inner.abort)
 
     def close(self, handle: Handle) -> Fault | None:
-        return self._freed("close", handle, self.inner.close)
+        return self._free("close", handle, self.inner.close)
 
-    def _freed(self, call: str, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
+    def _free(self, call: str, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
         """Free the handle, also when it is made to fail."""
-        fault = self._take(call, handle)
+        fault = self._take_fault(call, handle)
         self._owners.pop(handle, None)
         waiting = self._held.pop(handle, None)
         if waiting is not None:
@@ -226,33 +226,33 @@ class FaultyPort:
     def __init__(self, port: SerialPort, plan: FaultPlan, owner: str) -> None:
         self._port, self._plan, self._owner = port, plan, owner
 
-    def open(self) -> Fault | Opening | None:
+    def open(self) -> Fault | PortOpening | None:
         """Open it, once: an attempt that lasts is one call."""
         shown = self._port.open()
-        if isinstance(shown, Opening):
+        if isinstance(shown, PortOpening):
             return shown
-        fault = self._plan.take("open", self._owner)
+        fault = self._plan.take_fault("open", self._owner)
         if fault is not None:
             self._port.close()
         return fault or shown
 
     def read(self, most: int) -> bytes | Fault:
-        return self._broken("read") or self._port.read(most)
+        return self._take_fault("read") or self._port.read(most)
 
     def write(self, payload: bytes) -> int | Fault:
-        return self._broken("write") or self._port.write(payload)
+        return self._take_fault("write") or self._port.write(payload)
 
     def close(self) -> None:
         self._port.close()
 
-    def arrive(self, payload: bytes) -> bool:
-        return self._port.arrive(payload)
+    def simulate_arrival(self, payload: bytes) -> bool:
+        return self._port.simulate_arrival(payload)
 
     def line_errors(self) -> LineErrors | None:
         return self._port.line_errors()
 
-    def _broken(self, call: str) -> Fault | None:
-        fault = self._plan.take(call, self._owner)
+    def _take_fault(self, call: str) -> Fault | None:
+        fault = self._plan.take_fault(call, self._owner)
         if fault is not None:
             self._port.close()
         return fault

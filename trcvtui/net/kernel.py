@@ -21,7 +21,7 @@ Handle = NewType("Handle", int)
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 
 # The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (connection/resources.py).
-CALLS: Final = (
+KERNEL_CALLS: Final = (
     "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "resolve", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",
 )  # fmt: skip
@@ -40,7 +40,7 @@ class LocalAddress(Struct, frozen=True):
     broadcast: str = ""
 
 
-class Accepted(Struct, frozen=True):
+class NewClient(Struct, frozen=True):
     """A new connection taken from a listener's queue."""
 
     handle: Handle
@@ -132,7 +132,7 @@ class Kernel(Protocol):
     def poll_del(self, handle: Handle) -> Fault | None:
         """Take the handle out of the poll set (8087 names its failure)."""
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         """Take one finished handshake from a listener; the new handle has the listener's owner."""
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
@@ -181,7 +181,7 @@ class Kernel(Protocol):
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
 
-    def left(self, handles: Collection[Handle]) -> list[Handle]:
+    def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
         """Return those of the poll's handles at which something is unread, or an end was seen."""
 
     def peek(self, handle: Handle, skip: int) -> Unread:
@@ -207,10 +207,10 @@ class Kernel(Protocol):
         """Free the handle: FIN, or RST when unread data is queued. Frees it even when it answers a Fault."""
 
 
-_Passed: Any = object  # for mypy: a front has every call of a Kernel
+_AnyKernel: Any = object  # for mypy: a front has every call of a Kernel
 
 
-class KernelFront(_Passed):  # type: ignore[misc]
+class KernelProxy(_AnyKernel):  # type: ignore[misc]
     """A kernel in front of a kernel: a call that it does not define goes there, without a second call."""
 
     def __init__(self, inner: Kernel) -> None:

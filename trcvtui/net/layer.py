@@ -51,7 +51,7 @@ class Credentials(Struct, frozen=True):
     is_unverified: bool = False
 
 
-def tls_of(session: object) -> Credentials | None:
+def tls_credentials_of(session: object) -> Credentials | None:
     """Return what a CONNECT with TLS shows and asks; None: it has another session, or none."""
     return session if isinstance(session, Credentials) else None
 
@@ -93,7 +93,7 @@ class LayerSession(Protocol):
         """Return whether bytes may be fed."""
 
     @property
-    def held(self) -> int:
+    def held_bytes(self) -> int:
         """Return how many bytes are kept, read and unread."""
 
     def feed(self, data: memoryview, most: int = ...) -> int:
@@ -107,21 +107,21 @@ class LayerSession(Protocol):
         """Return whether a feed of nothing would go on: something waits here that was not looked at."""
 
     @property
-    def is_dear(self) -> bool:
+    def is_costly(self) -> bool:
         """Return whether the next step is one of a handshake that costs real time."""
 
     @property
     def partner_is_done(self) -> bool:
         """Return whether the partner has said, inside the session, that nothing more comes."""
 
-    def partner_closed(self) -> None:
+    def note_partner_end(self) -> None:
         """Note the end of the partner's bytes."""
 
     @property
-    def unfinished(self) -> int:
+    def unfinished_message(self) -> int:
         """Return the number of the message that has begun and not ended, 0: there is none, or no limit."""
 
-    def give_up(self, why: str) -> None:
+    def time_out(self, why: str) -> None:
         """End a handshake, or a message, that takes too long, where the session has a word for that."""
 
     def take_remarks(self) -> list[str]:
@@ -153,4 +153,4 @@ class LayerSettings(Protocol):
     def shares_port(self) -> bool:
         """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
 
-    def new(self, is_active: bool) -> LayerSession: ...
+    def make_session(self, is_active: bool) -> LayerSession: ...

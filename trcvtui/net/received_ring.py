@@ -13,15 +13,15 @@ from typing import Any, Final
 
 from trcvtui.wording import exact_size
 
-BLOCK: Final = 1 << 15  # with 1 << 12 a message of 64 KiB takes 25 us longer
-HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
+BLOCK_BYTES: Final = 1 << 15  # with 1 << 12 a message of 64 KiB takes 25 us longer
+DEFAULT_HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
 LEAST_HISTORY: Final = 1 << 16
 MOST_HISTORY: Final = 1 << 26
-MOST_BYTES: Final = 1 << 26  # of all rings of a PLC
+MOST_RING_BYTES: Final = 1 << 26  # of all rings of a PLC
 MOST_SKIPPED: Final = 256
 
 
-def sent_by(connect: str) -> str:
+def sent_ring_name(connect: str) -> str:
     """Return the name of the ring for what a CONNECT or UDP_CONFIG sends: one that nothing else can have."""
     return f"{connect} sent"
 
@@ -40,7 +40,7 @@ class ReceivedRings:
         self.__dict__.update(state)
         self._blocks = OrderedDict()
 
-    def ring(self, name: str, most: int = HISTORY) -> ReceivedRing:
+    def open_ring(self, name: str, most: int = DEFAULT_HISTORY) -> ReceivedRing:
         """Return the ring of a name, which keeps so many bytes from now on."""
         found = self._rings.setdefault(name, ReceivedRing(name, self))
         found.most = most
@@ -51,15 +51,15 @@ class ReceivedRings:
 
     @property
     def is_full(self) -> bool:
-        return len(self._blocks) >= MOST_BYTES // BLOCK
+        return len(self._blocks) >= MOST_RING_BYTES // BLOCK_BYTES
 
-    def block_begins(self, name: str, position: int) -> None:
+    def note_block_begin(self, name: str, position: int) -> None:
         """Note a new block; of too many of all rings the oldest goes."""
         self._blocks[name, position] = self._rings[name]
-        while len(self._blocks) > MOST_BYTES // BLOCK:
+        while len(self._blocks) > MOST_RING_BYTES // BLOCK_BYTES:
             self._blocks.popitem(last=False)[1].forget_block()
 
-    def block_ends(self, name: str, position: int) -> None:
+    def note_block_end(self, name: str, position: int) -> None:
         del self._blocks[name, position]
 
 
@@ -69,7 +69,7 @@ class ReceivedRing:
     def __init__(self, name: str, of_all: ReceivedRings) -> None:
         self.end = 0
         self.incarnations = 0  # connections so far: what each one brought is told apart
-        self.most = HISTORY
+        self.most = DEFAULT_HISTORY
         self._name, self._all = name, of_all
         self._first = self._restored = 0  # where the oldest block begins, and where the ring began anew
         self._blocks: deque[bytearray] = deque()
@@ -88,7 +88,7 @@ class ReceivedRing:
         return max(self._first, self.end - self.most)
 
     @property
-    def lack(self) -> str:
+    def lack_reason(self) -> str:
         """Return why nothing older is kept, "" where nothing is missing."""
         if not self.begin or self.begin == self.end:
             return ""
@@ -126,16 +126,16 @@ class ReceivedRing:
         if not self._blocks:
             self._first = position
         self._blocks.append(bytearray())
-        self._room = BLOCK
-        while position - self._first >= self.most + BLOCK:
-            self._all.block_ends(self._name, self._first)
+        self._room = BLOCK_BYTES
+        while position - self._first >= self.most + BLOCK_BYTES:
+            self._all.note_block_end(self._name, self._first)
             self.forget_block()
-        self._all.block_begins(self._name, position)
+        self._all.note_block_begin(self._name, position)
 
     def forget_block(self) -> None:
         """Forget the oldest block."""
         self._blocks.popleft()
-        self._first += BLOCK
+        self._first += BLOCK_BYTES
         if not self._blocks:
             self._first, self._room = self.end, 0
 
@@ -146,6 +146,6 @@ class ReceivedRing:
             return b""
         place, found = start - self._first, bytearray()
         while len(found) < stop - start:
-            number, at = divmod(place + len(found), BLOCK)
+            number, at = divmod(place + len(found), BLOCK_BYTES)
             found += self._blocks[number][at : at + stop - start - len(found)]
         return bytes(found)

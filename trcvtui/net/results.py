@@ -69,7 +69,7 @@ class Datagram(Struct, frozen=True):
         return self.size < self.whole
 
 
-def octets(address: str) -> tuple[int, ...] | None:
+def parse_octets(address: str) -> tuple[int, ...] | None:
     """Return the four octets, None for any other text (short forms such as `127.1` are refused too)."""
     parts = address.split(".")
     if len(parts) != 4 or not all(p.isascii() and p.isdigit() and len(p) <= 3 for p in parts):
@@ -78,7 +78,7 @@ def octets(address: str) -> tuple[int, ...] | None:
     return numbers if max(numbers) < 256 else None
 
 
-def end_in_words(text: str) -> tuple[bytes, int | None] | None:
+def parse_end(text: str) -> tuple[bytes, int | None] | None:
     """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: it is no end."""
     from ipaddress import ip_address  # of a capture alone
 
@@ -104,21 +104,21 @@ def is_loopback(address: str) -> bool:
 
 def is_group(address: str) -> bool:
     """Return whether it is multicast (224 to 239) or the broadcast address: no single machine."""
-    parts = octets(address)
+    parts = parse_octets(address)
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
 
 
-def broadcast_of(address: str, mask: str) -> str:
+def broadcast_address(address: str, mask: str) -> str:
     """Return the last address of a network; "" where it has but two or one (RFC 3021)."""
-    parts, bits = octets(address), octets(mask)
+    parts, bits = parse_octets(address), parse_octets(mask)
     if parts is None or bits is None or bits >= (255, 255, 255, 254):
         return ""
     return ".".join(str(part | ~bit & 255) for part, bit in zip(parts, bits, strict=True))
 
 
-def pair(end: Endpoint) -> tuple[str, int]:
+def sockaddr(end: Endpoint) -> tuple[str, int]:
     """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
-    if octets(end.address) is None:
+    if parse_octets(end.address) is None:
         raise OSError(errno.EINVAL, "not a dotted IPv4 address")
     if not 0 <= end.port < 65536:
         raise OSError(errno.EINVAL, "not a port")

@@ -11,14 +11,14 @@ from trcvtui.net.results import Fault
 
 # The calls that a fault plan can make fail, beside those of the network.
 SERIAL_CALLS: Final = ("open", "read", "write")
-OVER_TCP: Final = ("socket://", "rfc2217://")  # how the URLs begin that make a TCP connection
+TCP_URL_PREFIXES: Final = ("socket://", "rfc2217://")  # how the URLs begin that make a TCP connection
 
 
-class Opening:
+class PortOpening:
     """What `open` answers while it is not known yet whether the port opens."""
 
 
-OPENING: Final = Opening()
+OPENING: Final = PortOpening()
 
 
 class SerialSettings(Struct, frozen=True):
@@ -38,7 +38,7 @@ LineErrors = tuple[int, int, int, int]  # framing, parity, breaks, overruns
 class SerialPort(Protocol):
     """One port. A Fault of `read` or `write` means that it is gone, and closed."""
 
-    def open(self) -> Fault | Opening | None:
+    def open(self) -> Fault | PortOpening | None:
         """Open it; return what is in the way, OPENING as long as that is not known: ask again."""
 
     def read(self, most: int) -> bytes | Fault:
@@ -50,14 +50,14 @@ class SerialPort(Protocol):
     def close(self) -> None:
         """Give the port back, or the attempt to open it up."""
 
-    def arrive(self, payload: bytes) -> bool:
+    def simulate_arrival(self, payload: bytes) -> bool:
         """Let bytes come over a simulated line; return whether it is one."""
 
     def line_errors(self) -> LineErrors | None:
         """Return what the driver has counted; None: it does not say."""
 
 
-SerialPorts = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer
+SerialPortFactory = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer
 
 
 SIMULATED_LINE_BYTES: Final = 1_048_576  # bytes on a simulated line, whose sender nobody can slow
@@ -85,7 +85,7 @@ class SimSerialPort:
         self.is_open = False
         self._waiting.clear()
 
-    def arrive(self, payload: bytes) -> bool:
+    def simulate_arrival(self, payload: bytes) -> bool:
         if self.is_open:
             self._waiting += payload[: SIMULATED_LINE_BYTES - len(self._waiting)]
         return True

@@ -8,15 +8,15 @@ from enum import IntEnum
 from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.net.results import end_in_words
+from trcvtui.net.results import parse_end
 from trcvtui.net.serial_line import SerialSettings
 
-HERE: Final = "127.0.0.1"
-TO, BACK = 0, 1  # ways: from the end at LISTEN to the end at CONNECT, and back
-MOST_EVENT: Final = 1 << 20  # bytes of one event
+LOCALHOST: Final = "127.0.0.1"
+WAY_TO, WAY_BACK = 0, 1  # ways: from the end at LISTEN to the end at CONNECT, and back
+MOST_EVENT_BYTES: Final = 1 << 20  # bytes of one event
 NEWEST: Final = 0  # in an order, in place of a conversation's number
-PLACE: Final = "[ADDR:]PORT, udp:[ADDR:]PORT or serial:DEVICE[,9600,8N1]"
-_PARITY: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "space"}
+PLACE_SYNTAX: Final = "[ADDR:]PORT, udp:[ADDR:]PORT or serial:DEVICE[,9600,8N1]"
+_PARITIES: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "space"}
 
 
 class TapPlace(NamedTuple):
@@ -31,7 +31,7 @@ class TapPlace(NamedTuple):
         """Return it as the user writes it."""
         if self.line is not None:
             return f"serial:{self.line.port}"
-        return ("udp:" if self.kind == "udp" else "") + end_text(self.address, self.port)
+        return ("udp:" if self.kind == "udp" else "") + format_end(self.address, self.port)
 
 
 class Route(NamedTuple):
@@ -42,42 +42,42 @@ class Route(NamedTuple):
     to: TapPlace
 
 
-def end_text(address: str, port: int) -> str:
+def format_end(address: str, port: int) -> str:
     """Return `10.0.0.5:2000` or `[fd00::1]:2000`."""
     return f"[{address}]:{port}" if ":" in address else f"{address}:{port}"
 
 
-def place_of(text: str, where: str) -> TapPlace:
+def parse_place(text: str, where: str) -> TapPlace:
     """Return the place that a text names; raise UserError, which says where it stands."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
-        return TapPlace("serial", "", 0, _line_of(rest, where, text))
+        return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))
     rest = rest if kind == "udp" and colon else text
     if rest.isascii() and rest.isdigit() and int(rest) < 65536:
-        return TapPlace("udp" if rest != text else "tcp", HERE, int(rest))
+        return TapPlace("udp" if rest != text else "tcp", LOCALHOST, int(rest))
     from ipaddress import ip_address
 
     free = rest.endswith(":0")  # any port that is free
-    found = end_in_words(rest[:-1] + "1" if free else rest)
+    found = parse_end(rest[:-1] + "1" if free else rest)
     if found is None or found[1] is None:
-        raise mistake(where, f"'{text}'", PLACE)
+        raise mistake(where, f"'{text}'", PLACE_SYNTAX)
     return TapPlace("udp" if rest != text else "tcp", str(ip_address(found[0])), 0 if free else found[1])
 
 
-def _line_of(rest: str, where: str, text: str) -> SerialSettings:
+def _parse_serial_line(rest: str, where: str, text: str) -> SerialSettings:
     device, *settings = rest.split(",")
     baud, frame = (*settings, *("9600", "8N1")[len(settings) :])[:2]
     known = baud.isascii() and baud.isdigit() and int(baud) > 0 and len(frame) >= 3
-    if not device or len(settings) > 2 or not known or frame[0] not in "5678" or frame[1] not in _PARITY:
-        raise mistake(where, f"'{text}'", PLACE)
+    if not device or len(settings) > 2 or not known or frame[0] not in "5678" or frame[1] not in _PARITIES:
+        raise mistake(where, f"'{text}'", PLACE_SYNTAX)
     if frame[2:] not in ("1", "1.5", "2"):
-        raise mistake(where, f"'{text}'", PLACE)
-    return SerialSettings(device, int(baud), int(frame[0]), _PARITY[frame[1]], float(frame[2:]))
+        raise mistake(where, f"'{text}'", PLACE_SYNTAX)
+    return SerialSettings(device, int(baud), int(frame[0]), _PARITIES[frame[1]], float(frame[2:]))
 
 
-def route_of(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
+def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
     """Return a tap; raise UserError for places that do not go together."""
-    route = Route(name, place_of(listen, where[0]), place_of(to, where[1]))
+    route = Route(name, parse_place(listen, where[0]), parse_place(to, where[1]))
     if route.listen.kind != route.to.kind:
         raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
     if str(route.listen) == str(route.to) or (route.to.line is None and not route.to.port):
@@ -122,16 +122,16 @@ class TapEvent(NamedTuple):
 
 
 MOST_HELD_SHOWN: Final = 256  # bytes of what is held that are told, after a mark of one byte
-EVENT: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
+EVENT_HEAD: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
 LOSS: Final = struct.Struct("<QQ")
-FIGURES: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes that the tap has sent again
+FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes that the tap has sent again
 
 
-def events_of(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
+def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
     """Yield what comes, as much as came at once, until nobody tells more."""
     waiting = b""
-    head, unpack = EVENT.size, EVENT.unpack_from
-    while got := read(MOST_EVENT):
+    head, unpack = EVENT_HEAD.size, EVENT_HEAD.unpack_from
+    while got := read(MOST_EVENT_BYTES):
         waiting = waiting + got if waiting else got
         at, end, found = 0, len(waiting), []
         while end - at >= head:
@@ -160,30 +160,32 @@ class TapOrder(NamedTuple):
     sizes: tuple[int, ...] = ()
     data: bytes = b""
 
-    def line(self) -> bytes:
+    def encode(self) -> bytes:
         sizes = ",".join(map(str, self.sizes))
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
 RELEASE: Final = b"release"  # in place of an order: hold and delay nothing any more
-SAYS: Final = b"! "  # before what the process that serves observers says to the user
+USER_LINE: Final = b"! "  # before what the process that serves observers says to the user
 MOST_NUMBER: Final = (1 << 32) - 1
 MOST_SIZE: Final = 3_600_000_000_000  # the ns of an hour
 # How many sizes each verb takes, -1: one or more.
-VERBS: Final = {
+VERB_SIZES: Final = {
     "hold": 0, "go": 0, "drop": 1, "insert": 0, "edit": 1, "delay": 1, "split": -1, "rst": 0, "fin": 0
 }  # fmt: skip
 
 
-def order_of(line: bytes, routes: int) -> TapOrder:
+def parse_order(line: bytes, routes: int) -> TapOrder:
     """Return an order for one of so many routes; raise ValueError for what is none."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])
     made = TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))
-    wanted = VERBS.get(verb)
+    wanted = VERB_SIZES.get(verb)
     fits = len(numbers) == wanted or (wanted == -1 and numbers)
-    is_placed = made.way in (TO, BACK) and 0 <= made.route < routes and 0 <= made.number <= MOST_NUMBER
+    is_placed = (
+        made.way in (WAY_TO, WAY_BACK) and 0 <= made.route < routes and 0 <= made.number <= MOST_NUMBER
+    )
     if not (fits and is_placed and all(0 <= each <= MOST_SIZE for each in numbers)):
         raise ValueError(f"'{line[:80].decode()}'")
     return made

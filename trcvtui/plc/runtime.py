@@ -29,7 +29,7 @@ from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.layer_kernel import ReadyKernel
 from trcvtui.net.received_ring import ReceivedRing
-from trcvtui.net.serial_line import SerialPorts
+from trcvtui.net.serial_line import SerialPortFactory
 from trcvtui.plc.call_order import CallOrder
 from trcvtui.plc.commands import (
     AddDeclaration,
@@ -104,7 +104,7 @@ class Runtime:
         kernel: ReadyKernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
-        ports: SerialPorts | None,
+        ports: SerialPortFactory | None,
         containment: Containment,
     ) -> None:
         self.ledger, self._containment = Ledger(), containment
@@ -204,7 +204,7 @@ class Runtime:
             return local.port if local else None
         if connect not in self._connections:
             return None  # it is declared by the next scan
-        end = self._connections[connect].set_up.listening
+        end = self._connections[connect].set_up.listening_end
         return end.port if end else None
 
     def stands_since(self, connect: str) -> int:
@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a CONNECT, UDP_CONFIG, ComBuffer has received; by `sent_by`: sent."""
+        """Return the newest bytes that a CONNECT, UDP_CONFIG, ComBuffer has received; by `sent_ring_name`: sent."""
         return self._resources.received.get(name)
 
     def partial(self, instance: str) -> bytes:
@@ -299,7 +299,7 @@ class Runtime:
         self._env.scan += 1
         self._env.now = now
         self.ledger.scan, self.ledger.t_ns = self._env.scan, now
-        self._resources.work.begin(now)
+        self._resources.work.begin_scan(now)
         self._read_inputs()
         self._execute_program()
         self._write_outputs()
@@ -340,13 +340,13 @@ class Runtime:
 
     def _service_communication(self) -> None:
         resources, ready = self._resources, self._ready_handles
-        resources.queue.serve()
+        resources.queue.clear()
         self._lines.move(self._env.now)
         if ready is None or ready:
             for name in self._connections if ready is None else self._ready_listeners(ready):
-                self._serve(name, self._connections[name].service)
+                self._serve(name, self._connections[name].serve_listener)
         for name in tuple(resources.unsettled) if resources.unsettled else ():
-            self._serve(name, self._connections[name].watch)
+            self._serve(name, self._connections[name].check_dead_link)
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
@@ -390,7 +390,7 @@ class Runtime:
         link = self._connections.get(connect) or self._ports.get(connect)
         if link is not None:
             for direction in link.directions:
-                direction.release(name)
+                direction.release_instance(name)
             if in_connection or not any(map(self._works, self._call_order.on((connect,)))):
                 self._containment.aside(("CONNECT", connect), link.abandon)
         return is_changed

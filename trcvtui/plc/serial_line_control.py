@@ -17,7 +17,7 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.serial.com_buffer import ComBuffer
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.results import Fault
-from trcvtui.net.serial_line import Opening, SerialPort
+from trcvtui.net.serial_line import PortOpening, SerialPort
 
 # A port that is not there, or vanishes, is looked for again every RETRY_NS; a frame that was half here ends.
 
@@ -46,7 +46,7 @@ class PortFeed:
 
     def arrive(self, payload: bytes) -> None:
         """Let bytes come as if over the line."""
-        if not self._port.arrive(payload):
+        if not self._port.simulate_arrival(payload):
             self._rx.put(payload)
 
     def ask_errors(self) -> None:
@@ -86,7 +86,7 @@ class PortFeed:
         if self._retry_at is not None and now < self._retry_at:
             return False
         wrong = self._port.open()
-        if isinstance(wrong, Opening):
+        if isinstance(wrong, PortOpening):
             self._wait(now)
             return False
         self._opening_since = None

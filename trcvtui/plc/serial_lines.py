@@ -18,7 +18,7 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, LineRecording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
-from trcvtui.net.serial_line import OVER_TCP, SerialPorts
+from trcvtui.net.serial_line import TCP_URL_PREFIXES, SerialPortFactory
 from trcvtui.plc.containment import Containment, RunPart
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
@@ -40,7 +40,7 @@ class SerialLines:
         decls: tuple[ComBufferDecl, ...],
         env: Environment,
         write: Callable[[SerialNote | BenchNote], None],
-        ports: SerialPorts | None,
+        ports: SerialPortFactory | None,
         containment: Containment,
         failed: Callable[[RunPart], None],
     ) -> None:
@@ -59,7 +59,7 @@ class SerialLines:
 
     def declare(self, decl: ComBufferDecl) -> None:
         size = decl.size or (QUEUE if decl.is_fed else ROOM)
-        received = self._env.resources.received.ring(decl.name, decl.history)
+        received = self._env.resources.received.open_ring(decl.name, decl.history)
         buffer = ComBuffer(decl.name, size, self._write, self._time, received)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
@@ -144,7 +144,7 @@ class SerialLines:
         if name not in self._decls:  # it is declared by the next scan
             return LineRecording("", ())
         decl = self._decls[name]
-        is_stream = decl.is_fed or (decl.serial is not None and decl.serial.port.startswith(OVER_TCP))
+        is_stream = decl.is_fed or (decl.serial is not None and decl.serial.port.startswith(TCP_URL_PREFIXES))
         source = CABLE if decl.source in self._decls else STREAM if is_stream else decl.source
         return self._buffers[name].recorded.kept(source, until, tick)
 

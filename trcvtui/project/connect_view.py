@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 from trcvtui.net.connection.config import AddrParam
 from trcvtui.net.connection.config import ConnectConfig as ConnectConfig
-from trcvtui.net.connection.description import Description, DescriptionField, FieldType, Value, rows
+from trcvtui.net.connection.description import Description, DescriptionField, FieldType, FieldValue, rows
 from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
-from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
-from trcvtui.net.layer import Credentials, tls_of
+from trcvtui.net.connection.description_check import Flaw, Transport, field_name, read_spec
+from trcvtui.net.layer import Credentials, tls_credentials_of
 from trcvtui.project.descriptions import UNSAFE
 from trcvtui.system_types import UNVERIFIED
 from trcvtui.udt.literals import quoted
@@ -47,7 +47,7 @@ def declaration(config: ConnectConfig, indent: str = "") -> str:
 
 def declaration_of_addr(addr: AddrParam, indent: str = "") -> str:
     """Return an ADDR as its declaration: TADDR_Param, or the bytes that it is instead."""
-    description = addr.written
+    description = addr.effective_description
     if not _is_whole(description):
         what = f"{len(description.data)} bytes, {description.structure.name} has {description.structure.size}"
         return _as_bytes(addr.name, description.data, what)
@@ -101,7 +101,7 @@ def _rows(data: bytes) -> Iterator[str]:
 
 
 def _literal(field: DescriptionField, description: Description, address: str) -> str:
-    value: Value = description.value(field.name)
+    value: FieldValue = description.value(field.name)
     match field.type, value:
         case FieldType.TRUTH, _:
             return str(value).upper()
@@ -138,7 +138,7 @@ class Security(NamedTuple):
 
 def security_of(config: ConnectConfig | None) -> Security | None:
     """Return how secure a CONNECT is, None without TLS."""
-    tls = None if config is None else tls_of(config.session)
+    tls = None if config is None else tls_credentials_of(config.session)
     if tls is None:
         return None
     unsafe = tls.is_unverified
@@ -147,7 +147,7 @@ def security_of(config: ConnectConfig | None) -> Security | None:
 
 def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
     """Return which files the references mean, by field name."""
-    session = tls_of(config.session)
+    session = tls_credentials_of(config.session)
     if session is None:
         return {}
     own, partners = ("Client", "Server") if config.active else ("Server", "Client")
@@ -217,8 +217,8 @@ def _says(config: ConnectConfig, listens: str) -> str:
     assert config.description is not None
     if config.flaw is not None and config.flaw.flaw is Flaw.NO_DESCRIPTION:
         return "no connection description"
-    protocol = meaning(config.description).protocol
-    if protocol in (Protocol.UNKNOWN, Protocol.CONFIGURED):
+    protocol = read_spec(config.description).protocol
+    if protocol in (Transport.UNKNOWN, Transport.CONFIGURED):
         return str(protocol)
     security = security_of(config)
     spoken = f"{protocol}, {security.text}" if security is not None else str(protocol)
@@ -235,19 +235,19 @@ def _own_end(config: ConnectConfig, listens: str) -> str:
 
 def _remarks(config: ConnectConfig) -> dict[str, str]:
     assert config.description is not None
-    says = meaning(config.description)
+    says = read_spec(config.description)
     found = dict.fromkeys(TYPE_FIELDS, str(says.protocol))
     where = "where routing says" if config.any_local else config.local.address
     found |= dict.fromkeys(INTERFACE_FIELDS, f"on the bench: {where}")
     if isinstance(config.remote_port, str):
         found[field_name(config.description, "RemotePort")] = f"on the bench: {config.remote_port}"
-    if says.protocol is not Protocol.ISO and not config.active and config.local.port != says.local_port:
+    if says.protocol is not Transport.ISO and not config.active and config.local.port != says.local_port:
         found[field_name(config.description, "LocalPort")] = (
             f"on the bench: {config.local.port or 'a free port'}"
         )
     if says.remote_name and config.remote_address != says.remote_address:
         found["RemoteQDN"] = f"on the bench: {config.remote_address}"
-    if says.protocol is Protocol.ISO:
+    if says.protocol is Transport.ISO:
         port = config.remote_port if config.active else config.local.port or "a free one"
         found[field_name(config.description, "ActiveEstablished")] = f"port: {port}"
     return found

@@ -19,12 +19,12 @@ from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import (
     DescriptionFlaw,
     Flaw,
-    Protocol,
-    as_param,
-    meaning,
-    narrow_tsap,
+    Transport,
+    check_narrow_tsap,
+    read_spec,
+    to_tcon_param,
 )
-from trcvtui.net.layer import tls_of
+from trcvtui.net.layer import tls_credentials_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.descriptions import LOOPBACK
@@ -141,7 +141,7 @@ def _connect(
     if isinstance(config.session, IsoSettings):
         policy = other.rules.policy
         own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
-        flaw = narrow_tsap(config.session.local) if policy.narrow_tsaps else None
+        flaw = check_narrow_tsap(config.session.local) if policy.narrow_tsaps else None
         config = replace(config, session=own, flaw=config.flaw or flaw)
     return _in_its_structure(config, other.dialect, notes)
 
@@ -151,9 +151,9 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config
-    is_plain = tls_of(config.session) is None
+    is_plain = tls_credentials_of(config.session) is None
     has_interface = bool(description.number("InterfaceId"))
-    found = as_param(meaning(description), has_interface) if is_plain else None
+    found = to_tcon_param(read_spec(description), has_interface) if is_plain else None
     if found is not None:
         notes.append(f"{config.name}: {description.structure.name} is written as a {found.structure.name}")
         return replace(config, description=found)
@@ -210,9 +210,9 @@ def _plain(
 
 
 def _must_be_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
-    says = meaning(description)
+    says = read_spec(description)
     found = ""
-    if says.protocol is not Protocol.TCP:
+    if says.protocol is not Transport.TCP:
         found = f"{says.protocol} ({description.structure.name})"
     elif config.session is not None:
         found = f"a secure connection ({description.structure.name})"

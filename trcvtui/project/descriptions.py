@@ -26,29 +26,29 @@ from trcvtui.net.connection.description import (
     Description,
     DescriptionField,
     FieldType,
+    FieldValue,
     Structure,
-    Value,
+    find_structure,
     pack,
-    selector_bytes,
-    structure_of,
+    selector_hex,
 )
 from trcvtui.net.connection.description_check import (
-    CHECKS_NAME,
+    CHECKS_NAME_BIT,
     DescribedConnect,
     DescriptionFlaw,
     Flaw,
-    Meaning,
-    Protocol,
-    as_param,
-    judge,
-    meaning,
+    LinkSpec,
+    Transport,
+    connection_types_of,
+    find_flaw,
+    read_spec,
     speaks_iso,
-    types_of,
+    to_tcon_param,
 )
-from trcvtui.net.layer import LayerSettings, tls_of
+from trcvtui.net.layer import LayerSettings, tls_credentials_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.received_ring import HISTORY
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
+from trcvtui.net.received_ring import DEFAULT_HISTORY
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, parse_octets
 from trcvtui.project.key_rows import Keys
 from trcvtui.project.project import CertificateDecl, Certificates
 from trcvtui.project.tables import (
@@ -106,7 +106,7 @@ def either_way(text: str) -> str:
     as_text = f'"text:{text}" (the text)'
     if not digits or len(digits) > 2 * LONGEST_SELECTOR:
         return as_text
-    return f'"16#{digits}" (the bytes {selector_bytes(bytes.fromhex(digits))}) or {as_text}'
+    return f'"16#{digits}" (the bytes {selector_hex(bytes.fromhex(digits))}) or {as_text}'
 
 
 def hex_of(text: str) -> bytes | None:
@@ -160,9 +160,9 @@ def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -
     from trcvtui.net.layers import tls  # with the TLS library: only a project with certificates waits
 
     found = CertificateDecl(number, whole_name(base / file), whole_name(base / key) if key else "")
-    if flaw := tls.flaw_of_certificate(found.file, ""):
+    if flaw := tls.find_certificate_flaw(found.file, ""):
         table.wrong("file", flaw, "a PEM file")
-    elif found.key and (flaw := tls.flaw_of_certificate(found.file, found.key)):
+    elif found.key and (flaw := tls.find_certificate_flaw(found.file, found.key)):
         table.wrong("key", flaw, "a PEM file")
     return found
 
@@ -176,7 +176,7 @@ def is_secure(description: Description) -> bool:
 
 
 def secure(
-    description: Description, says: Meaning, known: Certificates, is_unverified: bool
+    description: Description, says: LinkSpec, known: Certificates, is_unverified: bool
 ) -> TlsSettings | DescriptionFlaw:
     """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
@@ -201,7 +201,7 @@ def secure(
         authorities=_authorities(known, trusted),
         asks_client=bool(description.number("TLSServerReqClientCert")),
         server_name=says.remote_name or says.remote_address,
-        checks_name=bool(description.number("ExtTLSCapabilities") & CHECKS_NAME),
+        checks_name=bool(description.number("ExtTLSCapabilities") & CHECKS_NAME_BIT),
         is_unverified=is_unverified,
     )
 
@@ -285,7 +285,7 @@ def _addr_of_fields(table: Table, structure: Structure) -> tuple[Description, in
     address = table.get("rem_ip_addr", ADDRESS, ANY_ADDRESS)
     port = table.get("rem_port_nr", UDP_PORT_OR_NAME, 0)
     number = port if isinstance(port, int) else 0
-    values: dict[str, Value] = {
+    values: dict[str, FieldValue] = {
         "rem_ip_addr": address,
         "rem_port_nr": number,
         "reserved": table.get("reserved", UINT, 0),
@@ -304,7 +304,7 @@ USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
 
 def _bytes_of(size: int) -> Callable[[str], bytes | None]:
     def read(text: str) -> bytes | None:
-        numbers = octets(text)
+        numbers = parse_octets(text)
         found = bytes(numbers) if numbers is not None else db_bytes(text)
         return found if found is not None and len(found) <= size else None
 
@@ -367,9 +367,9 @@ class BenchKeys(Struct, frozen=True):
 
 def check_own_keys(table: Table, description: Description) -> None:
     """Refuse a key of the bench that would have no effect here."""
-    says = meaning(description)
-    iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
-    may_be_iso = is_iso or (says.protocol is Protocol.UNKNOWN and speaks_iso(description.structure.name))
+    says = read_spec(description)
+    iso_port, is_iso = table.text("IsoPort"), says.protocol is Transport.ISO
+    may_be_iso = is_iso or (says.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
     useless = (
         ("IsoPort", not may_be_iso, "nothing: only ISO-on-TCP has it"),
         ("ListenPort", is_iso, "IsoPort"),
@@ -413,12 +413,12 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
 
 def _in_param(written: WrittenDescription) -> WrittenDescription:
     description = written.description
-    found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
+    found = to_tcon_param(read_spec(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
 
 
 def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> WrittenDescription:
-    structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
+    structure = CONNECTIONS[type_name] if type_name else find_structure(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
         flaw = DescriptionFlaw(Flaw.NO_DESCRIPTION, "", text)
@@ -434,17 +434,17 @@ def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) 
         read["RemotePort"] = 0  # nobody knows it before the partner listens
     elif "RemotePort" not in read:
         reference = table.read("RemotePort", REFERENCE)
-    given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
+    given: dict[str, FieldValue] = {name: value for name, value in read.items() if value is not None}
     data = pack(structure, _usual(structure, number, given) | given)
     return WrittenDescription(Description(structure, data), reference, is_plain=is_plain)
 
 
-def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[str, Value]:
+def _usual(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
     """Return what STEP 7 writes into a new description, and the lengths that follow from what is given."""
-    kind = types_of(structure.name)[0]
+    kind = connection_types_of(structure.name)[0]
     if structure.name != "TCON_Param":
         return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
-    usual: dict[str, Value] = {"block_length": structure.size, "id": number, "connection_type": kind}
+    usual: dict[str, FieldValue] = {"block_length": structure.size, "id": number, "connection_type": kind}
     usual |= {"active_est": True, "local_device_id": 1}
     for size, part in (
         ("local_tsap_id_len", "local_tsap_id"),
@@ -468,7 +468,7 @@ def config_fields(
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
     """Return a CONNECT but for its name; `structures` are what the instructions take, () all."""
-    says = meaning(written.description)
+    says = read_spec(written.description)
     session = _session(written.description, says, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
@@ -494,24 +494,24 @@ def config_fields(
         "keep_alive_default_s": rules.policy.keep_alive_s,
         "session": None if isinstance(session, DescriptionFlaw) else session,
         "description": written.description,
-        "flaw": written.flaw or judge(asked) or name_flaw or of_session,
+        "flaw": written.flaw or find_flaw(asked) or name_flaw or of_session,
         "any_local": any_local,
         "remote_name": says.remote_name if bench.dns_answer is None else "",
-        "is_datagram": says.protocol is Protocol.UDP,
+        "is_datagram": says.protocol is Transport.UDP,
     }
 
 
-def _ports(written: WrittenDescription, says: Meaning, bench: BenchKeys) -> tuple[int, int | str]:
-    if says.protocol is Protocol.ISO and says.is_active:
+def _ports(written: WrittenDescription, says: LinkSpec, bench: BenchKeys) -> tuple[int, int | str]:
+    if says.protocol is Transport.ISO and says.is_active:
         return 0, bench.iso_port
-    if says.protocol is Protocol.ISO:
+    if says.protocol is Transport.ISO:
         return bench.iso_port if isinstance(bench.iso_port, int) else 0, 0
     own = says.local_port if bench.listen_port is None else bench.listen_port
     return own, written.reference or says.remote_port
 
 
 def _remote_address(
-    written: WrittenDescription, says: Meaning, bench: BenchKeys
+    written: WrittenDescription, says: LinkSpec, bench: BenchKeys
 ) -> tuple[str, DescriptionFlaw | None]:
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
@@ -520,18 +520,18 @@ def _remote_address(
     if bench.dns_answer == NO_SERVER:
         flaw = DescriptionFlaw(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
         return says.remote_address, flaw
-    if octets(bench.dns_answer) == (0, 0, 0, 0):
+    if parse_octets(bench.dns_answer) == (0, 0, 0, 0):
         text = f"the DNS server does not know {says.remote_name}"
         return says.remote_address, DescriptionFlaw(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
     return bench.dns_answer, None
 
 
 def _session(
-    description: Description, says: Meaning, bench: BenchKeys, rules: Rules, certificates: Certificates
+    description: Description, says: LinkSpec, bench: BenchKeys, rules: Rules, certificates: Certificates
 ) -> LayerSettings | DescriptionFlaw | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
-    if says.protocol is not Protocol.ISO:
+    if says.protocol is not Transport.ISO:
         return None
     own = says.local_tsap, says.remote_tsap
     return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
@@ -543,7 +543,7 @@ def head_as_bytes(config: ConnectConfig) -> Keys:
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
     keys: Keys = [("type", description.structure.name)] if is_known else []
     keys.append(("bytes", description.data.hex(" ")))
-    if isinstance(config.remote_port, str) and meaning(description).protocol is not Protocol.ISO:
+    if isinstance(config.remote_port, str) and read_spec(description).protocol is not Transport.ISO:
         keys.append(("RemotePort", config.remote_port))
     return keys
 
@@ -565,11 +565,11 @@ def plain_keys(config: ConnectConfig) -> Keys:
     keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
     keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
     keys += [("RemoteAddress", config.remote_address), ("RemotePort", config.remote_port)]
-    keys.append(("ID", meaning(description).identity))
+    keys.append(("ID", read_spec(description).identity))
     optional = (
         ("InterfaceId", description.number("InterfaceId")),
         ("KeepAliveTimeInterval", config.keep_alive_interval_s),
-        ("history", exact_size(config.history) if config.history != HISTORY else ""),
+        ("history", exact_size(config.history) if config.history != DEFAULT_HISTORY else ""),
     )
     return keys + [(key, value) for key, value in optional if value]
 
@@ -581,15 +581,15 @@ def _description(config: ConnectConfig) -> Description:
 
 def iso_port_of(config: ConnectConfig) -> int | str | None:
     """Return IsoPort, None where ISO-on-TCP is not spoken."""
-    if meaning(_description(config)).protocol is not Protocol.ISO:
+    if read_spec(_description(config)).protocol is not Transport.ISO:
         return None
     return config.remote_port if config.active else config.local.port
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
     """Return ListenPort, None where the port of the description is listened on."""
-    says, port = meaning(_description(config)), config.local.port
-    if says.protocol is Protocol.ISO or config.active:
+    says, port = read_spec(_description(config)), config.local.port
+    if says.protocol is Transport.ISO or config.active:
         return None
     wants_port = config.flaw is not None and config.flaw.field == "LocalPort"
     takes_free_port = not port and not wants_port
@@ -598,7 +598,7 @@ def listen_port_of(config: ConnectConfig) -> int | None:
 
 def dns_answer_of(config: ConnectConfig) -> str | None:
     """Return DnsAnswer, None where the network is asked."""
-    if not meaning(_description(config)).remote_name or config.remote_name:
+    if not read_spec(_description(config)).remote_name or config.remote_name:
         return None
     is_without = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
     return NO_SERVER if is_without else config.remote_address
@@ -606,7 +606,7 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
 
 def verify_of(config: ConnectConfig) -> str | None:
     """Return what switches the check of certificates off, None where it is on."""
-    tls = tls_of(config.session)
+    tls = tls_credentials_of(config.session)
     return UNSAFE if tls is not None and tls.is_unverified else None
 
 

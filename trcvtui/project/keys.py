@@ -19,7 +19,7 @@ from trcvtui.errors import UserError, noting
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
-from trcvtui.net.received_ring import HISTORY
+from trcvtui.net.received_ring import DEFAULT_HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project import descriptions
 from trcvtui.project.descriptions import (
@@ -127,7 +127,7 @@ def _named(what: str) -> Key:
 _HISTORY: Final = Key(
     "history", HISTORY_SIZE,
     "How many of the newest bytes are kept, received and sent each; default 1MiB, 64MiB in all.",
-    "history", HISTORY, is_played=True,
+    "history", DEFAULT_HISTORY, is_played=True,
 )  # fmt: skip
 
 

@@ -17,9 +17,9 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
-from trcvtui.net.connection.description_check import meaning
+from trcvtui.net.connection.description_check import read_spec
 from trcvtui.net.layer import LayerSettings
-from trcvtui.net.received_ring import HISTORY
+from trcvtui.net.received_ring import DEFAULT_HISTORY
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.udt.layout.layout import Layout
@@ -94,7 +94,7 @@ class ComBufferDecl(Struct, frozen=True):
     is_fed: bool = False
     serial: SerialSettings | None = None
     line: str = ""
-    history: int = HISTORY
+    history: int = DEFAULT_HISTORY
 
 
 class PeerDecl(Struct, frozen=True):
@@ -316,7 +316,7 @@ class Project(Struct, frozen=True, eq=False):
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
             return None
-        return meaning(config.description).identity
+        return read_spec(config.description).identity
 
     def udp_config(self, name: str) -> UdpConfig | None:
         return next((u for u in self.udp_configs if u.name == name), None)

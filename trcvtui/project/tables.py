@@ -17,8 +17,8 @@ from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
-from trcvtui.net.results import Endpoint, end_in_words
-from trcvtui.net.tap import PLACE, place_of
+from trcvtui.net.results import Endpoint, parse_end
+from trcvtui.net.tap import PLACE_SYNTAX, parse_place
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_duration, parse_integer
 from trcvtui.udt.types import ELEMENTARY
@@ -230,7 +230,7 @@ def _list_of(what: str) -> Kind[tuple[str, ...]]:
 
 def _tap_place(text: str) -> str | None:
     try:
-        place_of(text, "")
+        parse_place(text, "")
     except UserError:
         return None
     return text
@@ -271,9 +271,9 @@ ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_ad
 ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
 FAR_END: Final = of_text(
     "an address with or without a port, such as 10.0.0.5:2000",
-    lambda text: text if end_in_words(text) else None,
+    lambda text: text if parse_end(text) else None,
 )
-TAP_PLACE: Final = of_text(PLACE, _tap_place)
+TAP_PLACE: Final = of_text(PLACE_SYNTAX, _tap_place)
 ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]',
     _addresses,

@@ -96,7 +96,7 @@ class Arrivals:
         """Note what is left after the blocks of a scan have read."""
         seen, queues = self._seen, self._queues
         looked_at = queues if seen is None else seen
-        for handle in self._kernel.left(looked_at) if looked_at else ():
+        for handle in self._kernel.list_unread(looked_at) if looked_at else ():
             if handle in queues:
                 self.note(handle)
         for handle, known in self._clients.items():

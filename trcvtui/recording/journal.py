@@ -21,9 +21,9 @@ from typing import Any, Final, NamedTuple, cast, get_args, get_origin, get_type_
 from trcvtui import __version__
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.kernel import KernelLoss, LocalAddress, NewClient, PathInfo
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.net.serial_line import OPENING, Opening
+from trcvtui.net.serial_line import OPENING, PortOpening
 from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 
@@ -176,7 +176,7 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     **dict.fromkeys(("send", "send_to"), (int, WouldBlock, Fault)),
     "ready_handles": (NOTHING, dict),
     "local_end": (NOTHING, Endpoint),
-    "accept": (Accepted, WouldBlock, Fault),
+    "accept": (NewClient, WouldBlock, Fault),
     "resolve": (str, WouldBlock, Fault),
     "connect_result": (NOTHING, WouldBlock, Fault),
     "loss": (NOTHING, KernelLoss),
@@ -186,7 +186,7 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
         (NOTHING, Fault),
     ),
     **dict.fromkeys(("abort", "close", "set_broadcast"), (NOTHING, Fault)),
-    "port open": (NOTHING, Fault, Opening),
+    "port open": (NOTHING, Fault, PortOpening),
     "port read": (bytes, Fault),
     "port errors": (NOTHING, tuple),
 }
@@ -230,10 +230,10 @@ def is_valid_answer(entry: Answered) -> bool:
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
-_AT_THE_WIRE: Final = (NOTHING, int, Fault, Accepted, Endpoint, Datagram, KernelLoss, tuple)
+_AT_THE_WIRE: Final = (NOTHING, int, Fault, NewClient, Endpoint, Datagram, KernelLoss, tuple)
 # No new record or field without a new version.
 _RECORDS: Final[tuple[type, ...]] = (
-    *(Endpoint, Fault, Accepted, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, WorkWaits),
+    *(Endpoint, Fault, NewClient, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, WorkWaits),
     *(RunBegins, EntriesLost, WireCall, Secrets, Keyframe, PeerSent),
 )
 _WORDS: Final = frozenset(map(str, EventKind))

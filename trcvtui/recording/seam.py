@@ -13,10 +13,10 @@ from typing import Any, Final, Protocol, TypeVar, cast
 
 from trcvtui.net.connection.resources import BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
-from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
+from trcvtui.net.kernel import Handle, Kernel, LocalAddress, NewClient, SocketOptions
+from trcvtui.net.layers.layer_kernel import ReadyKernel, unknown_ready_handles
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.net.serial_line import LineErrors, Opening, SerialPort
+from trcvtui.net.serial_line import LineErrors, PortOpening, SerialPort
 from trcvtui.recording.arrivals import THROWN, Arrivals
 from trcvtui.recording.journal import GAP, STEP, WITH_BYTES, Answered, Entry, Note, WireCall
 
@@ -187,7 +187,7 @@ class _SeamKernel:
 
     def ready_handles(self) -> dict[Handle, str] | None:
         def do() -> dict[Handle, str] | None:
-            seen = getattr(self._inner, "ready_handles", nothing_known)()
+            seen = getattr(self._inner, "ready_handles", unknown_ready_handles)()
             return None if seen is None else dict(seen)
 
         return self._seam.ask(self._label, "ready_handles", (), do)
@@ -207,9 +207,9 @@ class _SeamKernel:
             self._owner(handle), "set_options", args, lambda: self._inner.set_options(handle, options)
         )
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
-        got: Accepted | WouldBlock | Fault = self._accept(handle)
-        if isinstance(got, Accepted):
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
+        got: NewClient | WouldBlock | Fault = self._accept(handle)
+        if isinstance(got, NewClient):
             self._owners[got.handle] = self._owner(handle)
         return got
 
@@ -309,9 +309,9 @@ class _NotedKernel(_SeamKernel):
         failed: Fault | None = self._asked["poll_del"](handle)
         return failed
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         got = super().accept(handle)
-        if isinstance(got, Accepted):
+        if isinstance(got, NewClient):
             self._arrivals.begin(got.handle)
         elif isinstance(got, WouldBlock):
             self._arrivals.empty(handle)
@@ -386,7 +386,7 @@ class SeamPort:
         self._seam, self._owner = seam, owner
         self._inner = _real_or_none(make, seam.answers)
 
-    def open(self) -> Fault | Opening | None:
+    def open(self) -> Fault | PortOpening | None:
         return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
 
     def read(self, most: int) -> bytes | Fault:
@@ -404,9 +404,9 @@ class SeamPort:
     def close(self) -> None:
         self._seam.ask(self._owner, "port close", (), lambda: self._inner.close())
 
-    def arrive(self, payload: bytes) -> bool:
+    def simulate_arrival(self, payload: bytes) -> bool:
         args = len(payload), zlib.crc32(payload)
-        return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.arrive(payload))
+        return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.simulate_arrival(payload))
 
     def line_errors(self) -> LineErrors | None:
         counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
@@ -424,9 +424,9 @@ class SeamWork(ScanBudget):
     def grant(self, party: BudgetShare) -> int:
         return self._seam.ask(party.owner, "grant", (party.what,), lambda: ScanBudget.grant(self, party))
 
-    def wait(self, party: BudgetShare, partner: str, what: EventKind) -> None:
+    def note_waiting(self, party: BudgetShare, partner: str, what: EventKind) -> None:
         self._seam.ask(
-            party.owner, "wait", (partner, what), lambda: ScanBudget.wait(self, party, partner, what)
+            party.owner, "wait", (partner, what), lambda: ScanBudget.note_waiting(self, party, partner, what)
         )
 
 
@@ -484,7 +484,7 @@ class _WireKernel:
                 args = (len(view), *args_left)  # type: ignore[arg-type]
                 if isinstance(size, int) and not is_told:
                     data = bytes(view[:size])  # type: ignore[index]
-            elif isinstance(answer, Accepted):
+            elif isinstance(answer, NewClient):
                 owners[answer.handle] = owner
             wire(owner, name, handle, args + unread, answer, data)
             return answer

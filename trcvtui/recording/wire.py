@@ -14,8 +14,8 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, octets
+from trcvtui.net.kernel import KernelLoss, LocalAddress, NewClient
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, parse_octets
 from trcvtui.recording.journal import WireCall
 
 MOST_PAYLOAD: Final = 1460
@@ -175,7 +175,7 @@ class WirePackets:
     def _addresses(self, call: WireCall) -> None:
         found = call.answer if isinstance(call.answer, tuple) else ()
         own = [each.address for each in found if isinstance(each, LocalAddress) and not each.loopback]
-        self._address = next((address for address in own if octets(address)), self._address)
+        self._address = next((address for address in own if parse_octets(address)), self._address)
 
     def _bind(self, call: WireCall) -> None:
         end = call.args[0] if call.args else None
@@ -201,7 +201,7 @@ class WirePackets:
     # -- TCP --------------------------------------------------------------------------------------------
 
     def _accept(self, call: WireCall) -> Iterator[WirePacket]:
-        if isinstance(call.answer, Accepted):
+        if isinstance(call.answer, NewClient):
             peer = call.answer.peer
             stream = _TcpStream(call.owner, self._own_end(call.handle, peer), peer)
             caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
@@ -216,7 +216,7 @@ class WirePackets:
 
     def _connect(self, call: WireCall) -> Iterator[WirePacket]:
         there = call.args[0] if call.args else None
-        if isinstance(there, Endpoint) and octets(there.address):
+        if isinstance(there, Endpoint) and parse_octets(there.address):
             stream = _TcpStream(call.owner, self._own_end(call.handle, there), there)
             stream.is_own = self._is_own(there)
             self._streams[call.handle] = stream
@@ -447,7 +447,7 @@ class WirePackets:
 
     def _datagram_out(self, call: WireCall) -> Iterator[WirePacket]:
         target = call.args[-1] if call.args else None
-        if isinstance(target, Endpoint) and octets(target.address) and isinstance(call.answer, int):
+        if isinstance(target, Endpoint) and parse_octets(target.address) and isinstance(call.answer, int):
             sent, flow = None if self._is_own(target) else True, self._ends_of(call)[0]
             yield self._datagram(call, self._own_end(call.handle, target), target, sent, flow)
 
@@ -510,7 +510,7 @@ def _serial_head(ns: int, event: int) -> bytes:
 
 @lru_cache(1024)
 def _octets(address: str) -> bytes:
-    return bytes(octets(address) or (0, 0, 0, 0))
+    return bytes(parse_octets(address) or (0, 0, 0, 0))
 
 
 def _is_reset(answer: object) -> bool:

@@ -15,7 +15,7 @@ from functools import partialmethod
 from typing import Final, TypeVar, cast
 
 from trcvtui.net.connection.connection import SocketUse
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.kernel import Handle, KernelLoss, LocalAddress, NewClient, PathInfo
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.recording.journal import STEP, Answered
 from trcvtui.recording.replay import Replay
@@ -375,7 +375,7 @@ class ReplayedPartners(Replay):
             return made
         self._sockets[made].partner = partner
         self._sockets[made].port = self._sockets[handle].port
-        return Accepted(Handle(made), partner.end)
+        return NewClient(Handle(made), partner.end)
 
     def _give_up(self, partner: Partner) -> None:
         if partner.ended is NEVER and partner.let_go <= (self.scan, self._calls):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, Final, NamedTuple, cast
 
 from trcvtui.net.connection.connection import SocketUse
-from trcvtui.net.kernel import Accepted, KernelLoss
+from trcvtui.net.kernel import KernelLoss, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.plc.containment import EXCEPTION
 from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
@@ -370,7 +370,7 @@ class RecordedRun:
             self._listen(owner, frozenset((handle,)))
 
     def _accepted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        if not isinstance(answer, Accepted | Fault):
+        if not isinstance(answer, NewClient | Fault):
             self._short.add(handle)  # a client that comes now was not there before
             return
         waiting = self._waiting.get(owner)

@@ -159,9 +159,9 @@ def _run_one(
     judge: Judge | None,
 ) -> bool:
     if kernel == "live":
-        from trcvtui.net.os.network import is_own_network
+        from trcvtui.net.os.network import has_own_network
 
-        if is_own_network():
+        if has_own_network():
             enter_own_network(kernel, scenario.project.sim)
     with recorder or nullcontext():  # first: a file that is refused lets nothing begin
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.bench.peers.peer import Peer
-from trcvtui.net.kernel import Accepted, Handle
+from trcvtui.net.kernel import Handle, NewClient
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
@@ -57,11 +57,11 @@ class Wire:
         return handle
 
     def accept(self, listener: Handle) -> Handle:
-        found: list[Accepted] = []
+        found: list[NewClient] = []
 
         def accepted() -> bool:
             got = self.kernel.accept(listener)
-            if isinstance(got, Accepted):
+            if isinstance(got, NewClient):
                 found.append(got)
             return bool(found)
 

@@ -7,7 +7,7 @@ from unittest.mock import patch
 from tests.bench.peers.peer_wire import Wire, connected, write
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.commands.words import PeerSend
-from trcvtui.net.kernel import Accepted, Handle
+from trcvtui.net.kernel import Handle, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Endpoint
 
 # -- states ----------------------------------------------------------------------------------------------
@@ -219,5 +219,5 @@ def called(wire: Wire) -> tuple[Peer, Handle]:
     with patch.object(wire.kernel, "connect_result", lambda _: WOULD_BLOCK):
         assert peer.connect(wire.now) == ""
     got = wire.kernel.accept(listener)
-    assert isinstance(got, Accepted)
+    assert isinstance(got, NewClient)
     return peer, got.handle

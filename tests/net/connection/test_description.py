@@ -16,13 +16,13 @@ from trcvtui.net.connection.description import (
     DescriptionField,
     DescriptionRow,
     FieldType,
+    FieldValue,
     Structure,
-    Value,
+    find_structure,
     pack,
     rows,
-    structure_of,
 )
-from trcvtui.net.connection.description_check import DescribedConnect, Flaw, Protocol, judge, meaning
+from trcvtui.net.connection.description_check import DescribedConnect, Flaw, Transport, find_flaw, read_spec
 
 STRUCTURES = CONNECTIONS | ADDRESSES
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
@@ -54,7 +54,7 @@ def test_fields_follow_each_other_and_stay_inside(name: str) -> None:
     assert end <= structure.size
 
 
-def value_of(field: DescriptionField) -> st.SearchStrategy[Value]:
+def value_of(field: DescriptionField) -> st.SearchStrategy[FieldValue]:
     match field.type:
         case FieldType.NUMBER:
             return st.integers(0, (1 << 8 * field.size) - 1)
@@ -83,8 +83,8 @@ def test_what_is_packed_is_read_again(data: st.DataObject) -> None:
 @given(st.sampled_from(list(CONNECTIONS.values())), st.binary(max_size=300))
 def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, data: bytes) -> None:
     description = Description(structure, data)
-    says = meaning(description)
-    found = judge(DescribedConnect(description, says, "127.0.0.1"))
+    says = read_spec(description)
+    found = find_flaw(DescribedConnect(description, says, "127.0.0.1"))
     if not structure.size - structure.spare <= len(data) <= structure.size:
         assert found is not None
         assert found.flaw is Flaw.LENGTH
@@ -95,8 +95,8 @@ def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, d
 
 
 def test_a_size_names_its_structure() -> None:
-    assert structure_of(bytes(80)) is CONNECTIONS["TCON_IP_RFC"]
-    assert structure_of(bytes(15)) is None
+    assert find_structure(bytes(80)) is CONNECTIONS["TCON_IP_RFC"]
+    assert find_structure(bytes(15)) is None
 
 
 def test_the_view_shows_each_field_with_its_bytes_and_a_remark() -> None:
@@ -138,15 +138,15 @@ def test_a_tcon_param_of_tcp_has_its_ports_in_the_tsaps() -> None:
         },
     )
     description = Description(param, data)
-    says = meaning(description)
-    assert (says.protocol, says.identity, says.is_active) == (Protocol.TCP, 7, True)
+    says = read_spec(description)
+    assert (says.protocol, says.identity, says.is_active) == (Transport.TCP, 7, True)
     assert (says.remote_address, says.remote_port, says.local_port) == ("192.168.0.10", 2000, 0)
-    assert judge(DescribedConnect(description, says, "127.0.0.1")) is None
+    assert find_flaw(DescribedConnect(description, says, "127.0.0.1")) is None
 
 
 def test_a_tcon_param_of_iso_has_tsaps() -> None:
     param = CONNECTIONS["TCON_Param"]
-    values: dict[str, Value] = {
+    values: dict[str, FieldValue] = {
         "block_length": 64,
         "id": 1,
         "connection_type": 18,
@@ -155,27 +155,27 @@ def test_a_tcon_param_of_iso_has_tsaps() -> None:
         "local_tsap_id": b"\xe0\x02A",
     }
     description = Description(param, pack(param, values))
-    says = meaning(description)
-    assert (says.protocol, says.local_tsap, says.remote_tsap) == (Protocol.ISO, b"\xe0\x02A", b"")
-    assert judge(DescribedConnect(description, says, "127.0.0.1")) is None
+    says = read_spec(description)
+    assert (says.protocol, says.local_tsap, says.remote_tsap) == (Transport.ISO, b"\xe0\x02A", b"")
+    assert find_flaw(DescribedConnect(description, says, "127.0.0.1")) is None
     wrong = Description(param, pack(param, values | {"local_tsap_id": b"\x10\x02A"}))
-    found = judge(DescribedConnect(wrong, meaning(wrong), "127.0.0.1"))
+    found = find_flaw(DescribedConnect(wrong, read_spec(wrong), "127.0.0.1"))
     assert found == (Flaw.TSAP, "local_tsap_id", "10 02 41: two bytes or more that begin with E0")
 
 
-def asked(**values: Value) -> DescribedConnect:
-    usual: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 11, "LocalPort": 2000}
+def asked(**values: FieldValue) -> DescribedConnect:
+    usual: dict[str, FieldValue] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 11, "LocalPort": 2000}
     description = Description(IP_V4, pack(IP_V4, usual | values))
-    return DescribedConnect(description, meaning(description), "10.0.0.1")
+    return DescribedConnect(description, read_spec(description), "10.0.0.1")
 
 
 def flaw_of(question: DescribedConnect) -> Flaw | None:
-    found = judge(question)
+    found = find_flaw(question)
     return found.flaw if found else None
 
 
 RESERVED = (20, 21, 80, 102, 135, 161, 162, 443, 34962, 34964, 49152, 65535)
-JUDGED: list[tuple[str, tuple[Value, ...], Flaw | None]] = [
+JUDGED: list[tuple[str, tuple[FieldValue, ...], Flaw | None]] = [
     ("RemoteAddress", ("0.0.0.0",), None),  # anybody, for a passive end
     ("ID", (1, 4095), None),
     ("ID", (0, 4096, 65535), Flaw.ID),
@@ -195,12 +195,12 @@ def test_what_a_tcon_ip_v4_may_ask_for() -> None:
     ("is_active", "size", "is_right"), [(False, 1, False), (True, 1, True), (False, 2, True)]
 )
 def test_a_passive_end_needs_two_bytes_of_a_local_tsap(is_active: bool, size: int, is_right: bool) -> None:
-    values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12}
+    values: dict[str, FieldValue] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12}
     values |= {"ActiveEstablished": is_active, "LocalTSelector": b"\xe0\1"[:size]}
     values |= {"RemoteAddress": "10.0.0.7"}
     structure = CONNECTIONS["TCON_IP_RFC"]
     description = Description(structure, pack(structure, values))
-    found = flaw_of(DescribedConnect(description, meaning(description), "10.0.0.1"))
+    found = flaw_of(DescribedConnect(description, read_spec(description), "10.0.0.1"))
     assert found is (None if is_right else Flaw.TSAP)
 
 
@@ -218,9 +218,9 @@ def test_a_passive_end_needs_two_bytes_of_a_local_tsap(is_active: bool, size: in
     ],
 )
 def test_an_s7_1200_takes_other_tsaps_than_an_s7_1500(tsap: bytes, wide: bool, narrow: bool) -> None:
-    values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12, "LocalTSelector": tsap}
+    values: dict[str, FieldValue] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12, "LocalTSelector": tsap}
     structure = CONNECTIONS["TCON_IP_RFC"]
     description = Description(structure, pack(structure, values))
-    question = DescribedConnect(description, meaning(description), "10.0.0.1")
+    question = DescribedConnect(description, read_spec(description), "10.0.0.1")
     assert (flaw_of(question) is None) is wide
     assert (flaw_of(replace(question, narrow_tsaps=True)) is None) is narrow

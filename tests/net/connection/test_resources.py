@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.net.connection.resources import EPISODE_REST, LEAST_SHARE, BudgetShare, ScanBudget
+from trcvtui.net.connection.resources import EPISODE_REST_NS, LEAST_SHARE, BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
 
 MS = 1_000_000
@@ -26,7 +26,7 @@ class Told:
 
     def scan(self, ns: int = SCAN) -> None:
         self.now += ns
-        self.work.begin(self.now)
+        self.work.begin_scan(self.now)
 
     def party(self, owner: str) -> BudgetShare:
         return BudgetShare(self.work, owner, EventKind.TPDUS_WAIT)
@@ -36,14 +36,14 @@ class Told:
             self.time += ns
             return 1
 
-        self.work.shake(party, "", takes)
+        self.work.handshake(party, "", takes)
 
 
 def greedy(party: BudgetShare) -> int:
     """Use all that the party has, and want more."""
-    used = max(party.left, 0)
+    used = max(party.units_left, 0)
     party.spend(used)
-    party.wait()
+    party.note_waiting()
     return used
 
 
@@ -71,7 +71,7 @@ def test_a_newcomer_finds_a_rest_beside_those_who_always_want_more() -> None:
         for party in hungry:
             greedy(party)
         bench.scan()
-    assert bench.party("good").left >= bench.work.units // 8 // 2
+    assert bench.party("good").units_left >= bench.work.units // 8 // 2
 
 
 def test_more_parties_than_there_are_shares_take_turns() -> None:
@@ -89,10 +89,12 @@ def test_more_parties_than_there_are_shares_take_turns() -> None:
 def test_one_step_may_be_dearer_than_what_is_left_and_is_the_last() -> None:
     bench = Told()
     party = bench.party("C1")
-    while party.left > 0:
+    while party.units_left > 0:
         party.spend(16)
     assert (
-        bench.work.units // 2 <= bench.work.units - bench.party("C2").left * 2 <= bench.work.units // 2 + 16
+        bench.work.units // 2
+        <= bench.work.units - bench.party("C2").units_left * 2
+        <= bench.work.units // 2 + 16
     )
 
 
@@ -108,7 +110,7 @@ def test_it_is_told_once_an_episode() -> None:
         greedy(party)
         bench.scan()
     assert bench.said == [("C1", EventKind.TPDUS_WAIT)]
-    bench.scan(EPISODE_REST)
+    bench.scan(EPISODE_REST_NS)
     greedy(party)
     assert bench.said == [("C1", EventKind.TPDUS_WAIT)] * 2
 
@@ -117,9 +119,9 @@ def test_one_step_a_scan_is_taken_however_long_it_is_and_the_ledger_says_so() ->
     bench = Told(MS)
     party = bench.party("C1")
     for _ in range(3):
-        assert bench.work.may_shake()
+        assert bench.work.may_handshake()
         bench.step(party, 900_000)
-        assert not bench.work.may_shake()
+        assert not bench.work.may_handshake()
         bench.scan(MS)
     assert bench.said == [("C1", EventKind.LONG_HANDSHAKE)]
     assert bench.words == ["one step took 0.9 ms; handshakes have 0.1 ms of the 1 ms of a scan"]

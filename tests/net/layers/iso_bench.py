@@ -5,10 +5,10 @@ from __future__ import annotations
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench, OsNetwork
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.faults import FaultPlan, FaultyKernel
-from trcvtui.net.kernel import Accepted, Handle, SocketOptions
-from trcvtui.net.layers.iso_on_tcp import Code, Connect, IsoSettings, TpktReader, encode
+from trcvtui.net.kernel import Handle, NewClient, SocketOptions
+from trcvtui.net.layers.iso_on_tcp import Code, ConnectTpdu, IsoSettings, TpktReader, encode_tpdu
 from trcvtui.net.layers.layer_kernel import LayerKernel
-from trcvtui.net.layers.layered_stream import DROPPED, LayerNote
+from trcvtui.net.layers.layered_stream import CLIENT_DROPPED, LayerNote
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 
 SECOND = 1_000_000_000
@@ -32,7 +32,7 @@ class Net:
 
     def _hear(self, note: LayerNote) -> None:
         assert note.client.startswith(LOOPBACK)
-        if note.what == DROPPED:
+        if note.what == CLIENT_DROPPED:
             self.told.append((note.connect, note.why))
         else:
             self.heard.append((note.connect, note.what, note.why))
@@ -60,7 +60,7 @@ class IsoBench(Bench):
         self._open.add(handle)
         return handle
 
-    def accept(self, listener: Handle) -> Accepted:
+    def accept(self, listener: Handle) -> NewClient:
         got = super().accept(listener)
         self._open.add(got.handle)
         return got
@@ -142,5 +142,5 @@ def raw_client(b: IsoBench, end: Endpoint, *data: bytes) -> Handle:
 def raw_up(b: IsoBench, settings: IsoSettings = WAITS, size_code: int = 7) -> tuple[Handle, Handle]:
     """Return a plain TCP client whose CR was taken, and what it is connected to."""
     listener = b.iso_listener(settings)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, size_code)))
+    client = raw_client(b, b.end(listener), encode_tpdu(ConnectTpdu(Code.CR, 0, 1, E001, E002, size_code)))
     return client, b.taken(listener, settings)

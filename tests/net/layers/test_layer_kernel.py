@@ -8,7 +8,7 @@ from tests.net.contract import FACTS, OF_THE_WIRE, Fact
 from tests.net.layers.iso_bench import CAP, WAITS, IsoBench
 from tests.net.net_bench import Bench, OsNetwork
 from tests.net.sim.net_sim import SimNetwork
-from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
+from trcvtui.net.kernel import KernelLoss, NewClient, SocketOptions
 from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Fault
 from trcvtui.net.sim.kernel import SimKernel
@@ -53,7 +53,7 @@ def test_a_connect_is_pending_until_the_partner_takes_the_call(b: IsoBench) -> N
 
     b.until(asked)
     got = b.kernel.accept(listener)
-    assert isinstance(got, Accepted)
+    assert isinstance(got, NewClient)
     assert b.kernel.connect_result(caller) is WOULD_BLOCK
     b.kernel.set_options(got.handle, SocketOptions(session=WAITS))
     assert b.verdict(caller) is None

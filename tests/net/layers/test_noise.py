@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from tests.net.layers.iso_bench import E001, E002, SECOND, IsoBench, Net
 from tests.net.layers.test_iso_on_tcp import TPDUS
 from tests.net.sim.net_sim import SimNetwork
-from trcvtui.net.kernel import Accepted, SocketOptions
-from trcvtui.net.layers.iso_on_tcp import REMARKS, Code, Connect, IsoSettings, encode
-from trcvtui.net.layers.layered_stream import ENDED, IGNORED, PIECE
+from trcvtui.net.kernel import NewClient, SocketOptions
+from trcvtui.net.layers.iso_on_tcp import MOST_REMARKS, Code, ConnectTpdu, IsoSettings, encode_tpdu
+from trcvtui.net.layers.layered_stream import READ_BYTES, SESSION_ENDED, TPDU_IGNORED
 from trcvtui.net.sim.kernel import SimKernel
 
 CAP = 1000
 LARGEST_TPKT = 65535
 WAITS = IsoSettings(E002, E001, CAP)
-CR = encode(Connect(Code.CR, 0, 1, E001, E002, 10))
+CR = encode_tpdu(ConnectTpdu(Code.CR, 0, 1, E001, E002, 10))
 # What a session may hold: two messages' worth, one TPKT, and what one read has completed.
-MOST = 2 * CAP + LARGEST_TPKT + PIECE
+MOST = 2 * CAP + LARGEST_TPKT + READ_BYTES
 PAUSES = st.integers(0, 40 * SECOND)
 
 
@@ -39,7 +39,7 @@ def test_noise_is_held_in_bounds_and_its_end_is_told_once(
         b.net.now += pause
         b.settle()
         got = b.kernel.accept(listener)
-        if isinstance(got, Accepted):
+        if isinstance(got, NewClient):
             called = got.handle
             b.kernel.set_options(called, SocketOptions(session=WAITS))
         if called is not None:
@@ -48,7 +48,7 @@ def test_noise_is_held_in_bounds_and_its_end_is_told_once(
                 b.kernel.recv_from(called, memoryview(bytearray(CAP)))
     b.close_all(client, *([called] if called is not None else []), listener)
     whats = [what for _, what, _ in b.net.heard]
-    assert whats.count(ENDED) <= 1
-    assert whats.count(IGNORED) <= REMARKS + 1
+    assert whats.count(SESSION_ENDED) <= 1
+    assert whats.count(TPDU_IGNORED) <= MOST_REMARKS + 1
     assert len(b.net.told) <= 1
     assert sim.leaks() == ()

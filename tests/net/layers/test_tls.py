@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
 from trcvtui.net.layer import LayerSession, TlsError
-from trcvtui.net.layers.tls import CAP, Tls, TlsSettings, flaw_of_certificate
+from trcvtui.net.layers.tls import MOST_HELD_BYTES, TlsSession, TlsSettings, find_certificate_flaw
 
 pytestmark = NEEDS_OPENSSL
 LOOPBACK = "127.0.0.1"
@@ -23,7 +23,7 @@ def fed(session: LayerSession, data: bytes) -> None:
         session.feed(memoryview(data))
 
 
-def read(session: LayerSession, room: int = CAP) -> bytes:
+def read(session: LayerSession, room: int = MOST_HELD_BYTES) -> bytes:
     got = session.read(memoryview(bytearray(room)))
     return got.data if got else b""
 
@@ -36,7 +36,7 @@ def meet(client: LayerSession, server: LayerSession) -> None:
 
 
 def met(client: TlsSettings, server: TlsSettings) -> tuple[LayerSession, LayerSession]:
-    ends = client.new(is_active=True), server.new(is_active=False)
+    ends = client.make_session(is_active=True), server.make_session(is_active=False)
     meet(*ends)
     return ends
 
@@ -62,7 +62,7 @@ def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[LayerSession, LayerS
     fed(server, client.encode(b"abc"))
     fed(client, server.encode(b"xyz"))
     assert (server.has_data, read(server), read(client)) == (True, b"abc", b"xyz")
-    assert (server.held, client.held) == (0, 0)
+    assert (server.held_bytes, client.held_bytes) == (0, 0)
 
 
 @pytest.mark.slow
@@ -77,14 +77,14 @@ def test_a_close_notify_is_the_end_after_the_data(up: tuple[LayerSession, LayerS
     last = client.encode(b"last")
     client.say_goodbye()
     fed(server, last + client.take_output())
-    server.partner_closed()
+    server.note_partner_end()
     assert (server.partner_is_done, server.ended, read(server)) == (True, None, b"last")
 
 
 def test_a_stream_that_ends_without_close_notify_was_truncated(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     fed(server, client.encode(b"abc"))
-    server.partner_closed()
+    server.note_partner_end()
     assert read(server) == b"abc"
     assert server.ended is not None
     assert server.ended.error == TlsError.TRUNCATED
@@ -106,8 +106,8 @@ def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[LayerSession, La
     while server.wants_more:
         fed(server, piece)
         piece = client.encode(bytes(16384))
-    assert server.held <= CAP + 2 * len(piece)
-    assert len(read(server)) >= CAP - 16384
+    assert server.held_bytes <= MOST_HELD_BYTES + 2 * len(piece)
+    assert len(read(server)) >= MOST_HELD_BYTES - 16384
 
 
 # -- every split -------------------------------------------------------------------------------------------
@@ -127,9 +127,9 @@ def flights(client: LayerSession, server: LayerSession) -> list[bytes]:
 @pytest.mark.parametrize("asks_client", [False, True])
 def test_a_handshake_may_come_cut_at_every_byte(certificates: Certificates, asks_client: bool) -> None:
     shows = certificates.settings("partner"), certificates.settings("plc", asks_client=asks_client)
-    longest = max(map(len, flights(shows[0].new(True), shows[1].new(False))))
+    longest = max(map(len, flights(shows[0].make_session(True), shows[1].make_session(False))))
     for cut in range(1, longest, 1 if not asks_client else 17):
-        client, server = shows[0].new(is_active=True), shows[1].new(is_active=False)
+        client, server = shows[0].make_session(is_active=True), shows[1].make_session(is_active=False)
         for _ in range(FLIGHTS):
             for speaker, hearer in ((client, server), (server, client)):
                 flight = speaker.take_output()
@@ -193,7 +193,7 @@ def test_what_each_end_says_of_the_other_s_certificate(
 def test_the_first_byte_is_enough_to_know_plain_tcp(
     certificates: Certificates, first: bytes, is_active: bool
 ) -> None:
-    session = certificates.settings("plc").new(is_active)
+    session = certificates.settings("plc").make_session(is_active)
     fed(session, first)
     assert session.ended is not None
     assert session.ended[:2] == (TlsError.PLAIN, f"no TLS: it begins with {first[0]:02X}, not with 16")
@@ -202,7 +202,10 @@ def test_the_first_byte_is_enough_to_know_plain_tcp(
 
 def test_only_a_server_may_begin_with_an_alert(certificates: Certificates) -> None:
     refusal = b"\x15\x03\x03\x00\x02\x02\x28"
-    client, server = certificates.settings("plc").new(True), certificates.settings("plc").new(False)
+    client, server = (
+        certificates.settings("plc").make_session(True),
+        certificates.settings("plc").make_session(False),
+    )
     fed(client, refusal[:1])
     assert client.ended is None
     fed(client, refusal[1:])
@@ -211,8 +214,8 @@ def test_only_a_server_may_begin_with_an_alert(certificates: Certificates) -> No
 
 
 def test_with_tls_1_3_a_client_is_refused_when_it_is_up_already(certificates: Certificates) -> None:
-    client = certificates.settings("strange").new(is_active=True)
-    server = certificates.settings("plc", asks_client=True).new(is_active=False)
+    client = certificates.settings("strange").make_session(is_active=True)
+    server = certificates.settings("plc", asks_client=True).make_session(is_active=False)
     fed(server, client.take_output())
     fed(client, server.take_output())
     assert client.is_up
@@ -221,28 +224,30 @@ def test_with_tls_1_3_a_client_is_refused_when_it_is_up_already(certificates: Ce
 
 
 def test_a_partner_that_says_nothing(certificates: Certificates) -> None:
-    session = certificates.settings("plc").new(is_active=False)
-    session.give_up("too slow")
+    session = certificates.settings("plc").make_session(is_active=False)
+    session.time_out("too slow")
     assert session.ended is not None
     assert session.ended.error == TlsError.SILENT
 
 
 def test_a_partner_that_goes_in_the_middle_of_the_handshake(certificates: Certificates) -> None:
-    server = certificates.settings("plc").new(is_active=False)
-    fed(server, certificates.settings().new(is_active=True).take_output()[:40])
-    server.partner_closed()
+    server = certificates.settings("plc").make_session(is_active=False)
+    fed(server, certificates.settings().make_session(is_active=True).take_output()[:40])
+    server.note_partner_end()
     assert server.ended is not None
     assert server.ended.error == TlsError.HANDSHAKE
 
 
 def test_somebody_who_comes_and_goes_without_a_word_is_no_error(certificates: Certificates) -> None:
-    server = certificates.settings("plc").new(is_active=False)
-    server.partner_closed()
+    server = certificates.settings("plc").make_session(is_active=False)
+    server.note_partner_end()
     assert server.ended is None
 
 
 def test_files_that_have_gone_end_the_session_and_raise_nothing() -> None:
-    session = TlsSettings(certificate="/nowhere/plc.pem", key="/nowhere/plc.key").new(is_active=False)
+    session = TlsSettings(certificate="/nowhere/plc.pem", key="/nowhere/plc.key").make_session(
+        is_active=False
+    )
     fed(session, b"\x16\x03\x01")
     assert session.ended is not None
     assert session.ended.error == TlsError.REFERENCE
@@ -251,21 +256,21 @@ def test_files_that_have_gone_end_the_session_and_raise_nothing() -> None:
 
 def test_what_is_wrong_with_pem_files(certificates: Certificates) -> None:
     pem, key = certificates.pem("plc"), certificates.key("plc")
-    assert flaw_of_certificate(pem, key) == ""
-    assert flaw_of_certificate(pem, "") == ""
-    assert flaw_of_certificate(key, "") == f"{key}: no certificate in PEM"
-    assert "not that of the certificate" in flaw_of_certificate(pem, certificates.key("ca"))
+    assert find_certificate_flaw(pem, key) == ""
+    assert find_certificate_flaw(pem, "") == ""
+    assert find_certificate_flaw(key, "") == f"{key}: no certificate in PEM"
+    assert "not that of the certificate" in find_certificate_flaw(pem, certificates.key("ca"))
     locked = certificates.locked_key("plc")
-    assert flaw_of_certificate(pem, locked).startswith(f"{locked}: no key in PEM without a password")
-    assert flaw_of_certificate("/nowhere/x.pem", "") == "/nowhere/x.pem: No such file or directory"
+    assert find_certificate_flaw(pem, locked).startswith(f"{locked}: no key in PEM without a password")
+    assert find_certificate_flaw("/nowhere/x.pem", "") == "/nowhere/x.pem: No such file or directory"
 
 
 @given(noise=st.binary(max_size=400), is_active=st.booleans())
 def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_active: bool) -> None:
-    session = Tls(certificates.settings("plc"), is_active)
+    session = TlsSession(certificates.settings("plc"), is_active)
     fed(session, noise)
-    session.partner_closed()
-    session.give_up("too slow")
+    session.note_partner_end()
+    session.time_out("too slow")
     session.say_goodbye()
     assert not session.is_up
     assert (read(session), session.has_data) == (b"", False)
@@ -278,9 +283,13 @@ def test_what_waits_after_a_full_buffer_is_read_when_there_is_room(
     up: tuple[LayerSession, LayerSession],
 ) -> None:
     client, server = up
-    fed(server, b"".join(client.encode(bytes(16384)) for _ in range(CAP // 16384 + 1)))
-    assert (server.has_backlog, len(read(server, CAP)), server.has_backlog) == (False, CAP, True)
-    assert (server.feed(memoryview(b""), 9), len(read(server, CAP))) == (2, 16384)
+    fed(server, b"".join(client.encode(bytes(16384)) for _ in range(MOST_HELD_BYTES // 16384 + 1)))
+    assert (server.has_backlog, len(read(server, MOST_HELD_BYTES)), server.has_backlog) == (
+        False,
+        MOST_HELD_BYTES,
+        True,
+    )
+    assert (server.feed(memoryview(b""), 9), len(read(server, MOST_HELD_BYTES))) == (2, 16384)
 
 
 def test_the_end_stands_after_a_backlog(up: tuple[LayerSession, LayerSession]) -> None:

@@ -10,9 +10,9 @@ import os
 import select
 import socket
 
-from trcvtui.net.kernel import Accepted, Handle, SocketOptions
+from trcvtui.net.kernel import Handle, NewClient, SocketOptions
 from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.os.network import enter, set_loopback
+from trcvtui.net.os.network import enter_namespace, set_loopback
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 
@@ -31,7 +31,7 @@ def connection(kernel: OsKernel, options: SocketOptions) -> tuple[Handle, Handle
         pass
     assert kernel.poll_add(client) is None
     server = kernel.accept(listener)
-    assert isinstance(server, Accepted)
+    assert isinstance(server, NewClient)
     return client, server.handle
 
 
@@ -50,7 +50,7 @@ def wait_for_the_end(kernel: OsKernel, ours: dict[str, Handle]) -> None:
 
 
 quiet, _other = socket.socketpair()
-if not enter():
+if not enter_namespace():
     kernel = OsKernel()
     idle, _ = connection(kernel, SocketOptions(keep_alive_s=1))
     busy, _ = connection(kernel, SocketOptions(keep_alive_s=1, user_timeout_ms=2000))

@@ -9,21 +9,21 @@ import sys
 import pytest
 
 from tests.net.os.test_os_kernel import no_descriptor_left
-from trcvtui.net.connection.config import ConnectConfig, Policy
+from trcvtui.net.connection.config import ConnectConfig, ConnectionPolicy
 from trcvtui.net.connection.resources import ConnectionIds, ScanBudget
-from trcvtui.net.connection.set_up import SetUp, SetUpStage, wrong_local_address
+from trcvtui.net.connection.set_up import SetUp, SetUpStage, find_address_error
 from trcvtui.net.kernel import LocalAddress
 from trcvtui.net.os import network as os_addresses
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.os.network import interface_addresses
-from trcvtui.net.results import Endpoint, Fault, broadcast_of
+from trcvtui.net.results import Endpoint, Fault, broadcast_address
 
 
 def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a process was started in the middle of a scan")
 
-    os_addresses._library.cache_clear()
+    os_addresses._c_library.cache_clear()
     monkeypatch.setattr(subprocess, "Popen", refuse)
     assert "127.0.0.1" in [own.address for own in interface_addresses() or ()]
 
@@ -35,19 +35,19 @@ def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: py
     for lookup in ("gethostbyname", "gethostbyname_ex", "getaddrinfo", "gethostname"):
         monkeypatch.setattr(socket, lookup, refuse)
     monkeypatch.setattr(sys, "platform", "win32")
-    monkeypatch.setattr(os_addresses, "_library", lambda: None)
+    monkeypatch.setattr(os_addresses, "_c_library", lambda: None)
     kernel = OsKernel()
     assert kernel.local_addresses() == ()
     set_up = SetUp(
         ConnectConfig("C1", local=Endpoint("192.0.2.7", 0)),
         kernel,
-        Policy(),
+        ConnectionPolicy(),
         lambda name: None,
         ConnectionIds(),
         lambda *note: None,
         ScanBudget(),
     )
-    assert set_up.create() is None
+    assert set_up.create_socket() is None
     failed = set_up.prepare(0)
     assert failed is not None
     assert (failed.stage, failed.fault) == (SetUpStage.ADDRESS, Fault("bind", "EADDRNOTAVAIL"))
@@ -70,9 +70,9 @@ def test_where_no_list_was_ever_got_bind_decides_about_the_address() -> None:
     with no_descriptor_left():
         nobody_knows = kernel.local_addresses()
     assert nobody_knows == ()
-    assert wrong_local_address("192.0.2.7", nobody_knows, strict=False) == ""
-    assert "multicast" in wrong_local_address("224.0.0.1", nobody_knows, strict=False)
-    assert "no address" in wrong_local_address("192.0.2.7", kernel.local_addresses(), strict=False)
+    assert find_address_error("192.0.2.7", nobody_knows, strict=False) == ""
+    assert "multicast" in find_address_error("224.0.0.1", nobody_knows, strict=False)
+    assert "no address" in find_address_error("192.0.2.7", kernel.local_addresses(), strict=False)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_where_no_list_was_ever_got_bind_decides_about_the_address() -> None:
 def test_the_last_address_of_a_network_is_its_broadcast_address(
     address: str, mask: str, everybody: str
 ) -> None:
-    assert broadcast_of(address, mask) == everybody
+    assert broadcast_address(address, mask) == everybody
 
 
 def test_the_broadcast_address_of_an_interface_is_no_local_address_but_an_own_one_is() -> None:
@@ -99,5 +99,5 @@ def test_the_broadcast_address_of_an_interface_is_no_local_address_but_an_own_on
         LocalAddress("10.0.1.255", "eth1", broadcast="10.0.255.255"),
         LocalAddress("10.0.1.9", "eth2", broadcast="10.0.1.255"),
     )
-    assert "broadcast address of eth0" in wrong_local_address("10.0.0.255", own, strict=False)
-    assert wrong_local_address("10.0.1.255", own, strict=False) == ""
+    assert "broadcast address of eth0" in find_address_error("10.0.0.255", own, strict=False)
+    assert find_address_error("10.0.1.255", own, strict=False) == ""

@@ -14,7 +14,16 @@ import pytest
 from trcvtui.net.os import tapped_ends, tapped_lane
 from trcvtui.net.os.forwarder import Forwarder
 from trcvtui.net.os.system_calls import RESET_ON_CLOSE, PollList
-from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, events_of, place_of, route_of
+from trcvtui.net.tap import (
+    WAY_BACK,
+    WAY_TO,
+    TapEvent,
+    TapEventKind,
+    TapOrder,
+    make_route,
+    parse_place,
+    read_events,
+)
 
 pytestmark = pytest.mark.live
 TURNS = 2000
@@ -23,7 +32,7 @@ TURNS = 2000
 def told_in(whole: bytes) -> list[TapEvent]:
     """Return the events but for signs of life and figures."""
     parts = iter([whole, b""])
-    found = [event for some in events_of(lambda _: next(parts)) for event in some]
+    found = [event for some in read_events(lambda _: next(parts)) for event in some]
     return [event for event in found if event.kind not in (TapEventKind.NOW, TapEventKind.FIGURES)]
 
 
@@ -40,10 +49,10 @@ class Stand:
         self.said: list[str] = []
         self.loop = Forwarder(self.said.append, poll)
         to = f"{scheme}127.0.0.1:{far.getsockname()[1]}"
-        self.loop.add_route(route_of("T", f"{scheme}127.0.0.1:0", to, ("LISTEN", "CONNECT")))
+        self.loop.add_route(make_route("T", f"{scheme}127.0.0.1:0", to, ("LISTEN", "CONNECT")))
         ours, self.looks = socket.socketpair()
         self.looks.setblocking(False)
-        self.loop.serve(ours, lambda: self.said.append("ended"))
+        self.loop.attach_server(ours, lambda: self.said.append("ended"))
         self._sockets = [far, self.looks]
 
     def until(self, is_done: Callable[[], object]) -> None:
@@ -51,7 +60,7 @@ class Stand:
         for _ in range(TURNS):
             if is_done():
                 return
-            self.loop.turn(0.01)
+            self.loop.run_once(0.01)
         raise AssertionError("never")
 
     def talk(self) -> tuple[socket.socket, socket.socket]:
@@ -88,12 +97,12 @@ class Stand:
     def is_quiet(self, sock: socket.socket) -> bool:
         """Return whether nothing comes to an end while the loop has work."""
         for _ in range(5):
-            self.loop.turn(0.005)
+            self.loop.run_once(0.005)
         return not select.select((sock,), (), (), 0)[0]
 
     def order(self, way: int, verb: str, *sizes: int, data: bytes = b"", number: int = 0) -> TapEvent:
         """Give an order; return what was told of it."""
-        self.looks.sendall(TapOrder(0, number, way, verb, sizes, data).line())
+        self.looks.sendall(TapOrder(0, number, way, verb, sizes, data).encode())
         answers: list[TapEvent] = []
 
         def is_told() -> bool:
@@ -136,11 +145,11 @@ def test_what_passes_is_told_with_its_direction_and_its_place_in_the_stream(stan
     stand.until(lambda: select.select((far,), (), (), 0)[0])
     told = [(event.kind, event.way, event.at, event.data) for event in stand.events()]
     assert told[1:] == [
-        (TapEventKind.STANDS, BACK, 0, b""),
-        (TapEventKind.BYTES, TO, 0, b"one"),
-        (TapEventKind.BYTES, TO, 3, b"three"),
-        (TapEventKind.BYTES, BACK, 0, b"back"),
-        (TapEventKind.FIN, TO, 8, b""),
+        (TapEventKind.STANDS, WAY_BACK, 0, b""),
+        (TapEventKind.BYTES, WAY_TO, 0, b"one"),
+        (TapEventKind.BYTES, WAY_TO, 3, b"three"),
+        (TapEventKind.BYTES, WAY_BACK, 0, b"back"),
+        (TapEventKind.FIN, WAY_TO, 8, b""),
     ]
     assert told[0][3].split(b"|")[:2] == [b"tcp", b"127.0.0.1"]
 
@@ -152,11 +161,11 @@ def test_before_a_reset_what_was_read_is_delivered_for_a_time(
     monkeypatch.setattr(tapped_lane, "RESET_WAIT_NS", waits_ns)
     stand.door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
     near, far = stand.talk()
-    lane, sent = stand.loop.routes[0].talks[1].lanes[TO], 0
+    lane, sent = stand.loop.routes[0].talks[1].lanes[WAY_TO], 0
     while select.select((), (near,), (), 0)[1]:  # until the far end, the stacks and the tap are full
         with suppress(BlockingIOError):
             sent += near.send(bytes(1 << 16))
-        stand.loop.turn(0)
+        stand.loop.run_once(0)
     near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
     near.close()
     stand.until(lambda: lane.end is TapEventKind.RST)
@@ -165,11 +174,11 @@ def test_before_a_reset_what_was_read_is_delivered_for_a_time(
     size, is_reset = 0, False
     for _ in range(TURNS * 10):
         for _ in range(5):  # the tap is quicker than who reads
-            stand.loop.turn(0)
+            stand.loop.run_once(0)
         try:
             size += len(far.recv(1 << 16))
         except BlockingIOError:
-            stand.loop.turn(0.01)
+            stand.loop.run_once(0.01)
         except ConnectionResetError:
             is_reset = True
             break
@@ -179,14 +188,14 @@ def test_before_a_reset_what_was_read_is_delivered_for_a_time(
 
 def test_a_held_frame_is_edited_and_let_go(stand: Stand) -> None:
     near, far = stand.talk()
-    stand.order(TO, "hold")
+    stand.order(WAY_TO, "hold")
     near.send(bytes(range(10)))
-    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[TO].held)
-    stand.order(TO, "edit", 2, data=b"\xaa\xbb")
-    stand.order(TO, "drop", 1)
-    stand.order(TO, "insert", data=b"\xff")
+    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[WAY_TO].held)
+    stand.order(WAY_TO, "edit", 2, data=b"\xaa\xbb")
+    stand.order(WAY_TO, "drop", 1)
+    stand.order(WAY_TO, "insert", data=b"\xff")
     assert stand.is_quiet(far)
-    assert stand.order(TO, "go").kind is not TapEventKind.REFUSED
+    assert stand.order(WAY_TO, "go").kind is not TapEventKind.REFUSED
     assert stand.read(far, 10) == b"\xff\x01\xaa\xbb" + bytes(range(4, 10))
     far.send(b"the other way was never held")
     assert stand.read(near, 28)
@@ -194,21 +203,21 @@ def test_a_held_frame_is_edited_and_let_go(stand: Stand) -> None:
 
 def test_a_held_direction_holds_its_end_and_no_more_than_it_may(stand: Stand) -> None:
     near, far = stand.talk()
-    stand.order(TO, "hold")
-    lane = stand.loop.routes[0].talks[1].lanes[TO]
+    stand.order(WAY_TO, "hold")
+    lane = stand.loop.routes[0].talks[1].lanes[WAY_TO]
     sent = 0
     while lane.room():
         with suppress(BlockingIOError):
             sent += near.send(bytes(1 << 16))
-        stand.loop.turn(0)
+        stand.loop.run_once(0)
     while select.select((), (near,), (), 0)[1]:  # what the stacks take
         with suppress(BlockingIOError):
             sent += near.send(bytes(1 << 16))
-        stand.loop.turn(0)
+        stand.loop.run_once(0)
     assert len(lane.held or b"") == 1 << 20
     near.close()
     assert stand.is_quiet(far)
-    stand.order(TO, "go")
+    stand.order(WAY_TO, "go")
     assert len(stand.read(far, sent)) == sent
     stand.until(lambda: select.select((far,), (), (), 0)[0])
     assert far.recv(1) == b""
@@ -216,12 +225,12 @@ def test_a_held_direction_holds_its_end_and_no_more_than_it_may(stand: Stand) ->
 
 def test_bytes_are_delayed_in_order_and_split_where_asked(stand: Stand) -> None:
     near, far = stand.talk()
-    stand.order(TO, "delay", 30_000_000)
+    stand.order(WAY_TO, "delay", 30_000_000)
     near.send(b"late")
     assert not select.select((far,), (), (), 0)[0]
     assert stand.read(far, 4) == b"late"
-    stand.order(TO, "delay", 0)
-    stand.order(TO, "split", 3, 2)
+    stand.order(WAY_TO, "delay", 0)
+    stand.order(WAY_TO, "split", 3, 2)
     stand.events()
     near.send(b"aaabbcccc")
     assert stand.read(far, 9) == b"aaabbcccc"
@@ -236,7 +245,7 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
     near, far = stand.talk()
     near.send(b"before")
     assert stand.read(far, 6) == b"before"
-    answer = stand.order(TO, verb)
+    answer = stand.order(WAY_TO, verb)
     assert (answer.kind, answer.data, answer.at) == (TapEventKind.OURS, verb.encode(), 6)
     stand.until(lambda: select.select((far,), (), (), 0)[0])
     if verb == "rst":
@@ -260,23 +269,23 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
 def test_an_order_that_cannot_be_done_says_why(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, verb: str, sizes: tuple[int, ...], said: str
 ) -> None:
-    monkeypatch.setattr(tapped_lane, "MOST_HELD", 5)
+    monkeypatch.setattr(tapped_lane, "MOST_HELD_BYTES", 5)
     near, _ = stand.talk()
-    stand.order(TO, "hold")
+    stand.order(WAY_TO, "hold")
     near.send(b"four")
-    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[TO].held)
-    answer = stand.order(TO, verb, *sizes, data=b"xy")
+    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[WAY_TO].held)
+    answer = stand.order(WAY_TO, verb, *sizes, data=b"xy")
     assert (answer.kind, answer.data.decode()) == (TapEventKind.REFUSED, said)
 
 
 def test_an_order_without_a_conversation_says_so(stand: Stand) -> None:
-    assert stand.order(TO, "hold").data == b"a conversation is not there"
-    assert stand.order(TO, "hold", number=7).data == b"conversation 7 is not there"
+    assert stand.order(WAY_TO, "hold").data == b"a conversation is not there"
+    assert stand.order(WAY_TO, "hold", number=7).data == b"conversation 7 is not there"
 
 
 def test_all_is_let_go_when_who_gives_the_orders_is_gone(stand: Stand) -> None:
     near, far = stand.talk()
-    stand.order(TO, "hold")
+    stand.order(WAY_TO, "hold")
     near.send(b"held")
     assert stand.is_quiet(far)
     stand.looks.close()
@@ -295,7 +304,7 @@ def test_a_reader_that_is_slow_delays_nothing_and_is_told_what_it_missed_and_wha
     for _ in range(400):
         with suppress(BlockingIOError):
             size += near.send(bytes(1 << 16))
-        stand.loop.turn(0)
+        stand.loop.run_once(0)
         with suppress(BlockingIOError):
             while part := far.recv(1 << 20):
                 size -= len(part)
@@ -319,12 +328,12 @@ def test_a_reader_that_is_slow_delays_nothing_and_is_told_what_it_missed_and_wha
     ends = [(event.kind, event.number) for event in told[lost + 1 : -1]]
     assert ends == [(kind, 2) for kind in (TapEventKind.FIN, TapEventKind.FIN, TapEventKind.OVER)]
     lost_bytes = int.from_bytes(told[lost].data[8:16], "little")
-    assert (lost_bytes > 0, got + lost_bytes) == (True, stand.loop.routes[0].talks[1].lanes[TO].at)
+    assert (lost_bytes > 0, got + lost_bytes) == (True, stand.loop.routes[0].talks[1].lanes[WAY_TO].at)
     assert (told[-1].number, told[-1].at) == (1, 1)
 
 
 def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tapped_ends, "CONNECT_NS", 50_000_000)
+    monkeypatch.setattr(tapped_ends, "CONNECT_LIMIT_NS", 50_000_000)
     full = socket.socket()
     full.bind(("127.0.0.1", 0))
     full.listen(0)
@@ -333,12 +342,12 @@ def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: py
         caller.setblocking(False)
         caller.connect_ex(full.getsockname())
     loop = Forwarder(str)
-    loop.add_route(route_of("T", "127.0.0.1:0", f"127.0.0.1:{full.getsockname()[1]}", ("", "")))
+    loop.add_route(make_route("T", "127.0.0.1:0", f"127.0.0.1:{full.getsockname()[1]}", ("", "")))
     address = loop.routes[0].address
     with socket.create_connection(address or ("", 0)) as near:
         near.setblocking(False)
         for _ in range(TURNS):
-            loop.turn(0.01)
+            loop.run_once(0.01)
             if select.select((near,), (), (), 0)[0]:
                 break
         with pytest.raises(ConnectionResetError):
@@ -351,7 +360,7 @@ def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: py
 def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: object
 ) -> None:
-    monkeypatch.setattr(tapped_ends, "AGAIN_NS", 1_000_000)
+    monkeypatch.setattr(tapped_ends, "REOPEN_PAUSE_NS", 1_000_000)
     pairs = [os.openpty() for _ in range(2)]
     for master, slave in pairs:
         tty.setraw(slave)
@@ -359,7 +368,7 @@ def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
     said: list[str] = []
     loop = Forwarder(said.append)
     names = [f"serial:{os.ttyname(slave)},19200,8E1" for _, slave in pairs]
-    loop.add_route(route_of("T", names[0], names[1], ("LISTEN", "CONNECT")))
+    loop.add_route(make_route("T", names[0], names[1], ("LISTEN", "CONNECT")))
     for _, slave in pairs:
         os.close(slave)
 
@@ -367,7 +376,7 @@ def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
         for _ in range(TURNS):
             if is_done():
                 return
-            loop.turn(0.01)
+            loop.run_once(0.01)
         raise AssertionError("never")
 
     def comes(master: int) -> Callable[[], bool]:
@@ -385,7 +394,7 @@ def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
         until(comes(other[0]))
     os.close(pairs[0][0])
     until(lambda: said)
-    assert said == [f"T: {place_of(names[0], '')} is gone (EIO): it is opened again"]
+    assert said == [f"T: {parse_place(names[0], '')} is gone (EIO): it is opened again"]
     loop.close()
     os.close(pairs[1][0])
 
@@ -426,16 +435,16 @@ def datagrams() -> Iterator[Datagrams]:
 
 
 def test_held_datagrams_are_changed_and_go_on_one_by_one(datagrams: Datagrams) -> None:
-    datagrams.order(TO, "hold")
-    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    datagrams.order(WAY_TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[WAY_TO]
     for each in (b"01234", b"", b"abc", b"xyz"):
         datagrams.near.send(each)
     datagrams.until(lambda: len(lane.held or b"") == 11)
     assert datagrams.is_quiet(datagrams.far)
-    datagrams.order(TO, "edit", 4, data=b"!B")  # across two datagrams
-    datagrams.order(TO, "drop", 2)
-    datagrams.order(TO, "insert", data=b"ours")
-    datagrams.order(TO, "go")
+    datagrams.order(WAY_TO, "edit", 4, data=b"!B")  # across two datagrams
+    datagrams.order(WAY_TO, "drop", 2)
+    datagrams.order(WAY_TO, "insert", data=b"ours")
+    datagrams.order(WAY_TO, "go")
     assert datagrams.come(5) == [b"ours", b"23!", b"", b"Bbc", b"xyz"]
     datagrams.far.send(b"back")
     datagrams.until(lambda: select.select((datagrams.near,), (), (), 0)[0])
@@ -443,41 +452,41 @@ def test_held_datagrams_are_changed_and_go_on_one_by_one(datagrams: Datagrams) -
 
 
 def test_datagrams_are_delayed_split_and_dropped_whole(datagrams: Datagrams) -> None:
-    datagrams.order(TO, "split", 2)
+    datagrams.order(WAY_TO, "split", 2)
     datagrams.near.send(b"abcde")
     assert datagrams.come(2) == [b"ab", b"cde"]
-    datagrams.order(TO, "delay", 20_000_000)
+    datagrams.order(WAY_TO, "delay", 20_000_000)
     for each in (b"1", b"", b"2"):
         datagrams.near.send(each)
     assert datagrams.come(3) == [b"1", b"", b"2"]
-    datagrams.order(TO, "delay", 0)
-    datagrams.order(TO, "hold")
+    datagrams.order(WAY_TO, "delay", 0)
+    datagrams.order(WAY_TO, "hold")
     datagrams.near.send(b"gone")
-    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    lane = datagrams.loop.routes[0].talks[1].lanes[WAY_TO]
     datagrams.until(lambda: lane.held)
-    datagrams.order(TO, "drop", 4)
-    datagrams.order(TO, "go")
+    datagrams.order(WAY_TO, "drop", 4)
+    datagrams.order(WAY_TO, "go")
     datagrams.near.send(b"next")
     assert datagrams.come(1) == [b"next"]
-    assert b"FIN or RST" in datagrams.order(TO, "rst").data
+    assert b"FIN or RST" in datagrams.order(WAY_TO, "rst").data
 
 
 def test_held_datagrams_beyond_the_bound_are_lost_and_told(datagrams: Datagrams) -> None:
-    datagrams.order(TO, "hold")
-    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    datagrams.order(WAY_TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[WAY_TO]
     told: list[TapEvent] = []
     while not told:
         with suppress(BlockingIOError):
             datagrams.near.send(bytes(60_000))
-        datagrams.loop.turn(0.01)
+        datagrams.loop.run_once(0.01)
         told = [each for each in datagrams.events() if each.kind == TapEventKind.OURS]
     assert told[0].data.startswith(b"drop 60000 bytes: the tap holds no more than 1 MiB")
     assert len(lane.held or b"") <= 1 << 20
 
 
 def test_what_is_held_when_a_tap_of_datagrams_ends_goes_on_before(datagrams: Datagrams) -> None:
-    datagrams.order(TO, "hold")
-    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    datagrams.order(WAY_TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[WAY_TO]
     datagrams.near.send(b"last")
     datagrams.until(lambda: lane.held)
     datagrams.loop.close()
@@ -495,6 +504,6 @@ def test_a_loop_that_is_ended_by_its_timer_waits_for_nothing_more() -> None:
             return []
 
     loop = Forwarder(lambda _: None, Poll())
-    loop.after(0, loop.stop)
-    loop.turn(-1)
+    loop.call_after(0, loop.stop)
+    loop.run_once(-1)
     assert waited == [0]

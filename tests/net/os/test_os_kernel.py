@@ -19,7 +19,7 @@ import trcvtui.net.os.system_calls as os_queues
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
 from tests.net.facts_data import five_bytes_and_a_rst
 from tests.net.net_bench import Bench, OsNetwork
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, SocketOptions
+from trcvtui.net.kernel import Handle, KernelLoss, LocalAddress, NewClient, SocketOptions
 from trcvtui.net.os import kernel as os_kernel
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.os.system_calls import error_name
@@ -40,7 +40,7 @@ def only_select(patch: pytest.MonkeyPatch) -> None:
     for module in (os_poll, os_kernel):
         patch.setattr(module, "RDHUP", 0)
     patch.setattr(os_poll, "HAS_POLL", False)
-    patch.setattr(os_kernel, "GONE", os_poll.ERR | os_poll.HUP)
+    patch.setattr(os_kernel, "GONE_MASK", os_poll.ERR | os_poll.HUP)
     patch.setattr(os_kernel, "VERDICT", os_poll.OUT | os_poll.ERR)
 
 
@@ -110,7 +110,7 @@ def test_emfile_at_accept_leaves_the_client_queued_with_his_bytes(b: Bench) -> N
             assert b.kernel.readable(listener)
             assert b.kernel.accept(listener) == Failed("accept", "EMFILE")
     got = b.kernel.accept(listener)
-    assert isinstance(got, Accepted)
+    assert isinstance(got, NewClient)
     assert got.peer == b.end(client)
     assert b.receive(got.handle, 5) == b"early"
 
@@ -285,7 +285,9 @@ def test_a_partner_who_sends_byte_by_byte_costs_one_read_a_bounded_number_of_cal
     kernel, trickle = OsKernel(), Trickle()
     handle = Handle(trickle.fileno())
     kernel._sockets[handle] = trickle
-    assert kernel.recv(handle, memoryview(bytearray(65536))) == trickle.calls == 1 + os_kernel.MOST_READS
+    assert (
+        kernel.recv(handle, memoryview(bytearray(65536))) == trickle.calls == 1 + os_kernel.MOST_READS_A_CALL
+    )
     trickle.calls = 0
     assert kernel.discard(handle, 1 << 20) == trickle.calls == os_queues.MOST_READS
     kernel.close_all()

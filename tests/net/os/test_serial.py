@@ -10,23 +10,23 @@ from pathlib import Path
 import pytest
 
 from tests.waiting import until
-from trcvtui.net.os.serial import OsSerialPort, fault_of
+from trcvtui.net.os.serial import OsSerialPort, fault_from_error
 from trcvtui.net.results import Fault
-from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
+from trcvtui.net.serial_line import OPENING, PortOpening, SerialSettings
 
 pytest.importorskip("serial")
 
 
 def opened(port: OsSerialPort) -> Fault | None:
-    shown: Fault | Opening | None = OPENING
+    shown: Fault | PortOpening | None = OPENING
 
     def is_known() -> bool:
         nonlocal shown
         shown = port.open()
-        return not isinstance(shown, Opening)
+        return not isinstance(shown, PortOpening)
 
     until(is_known)
-    assert not isinstance(shown, Opening)
+    assert not isinstance(shown, PortOpening)
     return shown
 
 
@@ -73,11 +73,11 @@ def after(cause: Exception, words: str) -> Exception:
     ],
 )
 def test_what_pyserial_says_in_words_alone_has_its_errno(problem: Exception, name: str) -> None:
-    assert fault_of("open", problem) == Fault("open", name)
+    assert fault_from_error("open", problem) == Fault("open", name)
 
 
 def test_the_words_of_a_problem_are_few_and_hold_no_escape() -> None:
-    words = fault_of("open", OSError("\x1b[2J" + "x" * 10_000)).words
+    words = fault_from_error("open", OSError("\x1b[2J" + "x" * 10_000)).words
     assert words.startswith("[2Jxxx") and len(words) < 200
 
 

@@ -11,7 +11,7 @@ from trcvtui.bench.peers.queues import PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import Routine
 from trcvtui.commands.words import PeerPlay, PeerSend
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
@@ -19,7 +19,7 @@ from trcvtui.project.project import PeerDecl
 from trcvtui.snapshots.bench import PeerSnapshot
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
-NO_POLICY: Final = Policy()
+NO_POLICY: Final = ConnectionPolicy()
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot
 
 
@@ -35,7 +35,7 @@ class Peer:
         kernel: Kernel,
         resolve: Callable[[str], Endpoint | None],
         journal: Callable[[Event], None],
-        policy: Policy = NO_POLICY,
+        policy: ConnectionPolicy = NO_POLICY,
     ) -> None:
         self.decl = decl
         self.stalled = False

@@ -12,8 +12,8 @@ from typing import Final
 from trcvtui.bench.peers.queues import PeerQueues
 from trcvtui.commands.tokens import chunks
 from trcvtui.commands.words import PeerSend
-from trcvtui.net.broadcast import begin_broadcasts, take_datagram
-from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
+from trcvtui.net.broadcast import enable_broadcasts, receive_datagram
+from trcvtui.net.kernel import Handle, Kernel, NewClient, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
 
@@ -251,7 +251,7 @@ class StreamTransport(_Transport):
     def _accept(self, listener: Handle) -> None:
         for _ in range(MOST_ACCEPTS):
             got = self._kernel.accept(listener)
-            if not isinstance(got, Accepted):
+            if not isinstance(got, NewClient):
                 return
             # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
             if self._handle is not None and not self._is_stalled:
@@ -376,7 +376,7 @@ class DatagramTransport(_Transport):
         self._queues.note("listening", f"{self.local} (UDP)")
         if self.broadcasts and self.local is not None:
             name = self._decl.name
-            self._hearing, why = begin_broadcasts(self._kernel, name, handle, self.local, polled=False)
+            self._hearing, why = enable_broadcasts(self._kernel, name, handle, self.local, polled=False)
             if why:
                 self._queues.note("no socket for broadcasts", why)
         return ""
@@ -431,7 +431,7 @@ class DatagramTransport(_Transport):
 
     def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_DATAGRAMS):
-            got = take_datagram(self._kernel, handle, self._hearing, self._queues.landing, self.local)
+            got = receive_datagram(self._kernel, handle, self._hearing, self._queues.landing, self.local)
             if isinstance(got, Fault):
                 self._queues.note("cannot receive", str(got))
             if not isinstance(got, Datagram):

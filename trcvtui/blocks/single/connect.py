@@ -106,7 +106,7 @@ class SingleTcon:
         return Outcome(Condition.STARTED, REQ_ROSE)
 
     def _refused(self) -> Outcome:
-        failed = self._connection.set_up.judge_description()
+        failed = self._connection.set_up.check_description()
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
         return Outcome(Condition.ENDPOINT_THERE, IS_THERE)
@@ -136,7 +136,7 @@ class SingleTcon:
 
     def _look_after(self) -> Outcome:
         """Build a lost connection again; a partner who refuses us has let this attempt fail."""
-        loss = self._connection.lost(self._incarnation) or self._connection.check_loss()
+        loss = self._connection.find_loss(self._incarnation) or self._connection.check_loss()
         course = self._env.rules.course
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
             self._keeps = False

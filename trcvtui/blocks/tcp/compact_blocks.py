@@ -77,7 +77,7 @@ class TrcvC(JobBlock):
     # -- connected ------------------------------------------------------------------------------------
 
     def _connected(self, inputs: Inputs) -> Outcome:
-        loss = self._connection.lost(self._part.incarnation, self.job.claim)
+        loss = self._connection.find_loss(self._part.incarnation, self.job.claim)
         if not self._goes_on(inputs):
             self.job.abandon("EN_R fell")
             return self._idle(loss)
@@ -150,7 +150,7 @@ class TsendC(JobBlock):
         outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=job_error)
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)
-        loss = self._connection.lost(self._part.incarnation)
+        loss = self._connection.find_loss(self._part.incarnation)
         if self._course.waiting_req_sends:
             req_rose, self._asked = req_rose or self._asked, False
         return self._send(inputs, req_rose) if loss is None else self._lost(loss, req_rose)

@@ -311,10 +311,10 @@ class ConnectionControl:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _go_on_connecting(self) -> Outcome:
-        is_second = self._course.second_lags and self._connection.stands_for(self._claim)
+        is_second = self._course.second_lags and self._connection.is_up_for(self._claim)
         failed = self._connection.step(self._env.scan, self._env.now)
         lags = is_second and self._connection.since_scan == self._env.scan
-        if self.waits and not lags and self._connection.stands_for(self._claim):
+        if self.waits and not lags and self._connection.is_up_for(self._claim):
             return self._connected()
         if failed is not None:
             return self._set_up_failed(failed)
@@ -349,7 +349,7 @@ class ConnectionControl:
         if not self._connection.config.active:
             # From the second 7002 on only the poll, or another block, can end this.
             stable = self.waits > 1 and set_up.listener is not None
-            return self._wait_for("no partner yet", local=str(set_up.listening or ""), stable=stable)
+            return self._wait_for("no partner yet", local=str(set_up.listening_end or ""), stable=stable)
         remote = str(set_up.remote or "")
         return self._wait_for(
             "before the next attempt" if set_up.attempt is None else "no answer yet", remote
@@ -402,12 +402,12 @@ class ConnectionControl:
     def _was_up(self) -> bool:
         if self.phase is not Phase.CONNECTED:
             return False
-        loss = self._connection.lost(self.incarnation)
+        loss = self._connection.find_loss(self.incarnation)
         return loss is None or (self._course.closes_together and loss.kind is LossKind.OURS)
 
     def _reset(self) -> Outcome | None:
         self._reset_wanted = False
-        if self.phase is not Phase.CONNECTED or self._connection.lost(self.incarnation) is not None:
+        if self.phase is not Phase.CONNECTED or self._connection.find_loss(self.incarnation) is not None:
             return None
         fault = self._connection.queue_job()
         if fault is not None:

@@ -47,7 +47,7 @@ def refuse(
     unfit = _misfit(env, data, request)
     if unfit is not None:
         return unfit
-    other = request.rival or direction.take(claim)
+    other = request.rival or direction.try_take(claim)
     if other is not None:
         return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
     fault = env.resources.buffers.acquire(connect)
@@ -65,7 +65,7 @@ def reserve(
     """Take the direction for a job that starts in the next call; False: that call would refuse it."""
     if not fits(env, data, request) or env.resources.buffers.is_full:
         return False
-    return direction.take(claim) is None
+    return direction.try_take(claim) is None
 
 
 def _misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
@@ -92,7 +92,7 @@ def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | 
     """Return who works on this connection with another priority, where a vendor does not take that."""
     if not env.rules.one_class:
         return None
-    found = (direction.of_another_priority(claim) for direction in connection.directions)
+    found = (direction.find_other_priority(claim) for direction in connection.directions)
     return next((rival for rival in found if rival is not None), None)
 
 

@@ -125,11 +125,11 @@ class KnownConnection:
 
     def lost(self, claim: Claim | None = None) -> ConnectionLoss | None:
         """Return how the incarnation that this block knows has ended, None while it stands."""
-        return self._connection.lost(self._incarnation, claim) if self._incarnation else None
+        return self._connection.find_loss(self._incarnation, claim) if self._incarnation else None
 
     def is_new(self, claim: Claim) -> bool:
         """Return whether a connection stands that this block has not seen before, and know it from now on."""
-        if self._incarnation == self._connection.incarnation or not self._connection.stands_for(claim):
+        if self._incarnation == self._connection.incarnation or not self._connection.is_up_for(claim):
             return False
         self._incarnation = self._connection.incarnation
         return True

@@ -195,7 +195,7 @@ class ReceiveJob(IncomingJob):
         else:
             data.write(0, memoryview(self.buffer)[:size].toreadonly())
         if self._address is not None and self._source is not None:
-            self._address.take(self._source)
+            self._address.set_end(self._source)
         kept = min(size, data.size)
         if kept < size:
             self._drop(kept, "DATA resized")
@@ -217,7 +217,7 @@ class ReceiveJob(IncomingJob):
         for offset, size in (*self._spans, (self.span_offset, self.next_offset - self.span_offset)):
             skipped = min(kept, size)
             kept -= skipped
-            self.connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
+            self.connection.note_dropped(offset + skipped, size - skipped, reason, self._incarnation)
 
     def _end(self, done: bool, reason: str, size: int) -> None:
         self.complete = self.claim.has_frame = False

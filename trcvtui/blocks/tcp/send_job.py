@@ -54,7 +54,7 @@ class SendJob(OutgoingJob):
 
     def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
         """Start a job in the scan of the edge and send at once."""
-        loss = self.connection.look_before_sending()
+        loss = self.connection.check_before_sending()
         if loss is not None:
             return loss
         if (wrong := self._wrong_way()) is not None:
@@ -92,7 +92,7 @@ class SendJob(OutgoingJob):
         """Send what is left; end the job when the stack has it all."""
         if self._must_stay and (moved := self._changed()) is not None:
             return moved
-        ended: Outcome | ConnectionLoss | None = self.connection.look_before_sending()
+        ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()
         if ended is None and self._unsent:
             ended = self._push()
         if ended is not None:
@@ -134,7 +134,7 @@ class SendJob(OutgoingJob):
 
     def _peer(self) -> str:
         if self._address is not None and isinstance(self.connection, UdpEndpoint):
-            return self.connection.where(self._address)
+            return self.connection.describe_target(self._address)
         return str(self.connection.peer or "")
 
     def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:

@@ -60,7 +60,7 @@ class Tcon(ScriptBlock):
         return self._triggered and begun and self._connection.state is State.CLOSED
 
     def _connected(self) -> Outcome:
-        loss = self._connection.lost(self._part.incarnation) or self._connection.check_loss()
+        loss = self._connection.find_loss(self._part.incarnation) or self._connection.check_loss()
         if loss is None:
             return _UP
         outcomes = show_loss(loss, self._bound.env.rules, self.job, failed=None)

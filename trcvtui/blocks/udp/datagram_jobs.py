@@ -51,7 +51,7 @@ class DatagramOut(OutgoingJob):
             self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
             return _sending(got, self._peer)
         self._end(done=False, reason="the datagram was not taken")
-        peer = self._port.where(self._address)
+        peer = self._port.describe_target(self._address)
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return Outcome(Condition.SEND_FAILED, cause_of(got, peer))
         fault = got if isinstance(got, Fault) else FULL
@@ -140,7 +140,7 @@ class DatagramIn(IncomingJob):
         size, data = self.have, self.data
         assert data is not None
         data.write(0, memoryview(self.buffer)[:size].toreadonly())
-        self._address.take(source)
+        self._address.set_end(source)
         kept = min(size, data.size)
         self._drop(kept, size - kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
@@ -148,7 +148,7 @@ class DatagramIn(IncomingJob):
         return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
 
     def _drop(self, begin: int, size: int, reason: str) -> None:
-        self._port.drop(self.first_offset + begin, size, reason, self._incarnation)
+        self._port.note_dropped(self.first_offset + begin, size, reason, self._incarnation)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; a datagram that is already here is dropped and noted."""

@@ -12,7 +12,7 @@ from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp_status import UDP_STATUS
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 
 SECOND: Final = 1_000_000_000  # ns
 MAX_DATAGRAM: Final = 2048  # bytes, manual 7.15.14 and 7.15.15
@@ -117,8 +117,8 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
     )
 
 
-def _policy(chosen: Mapping[str, SwitchValue]) -> Policy:
-    return Policy(
+def _policy(chosen: Mapping[str, SwitchValue]) -> ConnectionPolicy:
+    return ConnectionPolicy(
         retry_ns=int(chosen["retry"]),
         attempt_limit_ns=int(chosen["attempt_limit"]),
         strict_local_address=bool(chosen["strict_local_address"]),

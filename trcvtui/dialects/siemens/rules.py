@@ -15,10 +15,10 @@ from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, S
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.states import ALL, BOTH_C
 from trcvtui.dialects.siemens.status import STATUS
-from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.description_check import Flaw
-from trcvtui.net.connection.resources import TakenId
+from trcvtui.net.connection.resources import IdConflict
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
 
@@ -149,9 +149,9 @@ SET_UP: Final = {
     (SetUpStage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
     (SetUpStage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
     (SetUpStage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
-    (SetUpStage.IDENTITY, TakenId.SAME): Condition.ENDPOINT_THERE,
-    (SetUpStage.IDENTITY, TakenId.BUILDING): Condition.ID_BUILDING,
-    (SetUpStage.IDENTITY, TakenId.OTHER): Condition.ID_OTHER,
+    (SetUpStage.IDENTITY, IdConflict.SAME): Condition.ENDPOINT_THERE,
+    (SetUpStage.IDENTITY, IdConflict.BUILDING): Condition.ID_BUILDING,
+    (SetUpStage.IDENTITY, IdConflict.OTHER): Condition.ID_OTHER,
     (SetUpStage.SOCKET, ""): Condition.NO_SOCKET,
     (SetUpStage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
     (SetUpStage.REUSE, ""): Condition.NOT_NOW,
@@ -217,7 +217,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
-        policy=Policy(
+        policy=ConnectionPolicy(
             retry_ns=int(chosen["retry"]),
             pauses_after_idle=True,
             listens_at_once=True,  # 7002: passive, it waits for the partner

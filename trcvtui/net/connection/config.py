@@ -10,16 +10,16 @@ from typing import Final
 
 from msgspec import Struct
 
-from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
+from trcvtui.net.connection.description import ADDRESSES, Description, FieldValue, pack
 from trcvtui.net.connection.description_check import DescriptionFlaw
 from trcvtui.net.layer import LayerSettings
-from trcvtui.net.received_ring import HISTORY
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
+from trcvtui.net.received_ring import DEFAULT_HISTORY
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, parse_octets
 
 SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
 
 
-class Policy(Struct, frozen=True):
+class ConnectionPolicy(Struct, frozen=True):
     """What a dialect decides about connections; times in ns."""
 
     retry_ns: int = 1_000_000_000
@@ -66,7 +66,7 @@ class ConnectConfig(Struct, frozen=True):
     any_local: bool = False
     remote_name: str = ""
     is_datagram: bool = False
-    history: int = HISTORY
+    history: int = DEFAULT_HISTORY
 
     @property
     def is_message_oriented(self) -> bool:
@@ -79,7 +79,7 @@ class ConnectConfig(Struct, frozen=True):
         return min(self.keep_alive_interval_s or self.keep_alive_default_s, LONGEST_KEEP_ALIVE_S)
 
     @property
-    def keep_alive_limited(self) -> str:
+    def keep_alive_limit_note(self) -> str:
         """Return in words that another interval is in force than the one asked for, else ""."""
         if self.keep_alive_interval_s <= self.keep_alive_s:
             return ""
@@ -94,7 +94,7 @@ class ConnectConfig(Struct, frozen=True):
 
 def parse_address(text: str) -> str | None:
     """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""
-    numbers = octets(text)
+    numbers = parse_octets(text)
     return ".".join(map(str, numbers)) if numbers is not None else None
 
 
@@ -106,7 +106,7 @@ class UdpConfig(Struct, frozen=True):
 
     name: str
     local: Endpoint = ANY_END
-    history: int = HISTORY
+    history: int = DEFAULT_HISTORY
 
 
 class AddrParam(Struct, frozen=True):
@@ -121,11 +121,11 @@ class AddrParam(Struct, frozen=True):
     description: Description | None = None
 
     @property
-    def written(self) -> Description:
+    def effective_description(self) -> Description:
         if self.description is not None:
             return self.description
         port = self.remote_port if isinstance(self.remote_port, int) else 0
-        values: dict[str, Value] = {"rem_ip_addr": self.remote_address, "rem_port_nr": port}
+        values: dict[str, FieldValue] = {"rem_ip_addr": self.remote_address, "rem_port_nr": port}
         return Description(TADDR_PARAM, pack(TADDR_PARAM, values))
 
 
@@ -142,13 +142,13 @@ class RemoteAddress:
         self.port = param.remote_port
         self.generation = 0
 
-    def take(self, source: Endpoint) -> None:
+    def set_end(self, source: Endpoint) -> None:
         """Become the source of a datagram."""
         if (self.address, self.port) != (source.address, source.port):
             self.address, self.port = source.address, source.port
             self.generation += 1
 
-    def target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
+    def resolve_target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
         """Return where a datagram goes; `resolve` says where `@NAME` listens now."""
         port = resolve(self.port) if isinstance(self.port, str) else self.port
         if port is None:

@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from trcvtui.net.connection.config import ConnectConfig, Policy
+from trcvtui.net.connection.config import ConnectConfig, ConnectionPolicy
 from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
 from trcvtui.net.events import (
@@ -30,9 +30,9 @@ from trcvtui.net.events import (
     ConnectionEvent,
     EventKind,
 )
-from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
+from trcvtui.net.kernel import DRAIN_BYTES, Handle, Kernel, KernelLoss, NewClient
 from trcvtui.net.layer import TlsError
-from trcvtui.net.received_ring import sent_by
+from trcvtui.net.received_ring import sent_ring_name
 from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
 
@@ -57,7 +57,7 @@ LOSS_REASONS: Final = {
 # 3.2: this whole family, on an established connection, means that the link is dead.
 LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
 # The partner has ended a session, with a word of its own or without the one that belongs there.
-ENDED_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
+PARTNER_END_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
 LOSSES_KEPT: Final = 8
 
 
@@ -75,7 +75,7 @@ class ConnectionLoss(Struct, frozen=True):
         return LOSS_REASONS[self.kind]
 
 
-def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
+def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that a call's answer means; None is the partner's FIN.
 
     `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
@@ -84,7 +84,7 @@ def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> Connect
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
     if may_refuse and fault is not None and fault.error == TlsError.REFUSED:
         kind = LossKind.REFUSED
-    elif fault is None or fault.error in ENDED_ERRORS:
+    elif fault is None or fault.error in PARTNER_END_ERRORS:
         kind = LossKind.CLOSED_BY_PARTNER
     elif fault.error == "ECONNRESET":
         kind = LossKind.RESET_BY_PARTNER
@@ -134,20 +134,20 @@ class DeadLinkWatch:
     def begin(self, handle: Handle) -> None:
         """Limit how long bytes may stay unacknowledged; before "connected" it would cut attempts too."""
         self._set_ms = 0
-        self._limit(handle, closed_window=False)
+        self._set_limit(handle, closed_window=False)
 
-    def look(self, handle: Handle) -> SentState:
+    def check(self, handle: Handle) -> SentState:
         """Look once; done in each scan as long as bytes are under way."""
         path = self._kernel.path(handle)
         if path is None or not (path.unacked or path.unsent):
-            self._limit(handle, closed_window=False)
+            self._set_limit(handle, closed_window=False)
             return SentState.SETTLED
         closed_window = path.unacked == 0
-        self._limit(handle, closed_window)
+        self._set_limit(handle, closed_window)
         speaks = not path.probes_often or path.last_ack_ms < self._limit_ms
         return SentState.DEAD if self._is_on and closed_window and not speaks else SentState.UNDER_WAY
 
-    def _limit(self, handle: Handle, closed_window: bool) -> None:
+    def _set_limit(self, handle: Handle, closed_window: bool) -> None:
         limit = self._limit_ms if self._is_on and not closed_window else 0
         if limit != self._set_ms:
             self._set_ms = limit
@@ -164,13 +164,13 @@ class Connection:
         config: ConnectConfig,
         kernel: Kernel,
         resources: Resources,
-        policy: Policy,
+        policy: ConnectionPolicy,
         resolve: Callable[[str], int | None],
         write: Callable[[ConnectionEvent], None],
     ) -> None:
         self.config = config
-        self.received = resources.received.ring(config.name, config.history)
-        self._sent = resources.received.ring(sent_by(config.name), config.history)
+        self.received = resources.received.open_ring(config.name, config.history)
+        self._sent = resources.received.open_ring(sent_ring_name(config.name), config.history)
         self.state = State.CLOSED
         self.incarnation, self.attempts = self.received.incarnations, 0
         self.peer: Endpoint | None = None
@@ -212,18 +212,18 @@ class Connection:
             if handle is not None:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
-    def stands_for(self, claim: Claim) -> bool:
+    def is_up_for(self, claim: Claim) -> bool:
         """Return whether the connection stands for this instance: a reader has it to the last byte."""
-        return self.is_up or (self.state is State.CONNECTED and self._reads(claim))
+        return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
-    def _reads(self, claim: Claim | None) -> bool:
+    def _is_reader(self, claim: Claim | None) -> bool:
         if claim is None:
             return False
         would = self.readers.get(claim.instance)
         return self.receiving.holds(claim) or (would is not None and would(True))
 
-    def _others_read(self, asking: Claim | None) -> bool:
-        if self.receiving.is_anybodys_but(asking):
+    def _has_other_readers(self, asking: Claim | None) -> bool:
+        if self.receiving.is_used_by_others(asking):
             return True
         own = "" if asking is None else asking.instance
         waits = not self.receiving.holds_refused(asking)  # else nobody's turn comes before that of `asking`
@@ -264,7 +264,7 @@ class Connection:
             return [(State.ESTABLISHING, failed)]
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
-    def _tell_early(self) -> None:
+    def _note_early_faults(self) -> None:
         """Note what failed in a first step whose turn to tell never comes."""
         for _, failed in self._early:
             if failed is not None:
@@ -296,9 +296,9 @@ class Connection:
                 self.end_if_loss_pending()
                 return None
             case _ if self.set_up.listener is not None:
-                return self._adopt(self.set_up.accept(), now)
+                return self._adopt(self.set_up.accept_partner(), now)
             case _ if self.set_up.attempt is not None:
-                return self._adopt(self.set_up.look(now), now)
+                return self._adopt(self.set_up.poll_attempt(now), now)
             case _ if self._pauses:
                 self._pauses, self.retry_at = False, now + self._policy.retry_ns
             case _ if self.retry_at is None or now >= self.retry_at:
@@ -311,20 +311,20 @@ class Connection:
         self.state = State.CREATED
         short = self._resources.budget.acquire(self.config.name)
         full = StepFault(SetUpStage.SOCKET, short) if short else None
-        failed = self.set_up.judge() or full or self.set_up.create()
-        return self._failed(failed, now) if failed else None
+        failed = self.set_up.check() or full or self.set_up.create_socket()
+        return self._fail_attempt(failed, now) if failed else None
 
     def _prepare(self, now: int) -> StepFault | None:
         self.state = State.ESTABLISHING
         failed = self.set_up.prepare(now)
-        return self._failed(failed, now) if failed else None
+        return self._fail_attempt(failed, now) if failed else None
 
-    def _adopt(self, got: Accepted | StepFault | None, now: int) -> StepFault | None:
+    def _adopt(self, got: NewClient | StepFault | None, now: int) -> StepFault | None:
         if got is None:
             return None
         if isinstance(got, StepFault):
             # A failed accept leaves the listener and the waiting client where they are.
-            return got if got.stage is SetUpStage.ACCEPT else self._failed(got, now)
+            return got if got.stage is SetUpStage.ACCEPT else self._fail_attempt(got, now)
         if not self.config.active:
             refused = self.set_up.take_over(got)
             if refused is not None:
@@ -333,7 +333,7 @@ class Connection:
         self.since_scan = self._stepped_in
         return None
 
-    def _become_connected(self, got: Accepted) -> None:
+    def _become_connected(self, got: NewClient) -> None:
         self._begin_incarnation(got.handle, got.peer)
         self._dead_link.begin(got.handle)
         self._note(EventKind.CONNECTED)
@@ -346,7 +346,7 @@ class Connection:
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self._local = self._kernel.local_end(handle)
 
-    def _failed(self, failed: StepFault, now: int) -> StepFault:
+    def _fail_attempt(self, failed: StepFault, now: int) -> StepFault:
         self.set_up.free_attempt()
         self._resources.budget.release(self.config.name)
         self.state = State.ESTABLISHING
@@ -357,7 +357,7 @@ class Connection:
 
     # -- a second client ---------------------------------------------------------------------------
 
-    def service(self) -> bool:
+    def serve_listener(self) -> bool:
         """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
         if self.end_if_loss_pending():
             return True
@@ -367,29 +367,29 @@ class Connection:
         if self._policy.second_client == "queue":
             return False
         before = self.incarnation
-        while not self._is_over():  # accept ends when the scan has done its part (Work)
-            got = self.set_up.accept()
+        while not self._has_ended():  # accept ends when the scan has done its part (Work)
+            got = self.set_up.accept_partner()
             # When a newcomer could not be taken over, nobody is left: the next step adopts one that waits.
-            if not isinstance(got, Accepted):
+            if not isinstance(got, NewClient):
                 break
-            if self._is_over():  # between the look and the accept
-                self.set_up.keep(got)
+            if self._has_ended():  # between the look and the accept
+                self.set_up.keep_successor(got)
                 return True
-            if not self._second_client(got):
+            if not self._handle_second_client(got):
                 break
         else:
             return True
         return self.state is not State.CONNECTED or self.incarnation != before
 
-    def _is_over(self) -> bool:
+    def _has_ended(self) -> bool:
         return self.pending_loss is not None or (self.handle is not None and self._kernel.renew(self.handle))
 
-    def _second_client(self, client: Accepted) -> bool:
+    def _handle_second_client(self, client: NewClient) -> bool:
         if self._policy.second_client == "reject":
             self.set_up.turn_away(client, EventKind.SECOND_CLIENT)
             return True
         self._note(EventKind.REPLACED, client.peer)
-        self._lose(ConnectionLoss(LossKind.OURS, self.partner))
+        self._release_lost(ConnectionLoss(LossKind.OURS, self.partner))
         if self.set_up.take_over(client) is None:
             self._become_connected(client)
         return self.state is State.CONNECTED
@@ -404,20 +404,20 @@ class Connection:
             self._kernel.renew(self.handle)  # the loss came after the poll, bytes perhaps before that
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
-            return WOULD_BLOCK if self.pending_loss is None else self._read_out(self.pending_loss)
+            return WOULD_BLOCK if self.pending_loss is None else self._end_after_last_byte(self.pending_loss)
         if isinstance(got, int):
             if got == 0:
-                return self._read_out(self.pending_loss or self._loss_of(None))
-            self._took(into[:got], instance)
+                return self._end_after_last_byte(self.pending_loss or self._classify_loss(None))
+            self._note_received(into[:got], instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
-            return self._read_out(self.pending_loss or self._loss_of(got))
+            return self._end_after_last_byte(self.pending_loss or self._classify_loss(got))
         return WOULD_BLOCK
 
-    def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
+    def _end_after_last_byte(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
         """Release the connection after the last byte; a whole frame that others have read shows first."""
         if not self.receiving.has_frame():
-            return self._lose(loss)
+            return self._release_lost(loss)
         self.pending_loss = loss
         return WOULD_BLOCK
 
@@ -429,15 +429,15 @@ class Connection:
             self._kernel.renew(self.handle)
             got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
-            self._took(into[: got.size], instance)
+            self._note_received(into[: got.size], instance)
             return got
         if got is HELD_BACK:
             return WOULD_BLOCK
         seen = KernelLoss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
-        loss = self.pending_loss or (self._loss_of(seen.fault) if seen else None)
-        return WOULD_BLOCK if loss is None else self._read_out(loss)
+        loss = self.pending_loss or (self._classify_loss(seen.fault) if seen else None)
+        return WOULD_BLOCK if loss is None else self._end_after_last_byte(loss)
 
-    def _took(self, content: memoryview, instance: str, cut: int = 0) -> None:
+    def _note_received(self, content: memoryview, instance: str, cut: int = 0) -> None:
         """Note what a call has read; `cut`: so many bytes of a datagram had no room."""
         self.recvs += 1
         offset, size = self.bytes_received, len(content) + cut
@@ -452,54 +452,54 @@ class Connection:
 
         While somebody else than `asking` receives, or is about to, the loss is left to that one (rule 3).
         """
-        if self.handle is None or self._others_read(asking):
+        if self.handle is None or self._has_other_readers(asking):
             return None
         return self._look_for_loss(self.handle, asking)
 
     def _look_for_loss(self, handle: Handle, asking: Claim | None = None) -> ConnectionLoss | None:
         if self.pending_loss is not None:
-            return self._found(self.pending_loss, asking)
+            return self._apply_loss(self.pending_loss, asking)
         seen = self._kernel.loss(handle)
-        return None if seen is None else self._found(self._loss_of(seen.fault), asking)
+        return None if seen is None else self._apply_loss(self._classify_loss(seen.fault), asking)
 
-    def _found(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
-        if not self._others_read(asking):
-            return self._lose(loss)
+    def _apply_loss(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
+        if not self._has_other_readers(asking):
+            return self._release_lost(loss)
         self.pending_loss = loss
         return loss
 
     def end_if_loss_pending(self) -> bool:
         """Release a lost connection that nobody reads any more; return whether it was one."""
-        if self.pending_loss is None or self._others_read(None):
+        if self.pending_loss is None or self._has_other_readers(None):
             return False
-        self._lose(self.pending_loss)
+        self._release_lost(self.pending_loss)
         return True
 
-    def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
+    def find_loss(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
         """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
-            if self.pending_loss is None or self._reads(asking):
+            if self.pending_loss is None or self._is_reader(asking):
                 return None
-            return self._found(self.pending_loss)
+            return self._apply_loss(self.pending_loss)
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, self.partner)
 
     def unread(self) -> int:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
-    def drop(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
+    def note_dropped(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
         """Note bytes of an incarnation (default: this) that never reach DATA; offset -1: still queued."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
             position = self.received.skip(size) if offset < 0 else -1
             self._write(BytesDropped(self.config.name, of, offset, size, reason, position))
 
-    def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
-        return loss_of(fault, self.partner, self.config.active and not self.bytes_received)
+    def _classify_loss(self, fault: Fault | None) -> ConnectionLoss:
+        return classify_loss(fault, self.partner, self.config.active and not self.bytes_received)
 
-    def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
+    def _release_lost(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
         left = self.unread()
-        self.drop(-1, left, loss.reason)
+        self.note_dropped(-1, left, loss.reason)
         idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
         self._pauses = idle and self.config.active and self._policy.pauses_after_idle
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
@@ -513,7 +513,7 @@ class Connection:
 
     # -- data: TSEND ----------------------------------------------------------------------------
 
-    def look_before_sending(self) -> ConnectionLoss | None:
+    def check_before_sending(self) -> ConnectionLoss | None:
         """Look for a loss on behalf of a send job: the stack would still take bytes after a FIN."""
         assert self.handle is not None
         return self._look_for_loss(self.handle)
@@ -524,13 +524,13 @@ class Connection:
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
             self._resources.unsettled[self._name] = None
-            self._gave(data[:got], instance)
+            self._note_sent(data[:got], instance)
             return got
         if isinstance(got, Fault):
-            return got if got.error == "EAGAIN" else self._found(self._loss_of(got))
+            return got if got.error == "EAGAIN" else self._apply_loss(self._classify_loss(got))
         return WOULD_BLOCK
 
-    def _gave(self, content: memoryview, instance: str) -> None:
+    def _note_sent(self, content: memoryview, instance: str) -> None:
         """Note what the stack has taken: the rest of a job that is cut was never sent."""
         self.sends += 1
         offset, size = self.bytes_sent, len(content)
@@ -543,14 +543,14 @@ class Connection:
         path = None if self.handle is None else self._kernel.path(self.handle)
         return None if path is None else path.unacked + path.unsent
 
-    def watch(self) -> bool:
+    def check_dead_link(self) -> bool:
         """Look after bytes that are under way; return whether the link has turned out to be dead."""
-        sent = SentState.SETTLED if self.handle is None else self._dead_link.look(self.handle)
+        sent = SentState.SETTLED if self.handle is None else self._dead_link.check(self.handle)
         if sent is SentState.SETTLED:
             self._resources.unsettled.pop(self._name, None)
         if sent is not SentState.DEAD or self.pending_loss is not None:
             return False
-        self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
+        self._apply_loss(self._classify_loss(Fault("path", "ETIMEDOUT")))
         return True
 
     # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
@@ -564,7 +564,7 @@ class Connection:
 
         ENOTCONN of shutdown means that the partner's RST was quicker (80A2). All is freed either way.
         """
-        self._tell_early()
+        self._note_early_faults()
         fault = None
         if self.handle is not None:
             fault = self._close_orderly(self.handle)
@@ -581,7 +581,7 @@ class Connection:
         removed = self._kernel.poll_del(self.handle)
         # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (80A3).
         probed = self._kernel.probe(self.handle)
-        self.drop(-1, self.unread(), "COM_RST")
+        self.note_dropped(-1, self.unread(), "COM_RST")
         freed = self._kernel.abort(self.handle)
         fault = removed or probed or freed
         self._note(EventKind.RESET, fault=fault)
@@ -593,8 +593,8 @@ class Connection:
         if self.state is not State.CLOSED:
             self.disconnect()
             self._note(EventKind.STOPPED)
-        self.keeping.end()
-        self.set_up.forget()
+        self.keeping.end_all()
+        self.set_up.forget_port()
 
     def abandon(self) -> None:
         """Close what is open and forget the rest, in whatever state an exception has left it.
@@ -609,7 +609,7 @@ class Connection:
         self.set_up = self._new_set_up()
         self._resources.budget.release(self._name)
         self._resources.unsettled.pop(self._name, None)
-        self.keeping.end()
+        self.keeping.end_all()
         self._end_incarnation(ConnectionLoss(LossKind.OURS, self.partner), State.CLOSED)
         self._pauses = False
         self._note(EventKind.STOPPED)
@@ -618,7 +618,7 @@ class Connection:
         removed = self._kernel.poll_del(handle)
         closed = self._kernel.shutdown(handle)
         read_away = self._kernel.discard(handle, DRAIN_BYTES)
-        self.drop(-1, read_away + self._kernel.unread(handle), "disconnected")
+        self.note_dropped(-1, read_away + self._kernel.unread(handle), "disconnected")
         freed = self._kernel.close(handle)
         return removed or closed or freed
 
@@ -629,8 +629,8 @@ class Connection:
         self.link_is_dead = loss.kind is LossKind.LINK_DEAD
         self.handle, self.pending_loss, self.retry_at = None, None, None
         self.peer, self._local = None, None
-        self.receiving.end()
-        self.sending.end()
+        self.receiving.end_all()
+        self.sending.end_all()
         self.state = state
 
     # -- notes ------------------------------------------------------------------------------------

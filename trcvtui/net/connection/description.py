@@ -19,9 +19,9 @@ from trcvtui.system_types import DescriptionField as DescriptionField
 from trcvtui.system_types import FieldType as FieldType
 from trcvtui.system_types import Structure as Structure
 
-CONFIGURED: Final = 254  # ConnectionType
+CONFIGURED_TYPE: Final = 254  # ConnectionType
 
-Value = int | bool | str | bytes
+FieldValue = int | bool | str | bytes
 
 
 class Description(Struct, frozen=True):
@@ -30,12 +30,12 @@ class Description(Struct, frozen=True):
     structure: Structure
     data: bytes
 
-    def value(self, name: str) -> Value:
+    def value(self, name: str) -> FieldValue:
         """Return the value of a field; bytes that are not there count as 0."""
         field = self.structure.field(name)
         assert field is not None, name
         raw = self.data[field.offset : field.offset + field.size]
-        return _read(field, raw + bytes(field.size - len(raw)))
+        return _decode_field(field, raw + bytes(field.size - len(raw)))
 
     def number(self, name: str) -> int:
         """Return a number; 0 where the structure has no such field."""
@@ -45,17 +45,17 @@ class Description(Struct, frozen=True):
         """Return an address or a name; "" where the structure has no such field."""
         return str(self.value(name)) if self.structure.field(name) is not None else ""
 
-    def part(self, name: str) -> bytes:
+    def byte_field(self, name: str) -> bytes:
         """Return bytes or a selector; b"" where the structure has no such field."""
         found = self.value(name) if self.structure.field(name) is not None else b""
         assert isinstance(found, bytes)
         return found
 
-    def values(self) -> dict[str, Value]:
+    def values(self) -> dict[str, FieldValue]:
         return {field.name: self.value(field.name) for field in self.structure.fields}
 
 
-def _read(field: DescriptionField, raw: bytes) -> Value:
+def _decode_field(field: DescriptionField, raw: bytes) -> FieldValue:
     match field.type:
         case FieldType.NUMBER:
             return int.from_bytes(raw, "big")
@@ -71,18 +71,18 @@ def _read(field: DescriptionField, raw: bytes) -> Value:
             return raw
 
 
-def pack(structure: Structure, values: Mapping[str, Value]) -> bytes:
+def pack(structure: Structure, values: Mapping[str, FieldValue]) -> bytes:
     """Return the bytes of a structure; a field without a value is 0. Each value must fit its field."""
     data = bytearray(structure.size)
     for field in structure.fields:
-        raw = _write(field, values[field.name]) if field.name in values else b""
+        raw = _encode_field(field, values[field.name]) if field.name in values else b""
         data[field.offset : field.offset + len(raw)] = raw
         if field.type is FieldType.NAME:
             data[field.offset] = LONGEST_NAME  # the first byte of a STRING is its longest length
     return bytes(data)
 
 
-def _write(field: DescriptionField, value: Value) -> bytes:
+def _encode_field(field: DescriptionField, value: FieldValue) -> bytes:
     match field.type, value:
         case FieldType.ADDRESS, str():
             return bytes(map(int, value.split(".")))
@@ -97,10 +97,10 @@ def _write(field: DescriptionField, value: Value) -> bytes:
     raise TypeError(f"{field.name} holds no {type(value).__name__}")
 
 
-def structure_of(data: bytes) -> Structure | None:
+def find_structure(data: bytes) -> Structure | None:
     """Return the connection description that has so many bytes; a shortened one has to name its type, too."""
     size, configured = len(data), CONNECTIONS["TCON_Configured"]
-    if size == configured.size - configured.spare and data[4] == CONFIGURED:
+    if size == configured.size - configured.spare and data[4] == CONFIGURED_TYPE:
         return configured
     return next((one for one in CONNECTIONS.values() if one.size == size), None)
 
@@ -126,38 +126,38 @@ def rows(description: Description, remarks: Mapping[str, str]) -> tuple[Descript
     found: list[DescriptionRow] = []
     at = 0
     for field in description.structure.fields:
-        found += _gap(description.data, at, field.offset)
+        found += _gap_rows(description.data, at, field.offset)
         raw = description.data[field.offset : field.offset + field.size]
-        value = _shown(field, description.value(field.name)) if len(raw) == field.size else "(not there)"
+        value = _format(field, description.value(field.name)) if len(raw) == field.size else "(not there)"
         found.append(DescriptionRow(field.offset, field.name, raw, value, remarks.get(field.name, "")))
         at = field.offset + field.size
-    found += _gap(description.data, at, max(len(description.data), at))
+    found += _gap_rows(description.data, at, max(len(description.data), at))
     if remarks.get(""):
         found.append(DescriptionRow(len(description.data), "", b"", "", remarks[""]))
     return tuple(found)
 
 
-def selector_bytes(data: bytes) -> str:
+def selector_hex(data: bytes) -> str:
     """Return the bytes of a T-selector: `E0 02`."""
     return data.hex(" ").upper()
 
 
-def selector_text(data: bytes) -> str:
+def format_selector(data: bytes) -> str:
     """Return a T-selector as a person reads it, and always its bytes: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
     is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
-    return f"{data.decode('ascii')} ({selector_bytes(data)})" if is_text else selector_bytes(data)
+    return f"{data.decode('ascii')} ({selector_hex(data)})" if is_text else selector_hex(data)
 
 
-def _gap(data: bytes, begin: int, end: int) -> list[DescriptionRow]:
+def _gap_rows(data: bytes, begin: int, end: int) -> list[DescriptionRow]:
     return [DescriptionRow(begin, "", data[begin:end], "")] if data[begin:end] else []
 
 
-def _shown(field: DescriptionField, value: Value) -> str:
+def _format(field: DescriptionField, value: FieldValue) -> str:
     match value:
         case bool():
             return "TRUE" if value else "FALSE"
         case bytes() if field.type is FieldType.SELECTOR or "tsap_id" in field.name:
-            return selector_text(value)
+            return format_selector(value)
         case bytes():
             text = value.decode("latin-1")
             return text if text.isascii() and text.isprintable() and text else value.hex(" ").upper()

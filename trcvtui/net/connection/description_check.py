@@ -12,26 +12,26 @@ from typing import Final, NamedTuple
 from msgspec import Struct
 
 from trcvtui.net.connection.description import (
-    CONFIGURED,
+    CONFIGURED_TYPE,
     CONNECTIONS,
     LONGEST_SELECTOR,
     Description,
-    Value,
+    FieldValue,
     pack,
 )
 from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
 
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19
-CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
+CHECKS_NAME_BIT: Final = 1  # bit 0 of ExtTLSCapabilities
 RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
 FIRST_DYNAMIC_PORT: Final = 49152
 TCON_PARAM_SIZE: Final = 64
-T_CONNECTIONS: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
+TSAP_FIRST_BYTES: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
 TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
 
 
-class Protocol(StrEnum):
+class Transport(StrEnum):
     TCP = "TCP"
     ISO = "ISO-on-TCP"
     UDP = "UDP"
@@ -72,13 +72,13 @@ class DescriptionFlaw(NamedTuple):
     text: str
 
 
-Answer = tuple[Flaw, str, str]  # of a question, as a DescriptionFlaw
+FlawAnswer = tuple[Flaw, str, str]  # of a question, as a DescriptionFlaw
 
 
-class Meaning(Struct, frozen=True):
+class LinkSpec(Struct, frozen=True):
     """What a description says, whatever its structure."""
 
-    protocol: Protocol
+    protocol: Transport
     identity: int
     is_active: bool = False
     remote_address: str = ANY_ADDRESS
@@ -90,19 +90,19 @@ class Meaning(Struct, frozen=True):
 
 
 # Structure -> the numbers of ConnectionType that it takes (80B6).
-_TYPES: Final = {
-    "TCON_IP_v4": {11: Protocol.TCP, 17: Protocol.TCP, 19: Protocol.UDP},
-    "TCON_IP_V4_SEC": {11: Protocol.TCP, 17: Protocol.TCP},
-    "TCON_IP_RFC": {12: Protocol.ISO, 18: Protocol.ISO},
-    "TCON_QDN": {13: Protocol.TCP},
-    "TCON_QDN_SEC": {13: Protocol.TCP},
-    "TCON_Param": {17: Protocol.TCP, 18: Protocol.ISO, 19: Protocol.UDP},
-    "TCON_Configured": {CONFIGURED: Protocol.CONFIGURED},
+_CONNECTION_TYPES: Final = {
+    "TCON_IP_v4": {11: Transport.TCP, 17: Transport.TCP, 19: Transport.UDP},
+    "TCON_IP_V4_SEC": {11: Transport.TCP, 17: Transport.TCP},
+    "TCON_IP_RFC": {12: Transport.ISO, 18: Transport.ISO},
+    "TCON_QDN": {13: Transport.TCP},
+    "TCON_QDN_SEC": {13: Transport.TCP},
+    "TCON_Param": {17: Transport.TCP, 18: Transport.ISO, 19: Transport.UDP},
+    "TCON_Configured": {CONFIGURED_TYPE: Transport.CONFIGURED},
 }
 
 
 # What the newer structures call a field -> TCON_Param's name.
-_PARAM_NAMES: Final = {
+_PARAM_FIELD_NAMES: Final = {
     "ActiveEstablished": "active_est",
     "RemoteAddress": "rem_staddr",
     "RemotePort": "rem_tsap_id",
@@ -112,48 +112,48 @@ _PARAM_NAMES: Final = {
 
 def field_name(description: Description, name: str) -> str:
     """Return what this structure calls a field of TCON_IP_v4."""
-    return _PARAM_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
+    return _PARAM_FIELD_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
 
 
-def types_of(structure: str) -> tuple[int, ...]:
+def connection_types_of(structure: str) -> tuple[int, ...]:
     """Return the numbers that ConnectionType may have, the usual one first."""
-    return tuple(_TYPES[structure])
+    return tuple(_CONNECTION_TYPES[structure])
 
 
 def speaks_iso(structure: str) -> bool:
     """Return whether the structure can describe a connection of ISO-on-TCP."""
-    return Protocol.ISO in _TYPES[structure].values()
+    return Transport.ISO in _CONNECTION_TYPES[structure].values()
 
 
-def meaning(description: Description) -> Meaning:
+def read_spec(description: Description) -> LinkSpec:
     """Return what a description says; what is wrong in it is nobody's matter here."""
     if description.structure.name == "TCON_Param":
-        return _meaning_of_param(description)
-    types = _TYPES[description.structure.name]
-    return Meaning(
-        protocol=types.get(description.number("ConnectionType"), Protocol.UNKNOWN),
+        return _read_param_meaning(description)
+    types = _CONNECTION_TYPES[description.structure.name]
+    return LinkSpec(
+        protocol=types.get(description.number("ConnectionType"), Transport.UNKNOWN),
         identity=description.number("ID"),
         is_active=bool(description.number("ActiveEstablished")),
         remote_address=description.text("RemoteAddress") or ANY_ADDRESS,
         remote_name=description.text("RemoteQDN"),
         remote_port=description.number("RemotePort"),
         local_port=description.number("LocalPort"),
-        remote_tsap=description.part("RemoteTSelector"),
-        local_tsap=description.part("LocalTSelector"),
+        remote_tsap=description.byte_field("RemoteTSelector"),
+        local_tsap=description.byte_field("LocalTSelector"),
     )
 
 
-def _meaning_of_param(description: Description) -> Meaning:
-    protocol = _TYPES["TCON_Param"].get(description.number("connection_type"), Protocol.UNKNOWN)
-    local = description.part("local_tsap_id")[: description.number("local_tsap_id_len")]
-    remote = description.part("rem_tsap_id")[: description.number("rem_tsap_id_len")]
+def _read_param_meaning(description: Description) -> LinkSpec:
+    protocol = _CONNECTION_TYPES["TCON_Param"].get(description.number("connection_type"), Transport.UNKNOWN)
+    local = description.byte_field("local_tsap_id")[: description.number("local_tsap_id_len")]
+    remote = description.byte_field("rem_tsap_id")[: description.number("rem_tsap_id_len")]
     known = description.number("rem_staddr_len") > 0
-    is_iso = protocol is Protocol.ISO
-    return Meaning(
+    is_iso = protocol is Transport.ISO
+    return LinkSpec(
         protocol=protocol,
         identity=description.number("id"),
         is_active=bool(description.number("active_est")),
-        remote_address=".".join(map(str, description.part("rem_staddr")[:4])) if known else ANY_ADDRESS,
+        remote_address=".".join(map(str, description.byte_field("rem_staddr")[:4])) if known else ANY_ADDRESS,
         remote_port=0 if is_iso else int.from_bytes(remote[:2], "big"),
         local_port=0 if is_iso else int.from_bytes(local[:2], "big"),
         remote_tsap=remote if is_iso else b"",
@@ -170,7 +170,7 @@ class DescribedConnect(Struct, frozen=True):
     """
 
     description: Description
-    meaning: Meaning
+    meaning: LinkSpec
     own_address: str
     takes_free_port: bool = False
     remote_is_known: bool = False
@@ -178,43 +178,43 @@ class DescribedConnect(Struct, frozen=True):
     narrow_tsaps: bool = False
 
 
-def judge(asked: DescribedConnect) -> DescriptionFlaw | None:
+def find_flaw(asked: DescribedConnect) -> DescriptionFlaw | None:
     """Return the first flaw, None where a CPU would try to connect."""
-    found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    found = next((found for question in _CHECKS if (found := question(asked)) is not None), None)
     return DescriptionFlaw(found[0], field_name(asked.description, found[1]), found[2]) if found else None
 
 
 # -- the questions -----------------------------------------------------------------------------------------
 
 
-def _structure(asked: DescribedConnect) -> Answer | None:
+def _check_structure(asked: DescribedConnect) -> FlawAnswer | None:
     name = asked.description.structure.name
     if not asked.structures or name in asked.structures:
         return None
     return Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only"
 
 
-def _length(asked: DescribedConnect) -> Answer | None:
+def _check_length(asked: DescribedConnect) -> FlawAnswer | None:
     structure, size = asked.description.structure, len(asked.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
     return Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}"
 
 
-def _identity(asked: DescribedConnect) -> Answer | None:
+def _check_identity(asked: DescribedConnect) -> FlawAnswer | None:
     if 1 <= asked.meaning.identity <= MOST_ID:
         return None
     name = "id" if asked.description.structure.field("id") else "ID"
     return Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}"
 
 
-def _configured(asked: DescribedConnect) -> Answer | None:
-    if asked.meaning.protocol is not Protocol.CONFIGURED:
+def _check_configured(asked: DescribedConnect) -> FlawAnswer | None:
+    if asked.meaning.protocol is not Transport.CONFIGURED:
         return None
     return Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}"
 
 
-def _interface(asked: DescribedConnect) -> Answer | None:
+def _check_interface(asked: DescribedConnect) -> FlawAnswer | None:
     names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
     if asked.description.number(field) == 0 and not names_own:
@@ -224,40 +224,40 @@ def _interface(asked: DescribedConnect) -> Answer | None:
     return None
 
 
-def _type(asked: DescribedConnect) -> Answer | None:
-    if asked.meaning.protocol is not Protocol.UNKNOWN:
+def _check_type(asked: DescribedConnect) -> FlawAnswer | None:
+    if asked.meaning.protocol is not Transport.UNKNOWN:
         return None
     structure = asked.description.structure
     field = "connection_type" if structure.field("connection_type") else "ConnectionType"
-    taken = ", ".join(f"16#{one:02X}" for one in types_of(structure.name))
+    taken = ", ".join(f"16#{one:02X}" for one in connection_types_of(structure.name))
     number = asked.description.number(field)
     return Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}"
 
 
-def _udp_active(asked: DescribedConnect) -> Answer | None:
-    if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
+def _check_udp_active(asked: DescribedConnect) -> FlawAnswer | None:
+    if asked.meaning.protocol is not Transport.UDP or not asked.meaning.is_active:
         return None
     return Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively"
 
 
-def _udp(asked: DescribedConnect) -> Answer | None:
-    if asked.meaning.protocol is not Protocol.UDP:
+def _check_udp_port(asked: DescribedConnect) -> FlawAnswer | None:
+    if asked.meaning.protocol is not Transport.UDP:
         return None
     if not asked.meaning.local_port and not asked.takes_free_port:
         return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port"
     return None
 
 
-def _tsap(asked: DescribedConnect) -> Answer | None:
-    if asked.meaning.protocol is not Protocol.ISO:
+def _check_tsap(asked: DescribedConnect) -> FlawAnswer | None:
+    if asked.meaning.protocol is not Transport.ISO:
         return None
-    return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
+    return _test_tsap(asked) or (check_narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
 
 
-def _tsap_of_any(asked: DescribedConnect) -> Answer | None:
+def _test_tsap(asked: DescribedConnect) -> FlawAnswer | None:
     local = asked.meaning.local_tsap
     if asked.description.structure.name == "TCON_Param":
-        return _tsap_of_param(asked)
+        return _check_param_tsap(asked)
     for field in ("LocalTSelector", "RemoteTSelector"):
         size = _selector_length(asked.description, field)
         if size > LONGEST_SELECTOR:
@@ -266,21 +266,21 @@ def _tsap_of_any(asked: DescribedConnect) -> Answer | None:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not asked.meaning.is_active:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
-    if len(local) == 2 and local[0] not in _firsts(asked):
+    if len(local) == 2 and local[0] not in _first_bytes(asked):
         return Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own"
     return None
 
 
-def _firsts(asked: DescribedConnect) -> bytes:
-    return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
+def _first_bytes(asked: DescribedConnect) -> bytes:
+    return TSAP_FIRST_BYTES if asked.narrow_tsaps else TSAP_FIRST_BYTES[:1]
 
 
-def narrow_tsap(local: bytes) -> DescriptionFlaw | None:
+def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return what an S7-1200 alone has against a local T-selector (S7-1200 System Manual)."""
     text = ""
-    if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
+    if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
         text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
     elif any(not 0x20 <= byte < 0x7F for byte in local[2:]):
         text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
@@ -293,39 +293,39 @@ def _selector_length(description: Description, name: str) -> int:
     return int.from_bytes(description.data[field.offset : field.offset + 2], "big")
 
 
-def _tsap_of_param(asked: DescribedConnect) -> Answer | None:
+def _check_param_tsap(asked: DescribedConnect) -> FlawAnswer | None:
     local = asked.meaning.local_tsap
-    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
+    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(asked)):
         return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0"
     return None
 
 
-def _param(asked: DescribedConnect) -> Answer | None:
+def _check_param_lengths(asked: DescribedConnect) -> FlawAnswer | None:
     """Judge the lengths in a TCON_Param (S7-1200 System Manual)."""
     if asked.description.structure.name != "TCON_Param":
         return None
     number, says = asked.description.number, asked.meaning
-    for field, taken in _param_lengths(says):
+    for field, taken in _allowed_param_lengths(says):
         if number(field) not in taken:
             wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
             return Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}"
     return None
 
 
-def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
+def _allowed_param_lengths(says: LinkSpec) -> list[tuple[str, tuple[int, ...]]]:
     lengths: list[tuple[str, tuple[int, ...]]] = [
         ("block_length", (TCON_PARAM_SIZE,)),
         ("rem_subnet_id_len", (0,)),
         ("next_staddr_len", (0,)),
         ("rem_staddr_len", (4,) if says.is_active else (0, 4)),
     ]
-    if says.protocol is Protocol.ISO:
+    if says.protocol is Transport.ISO:
         sizes = tuple(TSAP_SIZES)
         lengths += [
             ("local_tsap_id_len", sizes),
             ("rem_tsap_id_len", sizes if says.is_active else (0, *sizes)),
         ]
-    elif says.protocol is Protocol.UDP:
+    elif says.protocol is Transport.UDP:
         lengths += [("local_tsap_id_len", (2,)), ("rem_tsap_id_len", (0,))]
     else:
         lengths += [
@@ -335,9 +335,9 @@ def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
     return lengths
 
 
-def _ports(asked: DescribedConnect) -> Answer | None:
+def _check_ports(asked: DescribedConnect) -> FlawAnswer | None:
     says = asked.meaning
-    if says.protocol is not Protocol.TCP:
+    if says.protocol is not Transport.TCP:
         return None
     if says.is_active and not says.remote_port and not asked.remote_is_known:
         return Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one"
@@ -346,7 +346,7 @@ def _ports(asked: DescribedConnect) -> Answer | None:
     return None
 
 
-def _remote(asked: DescribedConnect) -> Answer | None:
+def _check_remote(asked: DescribedConnect) -> FlawAnswer | None:
     says = asked.meaning
     if asked.description.structure.field("RemoteQDN"):
         return None
@@ -362,14 +362,14 @@ def _remote(asked: DescribedConnect) -> Answer | None:
     return None
 
 
-def _local_port(asked: DescribedConnect) -> Answer | None:
+def _check_local_port(asked: DescribedConnect) -> FlawAnswer | None:
     port = asked.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
         return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000"
     return None
 
 
-def _name(asked: DescribedConnect) -> Answer | None:
+def _check_name(asked: DescribedConnect) -> FlawAnswer | None:
     if asked.description.structure.field("RemoteQDN") is None:
         return None
     name = asked.meaning.remote_name
@@ -382,14 +382,14 @@ def _name(asked: DescribedConnect) -> Answer | None:
     return None
 
 
-def _secure_type(asked: DescribedConnect) -> Answer | None:
+def _check_secure_type(asked: DescribedConnect) -> FlawAnswer | None:
     is_udp = asked.description.number("ConnectionType") == UDP_TYPE
     if not is_udp or not asked.description.number("ActivateSecureConn"):
         return None
     return Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS"
 
 
-def _secure(asked: DescribedConnect) -> Answer | None:
+def _check_secure(asked: DescribedConnect) -> FlawAnswer | None:
     number = asked.description.number
     if not number("ActivateSecureConn"):
         return None
@@ -398,7 +398,7 @@ def _secure(asked: DescribedConnect) -> Answer | None:
             text = "TLSServerReqClientCert is TRUE: only a server asks for a client's certificate"
             return Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text
         return None
-    if number("ExtTLSCapabilities") & CHECKS_NAME:
+    if number("ExtTLSCapabilities") & CHECKS_NAME_BIT:
         text = "ExtTLSCapabilities has bit 0: only a client checks the subjectAlternateName"
         return Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text
     if not number("TLSServerCertRef"):
@@ -406,29 +406,30 @@ def _secure(asked: DescribedConnect) -> Answer | None:
     return None
 
 
-_QUESTIONS: Final[tuple[Callable[[DescribedConnect], Answer | None], ...]] = (
-    _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
-    _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
+_CHECKS: Final[tuple[Callable[[DescribedConnect], FlawAnswer | None], ...]] = (
+    _check_structure, _check_length, _check_identity, _check_configured, _check_interface, _check_secure_type,
+    _check_type, _check_tsap, _check_udp_active, _check_param_lengths, _check_udp_port, _check_ports,
+    _check_remote, _check_local_port, _check_name, _check_secure,
 )  # fmt: skip
 
 
-STRUCTURE: Final = CONNECTIONS["TCON_Param"]
-_PARAM_TYPES: Final = {Protocol.TCP: 17, Protocol.ISO: 18, Protocol.UDP: 19}
+PARAM_STRUCTURE: Final = CONNECTIONS["TCON_Param"]
+_PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 
 
-def as_param(says: Meaning, has_interface: bool) -> Description | None:
+def to_tcon_param(says: LinkSpec, has_interface: bool) -> Description | None:
     """Return the TCON_Param that says the same; None: it has no place for that.
 
     `has_interface`: the description names an interface, which is the first one here.
     """
     if says.protocol not in _PARAM_TYPES or says.remote_name:
         return None
-    local, remote = _ends(says)
+    local, remote = _param_tsaps(says)
     if max(len(local), len(remote)) >= TSAP_SIZES.stop:
         return None
     address = bytes(map(int, says.remote_address.split("."))) if says.remote_address != ANY_ADDRESS else b""
-    values: dict[str, Value] = {
-        "block_length": STRUCTURE.size,
+    values: dict[str, FieldValue] = {
+        "block_length": PARAM_STRUCTURE.size,
         "id": says.identity,
         "connection_type": _PARAM_TYPES[says.protocol],
         "active_est": says.is_active,
@@ -440,13 +441,13 @@ def as_param(says: Meaning, has_interface: bool) -> Description | None:
         "rem_staddr": address,
         "rem_tsap_id": remote,
     }
-    return Description(STRUCTURE, pack(STRUCTURE, values))
+    return Description(PARAM_STRUCTURE, pack(PARAM_STRUCTURE, values))
 
 
-def _ends(says: Meaning) -> tuple[bytes, bytes]:
-    if says.protocol is Protocol.ISO:
+def _param_tsaps(says: LinkSpec) -> tuple[bytes, bytes]:
+    if says.protocol is Transport.ISO:
         return says.local_tsap, says.remote_tsap
     local, remote = says.local_port.to_bytes(2, "big"), says.remote_port.to_bytes(2, "big")
     if says.is_active:
         return local if says.local_port else b"", remote
-    return local, remote if says.remote_port and says.protocol is Protocol.TCP else b""
+    return local, remote if says.remote_port and says.protocol is Transport.TCP else b""

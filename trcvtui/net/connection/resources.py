@@ -12,7 +12,7 @@ from itertools import takewhile
 from typing import Final
 
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.description_check import meaning
+from trcvtui.net.connection.description_check import read_spec
 from trcvtui.net.events import EventKind
 from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.net.results import Fault
@@ -28,28 +28,28 @@ from trcvtui.wording import duration
 # Rule 3: what waits stays where it is, in the stack if it can. It is told once an episode, not once a scan.
 # Rule 4: TLS handshakes have, beside their units, a tenth of the interval by the clock, one step at least.
 
-NS_A_UNIT: Final = 20_000  # of the interval
-FEWEST: Final = 32  # units of a scan, however short
-USUAL_INTERVAL: Final = 10_000_000  # ns
+NS_PER_UNIT: Final = 20_000  # of the interval
+LEAST_UNITS: Final = 32  # units of a scan, however short
+DEFAULT_INTERVAL_NS: Final = 10_000_000  # ns
 LEAST_SHARE: Final = 16  # units; where that many parties wait that nobody would get so much, they take turns
-EPISODE_REST: Final = 10_000_000_000  # ns: who has not had to wait for so long, begins a new episode
-HANDSHAKE_PART: Final = 10  # one part of the interval in so many
-FADES: Final = 6  # the longest step is forgotten by 1 / 2**FADES a scan
+EPISODE_REST_NS: Final = 10_000_000_000  # ns: who has not had to wait for so long, begins a new episode
+HANDSHAKE_DIVISOR: Final = 10  # one part of the interval in so many
+FADE_SHIFT: Final = 6  # the longest step is forgotten by 1 / 2**FADES a scan
 
 # Prices in units. A read costs a system call and a copy of up to 64 KiB; with TLS a client costs an object of
 # the library and its end beside the accept.
-READ: Final = 2
-ACCEPT: Final = 16
-TURN_AWAY: Final = 16
-BEGIN_TLS: Final = 48
-HANDSHAKE: Final = 64
+READ_UNITS: Final = 2
+ACCEPT_UNITS: Final = 16
+TURN_AWAY_UNITS: Final = 16
+BEGIN_TLS_UNITS: Final = 48
+HANDSHAKE_UNITS: Final = 64
 
-MORE_THAN_ITS_PART: Final = "more than one scan has time for; the rest waits for the next scans"
+OVER_BUDGET_TEXT: Final = "more than one scan has time for; the rest waits for the next scans"
 
-Said = Callable[[str, EventKind, str, str], None]  # CONNECT, what, the partner or "", in words
+WaitReport = Callable[[str, EventKind, str, str], None]  # CONNECT, what, the partner or "", in words
 
 
-def nobody_hears(owner: str, what: EventKind, partner: str, why: str) -> None:
+def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
     """Say it to nobody."""
 
 
@@ -62,19 +62,19 @@ class BudgetShare:
         self._left = 0
 
     @property
-    def left(self) -> int:
+    def units_left(self) -> int:
         """Return how many units it may still use in this scan; 0 or less: it has to wait."""
         if self._granted_in != self.work.scan:
             self._granted_in, self._left = self.work.scan, self.work.grant(self)
         return self._left
 
     def spend(self, units: int) -> None:
-        self._left = self.left - units
-        self.work.spent(self, units)
+        self._left = self.units_left - units
+        self.work.count_spent(self, units)
 
-    def wait(self, partner: str = "", what: EventKind | None = None) -> None:
+    def note_waiting(self, partner: str = "", what: EventKind | None = None) -> None:
         """Note that something waits for the next scan: its share is put by."""
-        self.work.wait(self, partner, what or self.what)
+        self.work.note_waiting(self, partner, what or self.what)
 
 
 class ScanBudget:
@@ -83,9 +83,9 @@ class ScanBudget:
     `said` hears when something has to wait, once an episode; begin() once a scan.
     """
 
-    def __init__(self, clock: Callable[[], int] = int, interval_ns: int = USUAL_INTERVAL) -> None:
+    def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
         self.clock = clock
-        self.said: Said = nobody_hears
+        self.said: WaitReport = ignore_wait
         self.scan = 0
         self.set_interval(interval_ns)
         self._now = 0
@@ -99,14 +99,14 @@ class ScanBudget:
 
     def set_interval(self, interval_ns: int) -> None:
         self._interval = interval_ns
-        self.units = max(FEWEST, interval_ns // NS_A_UNIT)
+        self.units = max(LEAST_UNITS, interval_ns // NS_PER_UNIT)
 
-    def begin(self, now: int) -> None:
+    def begin_scan(self, now: int) -> None:
         """Begin a scan: put by the shares of those who had to wait in the last one."""
         self.scan += 1
         self._now = now
         self._shaken = self._steps = 0
-        self._longest -= self._longest >> FADES
+        self._longest -= self._longest >> FADE_SHIFT
         self._put_by.clear()
         self._rest = self.units
         if self._waiting:
@@ -117,38 +117,38 @@ class ScanBudget:
                 del self._waiting[party]
                 self._put_by[party] = share
         if self._episodes:
-            for who in list(takewhile(self._is_over, self._episodes)):
+            for who in list(takewhile(self._has_episode_ended, self._episodes)):
                 del self._episodes[who]
 
-    def _is_over(self, who: tuple[str, EventKind]) -> bool:
-        return self._now - self._episodes[who] >= EPISODE_REST
+    def _has_episode_ended(self, who: tuple[str, EventKind]) -> bool:
+        return self._now - self._episodes[who] >= EPISODE_REST_NS
 
     def grant(self, party: BudgetShare) -> int:
         share = self._put_by.get(party)
         return (self._rest + 1) // 2 if share is None else share
 
-    def spent(self, party: BudgetShare, units: int) -> None:
+    def count_spent(self, party: BudgetShare, units: int) -> None:
         """Take units from what is left over, unless the party has a share of its own."""
         if party not in self._put_by:
             self._rest = max(0, self._rest - units)
 
-    def wait(self, party: BudgetShare, partner: str, what: EventKind) -> None:
+    def note_waiting(self, party: BudgetShare, partner: str, what: EventKind) -> None:
         """Keep a share of the next scan for a party; say so when an episode begins."""
         self._waiting[party] = None
-        self._say(party.owner, what, partner, MORE_THAN_ITS_PART)
+        self._report_once(party.owner, what, partner, OVER_BUDGET_TEXT)
 
-    def _say(self, owner: str, what: EventKind, partner: str, why: str) -> None:
+    def _report_once(self, owner: str, what: EventKind, partner: str, why: str) -> None:
         if self._episodes.pop((owner, what), None) is None:
             self.said(owner, what, partner, why)
         self._episodes[owner, what] = self._now
 
     # -- handshakes ------------------------------------------------------------------------------------
 
-    def may_shake(self) -> bool:
+    def may_handshake(self) -> bool:
         """Return whether the next step of a handshake fits into the tenth, or is the first of the scan."""
-        return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_PART
+        return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_DIVISOR
 
-    def shake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
+    def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
         """Take one step of a handshake by the clock; return what `step` returns, its units."""
         began = self.clock()
         units = step()
@@ -156,10 +156,10 @@ class ScanBudget:
         self._steps += 1
         self._shaken += took
         self._longest = max(self._longest, took)
-        if took > self._interval // HANDSHAKE_PART:
-            part, interval = duration(self._interval // HANDSHAKE_PART), duration(self._interval)
+        if took > self._interval // HANDSHAKE_DIVISOR:
+            part, interval = duration(self._interval // HANDSHAKE_DIVISOR), duration(self._interval)
             why = f"one step took {duration(took)}; handshakes have {part} of the {interval} of a scan"
-            self._say(party.owner, EventKind.LONG_HANDSHAKE, partner, why)
+            self._report_once(party.owner, EventKind.LONG_HANDSHAKE, partner, why)
         return units
 
 
@@ -192,7 +192,7 @@ class DirectionClaims:
     def __init__(self) -> None:
         self._claims: list[Claim] = []
 
-    def take(self, claim: Claim) -> Claim | None:
+    def try_take(self, claim: Claim) -> Claim | None:
         for held in self._claims:
             if held is claim:
                 return None
@@ -206,7 +206,7 @@ class DirectionClaims:
         if claim not in self._claims:
             self._claims.append(claim)
 
-    def of_another_priority(self, claim: Claim) -> Claim | None:
+    def find_other_priority(self, claim: Claim) -> Claim | None:
         return next((held for held in self._claims if held.priority != claim.priority), None)
 
     def give_back(self, claim: Claim) -> None:
@@ -214,11 +214,11 @@ class DirectionClaims:
         if claim in self._claims:
             self._claims.remove(claim)
 
-    def release(self, instance: str) -> None:
+    def release_instance(self, instance: str) -> None:
         """End every claim of an instance, whether it is still there or not."""
         self._claims = [held for held in self._claims if held.instance != instance]
 
-    def is_anybodys_but(self, claim: Claim | None) -> bool:
+    def is_used_by_others(self, claim: Claim | None) -> bool:
         """Return whether an instance that is still there works here, other than this one.
 
         To one that is refused itself, those who are refused too do not count: else each would wait for the
@@ -254,7 +254,7 @@ class DirectionClaims:
         """Return the instances that hold it, orphans with their old names."""
         return tuple([held.instance + " (gone)" * held.is_orphan for held in self._claims])
 
-    def end(self) -> None:
+    def end_all(self) -> None:
         """End every claim: the connection is gone."""
         self._claims.clear()
 
@@ -264,7 +264,7 @@ class DirectionClaims:
 # A connection without a description has no ID, and meets nobody here.
 
 
-class TakenId(StrEnum):
+class IdConflict(StrEnum):
     """How the connection that has the ID stands to the one that asks for it."""
 
     BUILDING = "being built"  # the same description, not established yet
@@ -278,7 +278,7 @@ class IdHolder:
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name
         self.description = config.description
-        self.identity = meaning(config.description).identity if config.description is not None else 0
+        self.identity = read_spec(config.description).identity if config.description is not None else 0
         self.has_been_up = False
 
 
@@ -286,15 +286,15 @@ class ConnectionIds:
     def __init__(self) -> None:
         self._holders: dict[int, IdHolder] = {}
 
-    def take(self, asking: IdHolder) -> tuple[TakenId, str] | None:
+    def try_take(self, asking: IdHolder) -> tuple[IdConflict, str] | None:
         if asking.description is None:
             return None
         held = self._holders.setdefault(asking.identity, asking)
         if held is asking:
             return None
         if held.description != asking.description:
-            return TakenId.OTHER, held.name
-        return (TakenId.SAME if held.has_been_up else TakenId.BUILDING), held.name
+            return IdConflict.OTHER, held.name
+        return (IdConflict.SAME if held.has_been_up else IdConflict.BUILDING), held.name
 
     def give_back(self, holder: IdHolder) -> None:
         """Free the ID; a holder that has none is nothing."""
@@ -328,7 +328,7 @@ class JobQueue:
         self._waiting += 1
         return None
 
-    def serve(self) -> None:
+    def clear(self) -> None:
         """Empty the queue; the communication phase of each scan does this."""
         self._waiting = 0
 

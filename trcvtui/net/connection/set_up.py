@@ -11,21 +11,21 @@ from typing import Final
 
 from msgspec import Struct
 
-from trcvtui.net.connection.config import ConnectConfig, Policy
+from trcvtui.net.connection.config import ConnectConfig, ConnectionPolicy
 from trcvtui.net.connection.resources import (
-    ACCEPT,
-    TURN_AWAY,
+    ACCEPT_UNITS,
+    TURN_AWAY_UNITS,
     BudgetShare,
     ConnectionIds,
     IdHolder,
     ScanBudget,
 )
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
+from trcvtui.net.kernel import Handle, Kernel, LocalAddress, NewClient, SocketOptions
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
 
 
-def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
+def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
     """Return why the address cannot be used, or "" when it can; strict refuses loopback too.
 
     An empty `own` is a list that the system could not give: then bind decides.
@@ -78,7 +78,7 @@ class SetUp:
         self,
         config: ConnectConfig,
         kernel: Kernel,
-        policy: Policy,
+        policy: ConnectionPolicy,
         resolve: Callable[[str], int | None],
         connection_ids: ConnectionIds,
         note: Callable[[EventKind, Endpoint | None, str], None],
@@ -101,7 +101,7 @@ class SetUp:
         self._has_told_limit = False
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
-        self._successor: Accepted | None = None  # accepted while the partner before it was ending
+        self._successor: NewClient | None = None  # accepted while the partner before it was ending
 
     @property
     def has_been_up(self) -> bool:
@@ -109,7 +109,7 @@ class SetUp:
         return self._holder.has_been_up
 
     @property
-    def listening(self) -> Endpoint | None:
+    def listening_end(self) -> Endpoint | None:
         """Return where a partner reaches this CONNECT, None while it does not."""
         return self.local if self.listener is not None else None
 
@@ -118,23 +118,23 @@ class SetUp:
         """Return when the running attempt is given up, in ns; None: there is none."""
         return None if self.attempt is None else self._deadline
 
-    def judge(self) -> StepFault | None:
+    def check(self) -> StepFault | None:
         """Return what keeps a block from opening this connection, before there is any socket."""
-        return self.judge_description()
+        return self.check_description()
 
-    def judge_description(self) -> StepFault | None:
+    def check_description(self) -> StepFault | None:
         """Look at the connection description, and take its ID."""
         flaw = self.config.flaw
         if flaw is not None:
             return StepFault(SetUpStage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
-        taken = self._connection_ids.take(self._holder)
+        taken = self._connection_ids.try_take(self._holder)
         if taken is None:
             return None
         how, holder = taken
         text = f"ID {self._holder.identity} is that of {holder}"
         return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
 
-    def create(self) -> StepFault | None:
+    def create_socket(self) -> StepFault | None:
         make = self._kernel.datagram_socket if self.config.is_datagram else self._kernel.socket
         made = make(self.config.name)
         if isinstance(made, Fault):
@@ -145,9 +145,9 @@ class SetUp:
     def prepare(self, now: int) -> StepFault | None:
         """Bind the socket, then listen or start to connect."""
         assert self.attempt is not None
-        if self.config.keep_alive_limited and not self._has_told_limit:
+        if self.config.keep_alive_limit_note and not self._has_told_limit:
             self._has_told_limit = True
-            self._note(EventKind.OPTION_LIMITED, None, self.config.keep_alive_limited)
+            self._note(EventKind.OPTION_LIMITED, None, self.config.keep_alive_limit_note)
         self._set_options(self.attempt)
         return self._bind(self.attempt) or (
             self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
@@ -156,10 +156,10 @@ class SetUp:
     def _bind(self, handle: Handle) -> StepFault | None:
         local = Endpoint(self.config.local.address, self._kept_port)
         own = self._kernel.local_addresses()
-        wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
+        wrong = find_address_error(local.address, own, self._policy.strict_local_address)
         if wrong and not self.config.any_local:
             return StepFault(SetUpStage.ADDRESS, Fault("address", wrong))
-        fault = self._reuse(handle)
+        fault = self._set_reuse(handle)
         if fault is not None:
             return StepFault(SetUpStage.REUSE, fault)
         fault = self._kernel.bind(handle, local)
@@ -169,16 +169,16 @@ class SetUp:
         if fault is None:
             return None
         stage = SetUpStage.ADDRESS if fault.error == "EADDRNOTAVAIL" else SetUpStage.BIND
-        return StepFault(stage, fault, self._hint(fault, local))
+        return StepFault(stage, fault, self._bind_hint(fault, local))
 
     def _may_take_another_port(self, fault: Fault) -> bool:
         is_kept = not self.config.local.port and self._kept_port
         return bool(is_kept) and fault.error == "EADDRINUSE" and not fault.injected
 
-    def _reuse(self, handle: Handle) -> Fault | None:
+    def _set_reuse(self, handle: Handle) -> Fault | None:
         return self._kernel.set_reuse(handle)
 
-    def _hint(self, fault: Fault, local: Endpoint) -> str:
+    def _bind_hint(self, fault: Fault, local: Endpoint) -> str:
         if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
             return ""
         return f"{local} is not for every user: IsoPort sets another"
@@ -209,10 +209,10 @@ class SetUp:
         return None
 
     def _start_connect(self, handle: Handle) -> Fault | None:
-        port = self._remote_port()
+        port = self._resolve_port()
         if port is None:
             return Fault("resolve", f"{self.config.remote_port} does not listen")
-        address = self._remote_address(handle)
+        address = self._resolve_address(handle)
         self._is_asking = isinstance(address, WouldBlock)
         if not isinstance(address, str):
             return address if isinstance(address, Fault) else None
@@ -222,11 +222,11 @@ class SetUp:
             return Fault("address", f"{self.remote} is no end to connect to")
         return self._kernel.connect(handle, self.remote)
 
-    def _remote_address(self, handle: Handle) -> str | WouldBlock | Fault:
+    def _resolve_address(self, handle: Handle) -> str | WouldBlock | Fault:
         name = self.config.remote_name
         return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
-    def _remote_port(self) -> int | None:
+    def _resolve_port(self) -> int | None:
         """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
         port = self.config.remote_port
         if isinstance(port, int):
@@ -234,7 +234,7 @@ class SetUp:
         self._resolved_port = self._resolve(port) or self._resolved_port
         return self._resolved_port
 
-    def look(self, now: int) -> Accepted | StepFault | None:
+    def poll_attempt(self, now: int) -> NewClient | StepFault | None:
         """Ask how the running attempt of an active CONNECT stands."""
         assert self.attempt is not None
         if self._is_asking:
@@ -252,48 +252,48 @@ class SetUp:
         assert self.remote is not None
         handle, self.attempt = self.attempt, None
         self._holder.has_been_up = True
-        return Accepted(handle, self.remote)
+        return NewClient(handle, self.remote)
 
-    def accept(self) -> Accepted | StepFault | None:
+    def accept_partner(self) -> NewClient | StepFault | None:
         """Take the next client that may be the partner; others are reset."""
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
         got = self._accept_any()
-        while isinstance(got, Accepted) and self._is_wrong_partner(got.peer):
+        while isinstance(got, NewClient) and self._is_wrong_partner(got.peer):
             self.turn_away(got, EventKind.WRONG_PARTNER)
             got = self._accept_any()
         return got
 
-    def keep(self, client: Accepted) -> None:
+    def keep_successor(self, client: NewClient) -> None:
         """Keep an accepted client as the next partner: the one before it has ended in the same moment."""
         self._successor = client
 
-    def _accept_any(self) -> Accepted | StepFault | None:
+    def _accept_any(self) -> NewClient | StepFault | None:
         if self.listener is None or not self._kernel.readable(self.listener):
             return None
-        if self._clients.left <= 0:
-            self._clients.wait()
+        if self._clients.units_left <= 0:
+            self._clients.note_waiting()
             return None
         got = self._kernel.accept(self.listener)
-        if isinstance(got, Accepted):
-            self._clients.spend(ACCEPT)
+        if isinstance(got, NewClient):
+            self._clients.spend(ACCEPT_UNITS)
             return got
         return StepFault(SetUpStage.ACCEPT, got) if isinstance(got, Fault) else None
 
     def _is_wrong_partner(self, peer: Endpoint) -> bool:
-        address, port = self.config.remote_address, self._remote_port()
+        address, port = self.config.remote_address, self._resolve_port()
         if self._policy.check_remote_ip and address not in (ANY_ADDRESS, peer.address):
             return True
         return bool(self._policy.check_remote_port and port and port != peer.port)
 
-    def turn_away(self, client: Accepted, what: EventKind) -> None:
+    def turn_away(self, client: NewClient, what: EventKind) -> None:
         """Reset a client at once; its bytes never reach DATA."""
-        self._clients.spend(TURN_AWAY)
+        self._clients.spend(TURN_AWAY_UNITS)
         self._kernel.abort(client.handle)
         self._note(what, client.peer, "")
 
-    def take_over(self, client: Accepted) -> StepFault | None:
+    def take_over(self, client: NewClient) -> StepFault | None:
         """Put an accepted client into the poll set and give it the CONNECT's options."""
         fault = self._kernel.poll_add(client.handle)
         if fault is not None:
@@ -335,7 +335,7 @@ class SetUp:
         self.attempt, self._verdict, self._is_asking = None, None, False
         return fault
 
-    def forget(self) -> None:
+    def forget_port(self) -> None:
         """Give up a port got by LocalPort 0 (PLC STOP)."""
         self._kept_port = self.config.local.port
         self.local = self.remote = None

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from trcvtui.net.broadcast import begin_broadcasts, take_datagram
-from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
+from trcvtui.net.broadcast import enable_broadcasts, receive_datagram
+from trcvtui.net.connection.config import ANY_END, ConnectConfig, ConnectionPolicy, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, SocketUse, State
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import Claim, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
 from trcvtui.net.events import ConnectionEvent, EventKind
-from trcvtui.net.kernel import Accepted, Handle, Kernel
+from trcvtui.net.kernel import Handle, Kernel, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
 NO_ADDR: Final = StepFault(
@@ -34,11 +34,11 @@ class UdpSetUp(SetUp):
     hearing: Handle | None = None  # a second socket, for broadcasts
 
     @property
-    def listening(self) -> Endpoint | None:
+    def listening_end(self) -> Endpoint | None:
         return self.local
 
-    def judge(self) -> StepFault | None:
-        return super().judge() or (NO_ADDR if self.needs_addr else None)
+    def check(self) -> StepFault | None:
+        return super().check() or (NO_ADDR if self.needs_addr else None)
 
     def prepare(self, now: int) -> StepFault | None:
         assert self.attempt is not None
@@ -53,21 +53,21 @@ class UdpSetUp(SetUp):
             self._kept_port = self.local.port
             if self._policy.broadcasts:
                 name = self.config.name
-                self.hearing, why = begin_broadcasts(self._kernel, name, self.attempt, self.local)
+                self.hearing, why = enable_broadcasts(self._kernel, name, self.attempt, self.local)
                 if why:  # the port works as any other
                     self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {why}")
         return None
 
-    def _reuse(self, handle: Handle) -> Fault | None:
+    def _set_reuse(self, handle: Handle) -> Fault | None:
         return None  # two programs would share the port, and the datagrams
 
-    def look(self, now: int) -> Accepted | StepFault | None:
+    def poll_attempt(self, now: int) -> NewClient | StepFault | None:
         assert self.attempt is not None
         handle, self.attempt = self.attempt, None
         self._holder.has_been_up = True
-        return Accepted(handle, ANY_END)
+        return NewClient(handle, ANY_END)
 
-    def take_over(self, client: Accepted) -> StepFault | None:
+    def take_over(self, client: NewClient) -> StepFault | None:
         """Do nothing: the socket is in the poll set."""
         return None
 
@@ -100,7 +100,7 @@ class UdpEndpoint(Connection):
         config: ConnectConfig | UdpConfig,
         kernel: Kernel,
         resources: Resources,
-        policy: Policy,
+        policy: ConnectionPolicy,
         resolve: Callable[[str], int | None],
         write: Callable[[ConnectionEvent], None],
     ) -> None:
@@ -133,13 +133,13 @@ class UdpEndpoint(Connection):
             return None
         self.retry_at = self.failure = None
         self.attempts += 1
-        failed = self.set_up.create() or self.set_up.prepare(now)
+        failed = self.set_up.create_socket() or self.set_up.prepare(now)
         if failed is None:
-            return self._adopt(self.set_up.look(now), now)
+            return self._adopt(self.set_up.poll_attempt(now), now)
         self.failure = failed.fault
-        return self._failed(failed, now)
+        return self._fail_attempt(failed, now)
 
-    def _become_connected(self, got: Accepted) -> None:
+    def _become_connected(self, got: NewClient) -> None:
         self._begin_incarnation(got.handle, None)
         self._note(EventKind.LISTENING, detail="UDP")
 
@@ -157,7 +157,7 @@ class UdpEndpoint(Connection):
     def stop(self) -> None:
         if self.is_config:
             self.close()
-            self.set_up.forget()
+            self.set_up.forget_port()
         else:
             super().stop()
 
@@ -166,10 +166,10 @@ class UdpEndpoint(Connection):
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; what there is no room for is gone."""
         assert self.handle is not None
-        got = take_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
+        got = receive_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
         if isinstance(got, Datagram):
             self.peer = got.source
-            self._took(into[: got.size], instance, got.whole - got.size if self.is_config else 0)
+            self._note_received(into[: got.size], instance, got.whole - got.size if self.is_config else 0)
         elif isinstance(got, Fault) and got.error == "EAGAIN":
             return WOULD_BLOCK
         return got
@@ -178,22 +178,22 @@ class UdpEndpoint(Connection):
         """Take one datagram; a call that fails ends the socket."""
         got = self.receive_from(into, instance)
         if isinstance(got, Fault):
-            return self._lose(ConnectionLoss(LossKind.FAILED, str(self.peer or ""), got))
+            return self._release_lost(ConnectionLoss(LossKind.FAILED, str(self.peer or ""), got))
         return got
 
     def send_to(self, data: memoryview, to: RemoteAddress, instance: str) -> int | WouldBlock | Fault:
         """Send one datagram; the stack takes it whole or not at all."""
         assert self.handle is not None
-        end = to.target(self._resolve)
+        end = to.resolve_target(self._resolve)
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
         if isinstance(got, int) and isinstance(end, Endpoint):
             self.peer = end
-            self._gave(data[:got], instance)
+            self._note_sent(data[:got], instance)
         return got
 
-    def where(self, to: RemoteAddress) -> str:
+    def describe_target(self, to: RemoteAddress) -> str:
         """Return whom a datagram to this ADDR reaches, or what stands there as long as nobody knows."""
-        end = to.target(self._resolve)
+        end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 
     # -- nobody ends it ---------------------------------------------------------------------------------

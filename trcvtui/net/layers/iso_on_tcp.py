@@ -1,7 +1,7 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
-Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
+Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MOST_WAITING_MESSAGES or
 `cap` bytes of them: who does not take them must not feed more (`wants_more`). What is longer than the cap is
 counted on; a message of more than CAPS caps ends the connection, and so does one in more pieces than the cap
 has bytes, or in too many empty ones.
@@ -28,14 +28,14 @@ from trcvtui.net.results import Endpoint, Unread, WaitingMessage
 
 TPKT_VERSION: Final = 3
 TPKT_HEADER: Final = 4  # bytes: version, reserved, length of the whole
-CODE_AT: Final = 5  # where the code of the TPDU stands in a TPKT
+CODE_OFFSET: Final = 5  # where the code of the TPDU stands in a TPKT
 LONGEST_HEADER: Final = 255  # bytes of a TPDU without data: its length indicator has one byte
 NO_LIMIT: Final = 1 << 62
 LEAST_TPKT: Final = 7
 DATA_HEADER: Final = 3  # bytes of a DT that count against the negotiated size
-TAKEN_AS_0: Final = (0, 4)  # some texts of RFC 1006 show class 4
+CLASSES_TAKEN_AS_0: Final = (0, 4)  # some texts of RFC 1006 show class 4
 LEAST_SIZE_CODE: Final = 2  # 4 bytes, of which 1 is data
-LAST: Final = 0x80  # of the message: the EOT mark of a DT
+END_OF_MESSAGE: Final = 0x80  # of the message: the EOT mark of a DT
 LONGEST_TSAP: Final = 32
 
 
@@ -49,7 +49,7 @@ class Code(IntEnum):
     ER = 0x70
 
 
-class Refusal(IntEnum):
+class DrReason(IntEnum):
     """Reasons of a DR (RFC 905)."""
 
     NOBODY_WAITS = 0x02
@@ -63,7 +63,7 @@ class _Parameter(IntEnum):
     CALLED = 0xC2
 
 
-class Connect(NamedTuple):
+class ConnectTpdu(NamedTuple):
     """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told.
 
     `other_class`: the one that it asks for where that is not taken as class 0.
@@ -87,14 +87,14 @@ class Connect(NamedTuple):
         return ""
 
 
-class Data(NamedTuple):
+class DataTpdu(NamedTuple):
     """A DT: a piece of a message, and whether it is the last."""
 
     payload: bytes
     is_last: bool
 
 
-class Disconnect(NamedTuple):
+class DisconnectTpdu(NamedTuple):
     """A DR."""
 
     destination_ref: int
@@ -121,7 +121,7 @@ class MalformedTpdu(NamedTuple):
     what: str
 
 
-Tpdu = Connect | Data | Disconnect | ErrorTpdu | UnusedTpdu | MalformedTpdu
+Tpdu = ConnectTpdu | DataTpdu | DisconnectTpdu | ErrorTpdu | UnusedTpdu | MalformedTpdu
 
 
 class TpktReader:
@@ -134,7 +134,7 @@ class TpktReader:
         self._is_lost = False
 
     @property
-    def held(self) -> int:
+    def held_bytes(self) -> int:
         """Return how many bytes of a TPKT that is not complete are kept."""
         return len(self._held)
 
@@ -151,13 +151,13 @@ class TpktReader:
                 self.stopped_short = True
                 break
             size = int.from_bytes(self._held[begin + 2 : begin + 4], "big")
-            wrong = _wrong_tpkt(self._held[begin], size) or self._too_large(begin, size)
+            wrong = _tpkt_error(self._held[begin], size) or self._size_error(begin, size)
             if wrong:
                 found.append(MalformedTpdu(wrong))
             elif len(self._held) - begin < size:
                 break
             else:
-                found.append(parse(bytes(self._held[begin + TPKT_HEADER : begin + size])))
+                found.append(parse_tpdu(bytes(self._held[begin + TPKT_HEADER : begin + size])))
             begin += size
             self._is_lost = isinstance(found[-1], MalformedTpdu)
         if self._is_lost:
@@ -166,24 +166,24 @@ class TpktReader:
             del self._held[:begin]
         return found
 
-    def _too_large(self, begin: int, size: int) -> str:
+    def _size_error(self, begin: int, size: int) -> str:
         tpdu = size - TPKT_HEADER
         if self.agreed is None or tpdu <= self.agreed:
             return ""
-        if self._held[begin + CODE_AT : begin + CODE_AT + 1] == bytes([Code.DT]):
+        if self._held[begin + CODE_OFFSET : begin + CODE_OFFSET + 1] == bytes([Code.DT]):
             return f"a DT of {tpdu} bytes, {self.agreed} are agreed"
         if tpdu <= LONGEST_HEADER:  # it may be a TPDU that carries no data
             return ""
         return f"a TPKT of {size} bytes, TPDUs of {self.agreed} are agreed"
 
 
-def _wrong_tpkt(version: int, size: int) -> str:
+def _tpkt_error(version: int, size: int) -> str:
     if version != TPKT_VERSION:
         return f"TPKT version {version}"
     return f"a TPKT of {size} bytes" if size < LEAST_TPKT else ""
 
 
-def parse(tpdu: bytes) -> Tpdu:
+def parse_tpdu(tpdu: bytes) -> Tpdu:
     """Return the TPDU after a TPKT header; `tpdu` begins with its length indicator."""
     length = tpdu[0]
     if length < 2 or length == 255 or length + 1 > len(tpdu):
@@ -192,20 +192,20 @@ def parse(tpdu: bytes) -> Tpdu:
     code = header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
     match code:
         case Code.CR | Code.CC:
-            return _connect(Code(code), header)
+            return _parse_connect(Code(code), header)
         case Code.DT:
-            return Data(rest, bool(header[1] & LAST))
+            return DataTpdu(rest, bool(header[1] & END_OF_MESSAGE))
         case Code.DR:
-            return _disconnect(header)
+            return _parse_disconnect(header)
         case Code.ER:
-            return _rejected(header)
+            return _parse_error(header)
     return UnusedTpdu(header[0])
 
 
-def _connect(code: Code, header: bytes) -> Tpdu:
+def _parse_connect(code: Code, header: bytes) -> Tpdu:
     if len(header) < 6:
         return MalformedTpdu(f"a {code.name} of {len(header)} bytes")
-    parameters = _parameters(header[6:])
+    parameters = _parse_parameters(header[6:])
     if parameters is None:
         return MalformedTpdu(f"parameters of a {code.name} that run over its end")
     calling, called = parameters.get(_Parameter.CALLING, b""), parameters.get(_Parameter.CALLED, b"")
@@ -213,18 +213,18 @@ def _connect(code: Code, header: bytes) -> Tpdu:
         return MalformedTpdu(f"a TSAP of {max(len(calling), len(called))} bytes")
     size = parameters.get(_Parameter.SIZE)
     asked = header[5] >> 4
-    return Connect(
+    return ConnectTpdu(
         code,
         int.from_bytes(header[1:3], "big"),
         int.from_bytes(header[3:5], "big"),
         calling,
         called,
         size[0] if size is not None and len(size) == 1 else None,
-        asked if asked not in TAKEN_AS_0 else 0,
+        asked if asked not in CLASSES_TAKEN_AS_0 else 0,
     )
 
 
-def _parameters(data: bytes) -> dict[int, bytes] | None:
+def _parse_parameters(data: bytes) -> dict[int, bytes] | None:
     found: dict[int, bytes] = {}
     at = 0
     while at < len(data):
@@ -235,13 +235,13 @@ def _parameters(data: bytes) -> dict[int, bytes] | None:
     return found
 
 
-def _disconnect(header: bytes) -> Tpdu:
+def _parse_disconnect(header: bytes) -> Tpdu:
     if len(header) < 6:
         return MalformedTpdu(f"a DR of {len(header)} bytes")
-    return Disconnect(int.from_bytes(header[1:3], "big"), int.from_bytes(header[3:5], "big"), header[5])
+    return DisconnectTpdu(int.from_bytes(header[1:3], "big"), int.from_bytes(header[3:5], "big"), header[5])
 
 
-def _rejected(header: bytes) -> Tpdu:
+def _parse_error(header: bytes) -> Tpdu:
     if len(header) < 4:
         return MalformedTpdu(f"an ER of {len(header)} bytes")
     return ErrorTpdu(int.from_bytes(header[1:3], "big"), header[3])
@@ -250,27 +250,27 @@ def _rejected(header: bytes) -> Tpdu:
 # -- values to bytes ---------------------------------------------------------------------------------
 
 
-def encode(tpdu: Connect | Data | Disconnect | ErrorTpdu) -> bytes:
+def encode_tpdu(tpdu: ConnectTpdu | DataTpdu | DisconnectTpdu | ErrorTpdu) -> bytes:
     """Return the TPDU with its TPKT header."""
     match tpdu:
-        case Connect():
-            refs = _refs(tpdu.destination_ref, tpdu.source_ref)
-            body = bytes([tpdu.code]) + refs + bytes([tpdu.other_class << 4]) + _own(tpdu)
-        case Data():
-            return _framed(bytes([2, Code.DT, LAST if tpdu.is_last else 0]) + tpdu.payload)
-        case Disconnect():
-            refs = _refs(tpdu.destination_ref, tpdu.source_ref)
+        case ConnectTpdu():
+            refs = _encode_references(tpdu.destination_ref, tpdu.source_ref)
+            body = bytes([tpdu.code]) + refs + bytes([tpdu.other_class << 4]) + _encode_parameters(tpdu)
+        case DataTpdu():
+            return _add_tpkt_header(bytes([2, Code.DT, END_OF_MESSAGE if tpdu.is_last else 0]) + tpdu.payload)
+        case DisconnectTpdu():
+            refs = _encode_references(tpdu.destination_ref, tpdu.source_ref)
             body = bytes([Code.DR]) + refs + bytes([tpdu.reason])
         case ErrorTpdu():
             body = bytes([Code.ER]) + tpdu.destination_ref.to_bytes(2, "big") + bytes([tpdu.cause])
-    return _framed(bytes([len(body)]) + body)
+    return _add_tpkt_header(bytes([len(body)]) + body)
 
 
-def _refs(destination: int, source: int) -> bytes:
+def _encode_references(destination: int, source: int) -> bytes:
     return destination.to_bytes(2, "big") + source.to_bytes(2, "big")
 
 
-def _own(tpdu: Connect) -> bytes:
+def _encode_parameters(tpdu: ConnectTpdu) -> bytes:
     # C1, C2, C0: the one order that every partner is known to take (LOGO! takes no other).
     given = [(_Parameter.CALLING, tpdu.calling), (_Parameter.CALLED, tpdu.called)]
     if tpdu.size_code is not None:
@@ -278,25 +278,25 @@ def _own(tpdu: Connect) -> bytes:
     return b"".join(bytes([code, len(value)]) + value for code, value in given if value)
 
 
-def _framed(tpdu: bytes) -> bytes:
+def _add_tpkt_header(tpdu: bytes) -> bytes:
     size = TPKT_HEADER + len(tpdu)
     return bytes([TPKT_VERSION, 0]) + size.to_bytes(2, "big") + tpdu
 
 
-def segments(message: bytes | memoryview, most: int) -> bytes:
+def encode_message(message: bytes | memoryview, most: int) -> bytes:
     """Return the DTs of one message, at most `most` bytes of it in each; an empty message is one empty DT."""
     pieces = [bytes(message[at : at + most]) for at in range(0, len(message), most)] or [b""]
-    return b"".join(encode(Data(piece, n == len(pieces))) for n, piece in enumerate(pieces, 1))
+    return b"".join(encode_tpdu(DataTpdu(piece, n == len(pieces))) for n, piece in enumerate(pieces, 1))
 
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
-NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size
-MESSAGES_WAITING: Final = 4
-CAPS: Final = 16
-EMPTY_PIECES: Final = 64  # DTs without a byte in one message: nobody has a reason to send one
+DEFAULT_DT_BYTES: Final = 1024  # bytes of a DT that are sent when the partner has told no size
+MOST_WAITING_MESSAGES: Final = 4
+MOST_CAPS: Final = 16
+MOST_EMPTY_PIECES: Final = 64  # DTs without a byte in one message: nobody has a reason to send one
 NO_SUCH_TSAP: Final = "no CONNECT has the TSAP"
-REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
+MOST_REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
 
 
 class IsoPhase(Enum):
@@ -317,25 +317,25 @@ class IsoSettings(Struct, frozen=True):
     remote: bytes
     cap: int
     size_code: int = OWN_SIZE_CODE
-    not_told: int = NOT_TOLD
+    not_told: int = DEFAULT_DT_BYTES
     is_message_oriented: bool = True
     shares_port: bool = True
 
-    def new(self, is_active: bool) -> IsoOnTcp:
-        return IsoOnTcp(self, is_active)
+    def make_session(self, is_active: bool) -> IsoSession:
+        return IsoSession(self, is_active)
 
 
-class IsoOnTcp:
-    """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
+class IsoSession:
+    """One end. The passive one waits for a CR, and then for somebody who takes it (`accept_for`) or says no."""
 
-    is_dear = False  # a handshake of two TPDUs costs nothing
+    is_costly = False  # a handshake of two TPDUs costs nothing
     partner_is_done = False  # class 0 ends with its stream
 
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = IsoPhase.WAITS_FOR_CC if is_active else IsoPhase.WAITS_FOR_CR
         self.ended: SessionEnd | None = None
         self.can_take_back = True
-        self.request: Connect | None = None  # the partner's CR, until it is answered
+        self.request: ConnectTpdu | None = None  # the partner's CR, until it is answered
         self._settings = settings
         self._most = settings.not_told - DATA_HEADER
         self._reader = TpktReader()
@@ -349,8 +349,8 @@ class IsoOnTcp:
         self._remarks: list[str] = []
         self._messages: deque[LayerMessage] = deque()
         if is_active:
-            request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
-            self._output += encode(request)
+            request = ConnectTpdu(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
+            self._output += encode_tpdu(request)
 
     # -- as every session -----------------------------------------------------------------------------------
 
@@ -371,21 +371,21 @@ class IsoOnTcp:
         """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
         if self.phase is IsoPhase.ENDED or self.request is not None:
             return False
-        return len(self._messages) < MESSAGES_WAITING and self._waiting() < self._settings.cap
+        return len(self._messages) < MOST_WAITING_MESSAGES and self._waiting_bytes() < self._settings.cap
 
-    def _waiting(self) -> int:
+    def _waiting_bytes(self) -> int:
         return sum(len(one.data) for one in self._messages)
 
     @property
-    def held(self) -> int:
-        return self._reader.held + len(self._collected) + self._waiting()
+    def held_bytes(self) -> int:
+        return self._reader.held_bytes + len(self._collected) + self._waiting_bytes()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
         """Take bytes of the stream, and at most so many TPDUs of them; return how many were taken."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
             if self.phase is not IsoPhase.ENDED:
-                self._take(tpdu)
+                self._handle_tpdu(tpdu)
         return len(tpdus)
 
     @property
@@ -393,10 +393,10 @@ class IsoOnTcp:
         return self._reader.stopped_short and self.wants_more
 
     @property
-    def unfinished(self) -> int:
-        return self._finished + 1 if self._has_begun or self._reader.held else 0
+    def unfinished_message(self) -> int:
+        return self._finished + 1 if self._has_begun or self._reader.held_bytes else 0
 
-    def give_up(self, why: str) -> None:
+    def time_out(self, why: str) -> None:
         """End a message that takes too long; of a handshake others have their own limit, and word for it."""
         if self.is_up:
             self._end("EPROTO", why)
@@ -410,7 +410,7 @@ class IsoOnTcp:
         """Say nothing: class 0 ends with its stream."""
         return False
 
-    def partner_closed(self) -> None:
+    def note_partner_end(self) -> None:
         """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
@@ -429,10 +429,10 @@ class IsoOnTcp:
         return LayerMessage(data[:size], whole)
 
     def encode(self, data: bytes) -> bytes:
-        return segments(data, self._most)
+        return encode_message(data, self._most)
 
     def drop_data(self) -> int:
-        dropped = self._waiting()
+        dropped = self._waiting_bytes()
         self._messages.clear()
         return dropped
 
@@ -443,96 +443,96 @@ class IsoOnTcp:
         """Return whether a CR waits for its answer."""
         return self.request is not None
 
-    def names(self, settings: LayerSettings) -> bool:
+    def asks_for_name_of(self, settings: LayerSettings) -> bool:
         assert self.request is not None
         return isinstance(settings, IsoSettings) and self.request.called == settings.local
 
-    def is_for(self, settings: LayerSettings) -> str:
+    def find_mismatch(self, settings: LayerSettings) -> str:
         assert self.request is not None
-        if not isinstance(settings, IsoSettings) or not self.names(settings):
+        if not isinstance(settings, IsoSettings) or not self.asks_for_name_of(settings):
             return f"{NO_SUCH_TSAP} {self.request.called.hex(' ')}"
         if settings.remote and self.request.calling != settings.remote:
             return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"
         return ""
 
-    def give_to(self, settings: LayerSettings) -> None:
+    def accept_for(self, settings: LayerSettings) -> None:
         """Answer the CR with a CC: the connection is up."""
         request = self.request
         assert request is not None
         assert isinstance(settings, IsoSettings)
         self.request, self._settings = None, settings
-        size = _agreed(request.size_code, settings.size_code)
-        self._begin(size)
+        size = _agree_size_code(request.size_code, settings.size_code)
+        self._begin_data_phase(size)
         refs = request.source_ref, REFERENCE
-        self._output += encode(Connect(Code.CC, *refs, request.calling, request.called, size))
+        self._output += encode_tpdu(ConnectTpdu(Code.CC, *refs, request.calling, request.called, size))
 
     def refuse(self, is_known: bool) -> None:
         """Answer the CR with a DR; then the stream is closed."""
         if self.request is not None:
-            reason = Refusal.NOBODY_WAITS if is_known else Refusal.UNKNOWN_TSAP
-            self._output += encode(Disconnect(self.request.source_ref, 0, reason))
+            reason = DrReason.NOBODY_WAITS if is_known else DrReason.UNKNOWN_TSAP
+            self._output += encode_tpdu(DisconnectTpdu(self.request.source_ref, 0, reason))
         self.request = None
         self._end("ECONNREFUSED", "refused by us")
 
     # -- what comes ----------------------------------------------------------------------------------------
 
-    def _take(self, tpdu: Tpdu) -> None:
+    def _handle_tpdu(self, tpdu: Tpdu) -> None:
         match tpdu:
             case MalformedTpdu(what):
                 self._end("EPROTO", what)
-            case Connect(unfit=unfit) if unfit:
-                self._cannot_agree(tpdu)
-            case Connect(code=Code.CR) if self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
+            case ConnectTpdu(unfit=unfit) if unfit:
+                self._refuse_unfit(tpdu)
+            case ConnectTpdu(code=Code.CR) if self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
-            case Connect(code=Code.CC) if self.phase is IsoPhase.WAITS_FOR_CC:
-                self._begin(_agreed(tpdu.size_code, self._settings.size_code))
-            case Data() if self.phase is IsoPhase.UP:
-                self._take_data(tpdu)
-            case Disconnect(reason=reason):
+            case ConnectTpdu(code=Code.CC) if self.phase is IsoPhase.WAITS_FOR_CC:
+                self._begin_data_phase(_agree_size_code(tpdu.size_code, self._settings.size_code))
+            case DataTpdu() if self.phase is IsoPhase.UP:
+                self._handle_data(tpdu)
+            case DisconnectTpdu(reason=reason):
                 was_asking = self.phase is IsoPhase.WAITS_FOR_CC
                 self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
             case ErrorTpdu(cause=cause):
                 self._end("EPROTO", f"ER, cause {cause:02X}")
-            case Connect():
+            case ConnectTpdu():
                 self._end("EPROTO", f"a {tpdu.code.name} out of turn")
-            case Data():
+            case DataTpdu():
                 self._end("EPROTO", "a DT out of turn")
             case UnusedTpdu(code=code):  # what class 0 does not know is no reason to end
-                self._pass_over(code)
+                self._note_unused(code)
 
-    def _cannot_agree(self, asked: Connect) -> None:
+    def _refuse_unfit(self, asked: ConnectTpdu) -> None:
         if asked.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
-            self._output += encode(Disconnect(asked.source_ref, 0, Refusal.NEGOTIATION_FAILED))
+            self._output += encode_tpdu(DisconnectTpdu(asked.source_ref, 0, DrReason.NEGOTIATION_FAILED))
         self._end("EPROTO", asked.unfit)
 
-    def _pass_over(self, code: int) -> None:
+    def _note_unused(self, code: int) -> None:
         self._ignored += 1
-        if self._ignored <= REMARKS:
+        if self._ignored <= MOST_REMARKS:
             self._remarks.append(f"a TPDU of code {code:02X}")
-        elif self._ignored == REMARKS + 1:
+        elif self._ignored == MOST_REMARKS + 1:
             self._remarks.append("more of them are not told")
 
-    def _begin(self, size_code: int | None) -> None:
+    def _begin_data_phase(self, size_code: int | None) -> None:
         self.phase = IsoPhase.UP
         agreed = self._reader.agreed = 1 << size_code if size_code is not None else None
         own = 1 << self._settings.size_code
         self._most = (agreed or min(self._settings.not_told, own)) - DATA_HEADER
 
-    def _take_data(self, piece: Data) -> None:
+    def _handle_data(self, piece: DataTpdu) -> None:
         size, agreed = len(piece.payload) + DATA_HEADER, self._reader.agreed
         if agreed is not None and size > agreed:  # it came in one piece with the CC
             self._end("EPROTO", f"a DT of {size} bytes, {agreed} are agreed")
         else:
             self._collect(piece)
 
-    def _collect(self, piece: Data) -> None:
+    def _collect(self, piece: DataTpdu) -> None:
         room = self._settings.cap - len(self._collected)
         self._collected += piece.payload[: max(room, 0)]
         self._whole += len(piece.payload)
         self._has_begun = not piece.is_last
         self._pieces += 1
         self._empty_pieces += not piece.payload
-        endless = self._endless()
+        endless = self._size_limit_error()
         if endless:
             self._end("EPROTO", endless)
             return
@@ -544,14 +544,14 @@ class IsoOnTcp:
         self._collected.clear()
         self._whole = self._pieces = self._empty_pieces = 0
 
-    def _endless(self) -> str:
+    def _size_limit_error(self) -> str:
         cap = self._settings.cap
-        if self._whole > CAPS * cap:
-            return f"a message of more than {CAPS * cap} bytes"
-        if self._empty_pieces > EMPTY_PIECES:
-            return f"a message with more than {EMPTY_PIECES} empty DTs"
+        if self._whole > MOST_CAPS * cap:
+            return f"a message of more than {MOST_CAPS * cap} bytes"
+        if self._empty_pieces > MOST_EMPTY_PIECES:
+            return f"a message with more than {MOST_EMPTY_PIECES} empty DTs"
         # One byte in each, the longest message that there is room for has as many pieces as bytes.
-        return f"a message in more than {cap} DTs" if self._pieces > cap + EMPTY_PIECES else ""
+        return f"a message in more than {cap} DTs" if self._pieces > cap + MOST_EMPTY_PIECES else ""
 
     def _end(self, error: str, detail: str) -> None:
         if self.ended is None:
@@ -560,6 +560,6 @@ class IsoOnTcp:
         self._collected.clear()
 
 
-def _agreed(proposed: int | None, own: int) -> int | None:
+def _agree_size_code(proposed: int | None, own: int) -> int | None:
     """Return the size code that both keep to: never above what was proposed; None: the partner told none."""
     return None if proposed is None else min(proposed, own)

@@ -14,26 +14,26 @@ from typing import Final, Protocol
 
 from trcvtui.net.connection.resources import BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelFront, KernelLoss, SocketOptions
+from trcvtui.net.kernel import DRAIN_BYTES, Handle, Kernel, KernelLoss, KernelProxy, NewClient, SocketOptions
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.layers.layered_stream import (
     CLIENTS_QUEUED,
-    ENDED,
-    IGNORED,
-    Caught,
+    SESSION_ENDED,
+    TPDU_IGNORED,
+    ErrorHandler,
     LayeredStream,
     LayerNote,
+    NoteSink,
     PortMember,
     SharedListener,
-    Told,
-    choosing,
-    raise_it,
+    find_choice_session,
+    raise_error,
 )
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock
 
 # Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
 # from one who is not there.
-ATTEMPT_LIMIT: Final = 4_000_000_000  # ns
+ATTEMPT_LIMIT_NS: Final = 4_000_000_000  # ns
 
 
 class ReadyKernel(Kernel, Protocol):
@@ -43,12 +43,12 @@ class ReadyKernel(Kernel, Protocol):
         """Return the handles with their owners; None: look at everything."""
 
 
-def nothing_known() -> Mapping[Handle, str] | None:
+def unknown_ready_handles() -> Mapping[Handle, str] | None:
     """Return None: everything must be looked at."""
     return None
 
 
-class LayerKernel(KernelFront):
+class LayerKernel(KernelProxy):
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `caught` takes an exception in a session of a CONNECT, which ends then.
@@ -60,8 +60,8 @@ class LayerKernel(KernelFront):
         self,
         inner: Kernel,
         clock: Callable[[], int],
-        told: Told,
-        caught: Caught = raise_it,
+        told: NoteSink,
+        caught: ErrorHandler = raise_error,
         polls: bool = True,
         work: ScanBudget | None = None,
     ) -> None:
@@ -81,16 +81,16 @@ class LayerKernel(KernelFront):
         self._ports: dict[Endpoint, SharedListener] = {}
         self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
         self._ready_inside: Callable[[], Mapping[Handle, str] | None]
-        self._ready_inside = getattr(inner, "ready_handles", nothing_known)
+        self._ready_inside = getattr(inner, "ready_handles", unknown_ready_handles)
 
     # -- what the poll saw ---------------------------------------------------------------------------------
 
     def poll(self) -> None:
         """Take the readiness of every handle, and go on with every session that has news."""
         if self._begins:
-            self._work.begin(self._clock())
+            self._work.begin_scan(self._clock())
         self.inner.poll()
-        for listener in self._in_turn():
+        for listener in self._listeners_in_turn():
             try:
                 if not listener.has_failed:
                     listener.poll(self._clock())
@@ -104,35 +104,35 @@ class LayerKernel(KernelFront):
                 else:
                     stream.flush()
                 if not stream.has_failed:
-                    stream.watch(self._clock())
-                    self._tell(handle, stream)
+                    stream.check_message_time(self._clock())
+                    self._report_notes(handle, stream)
             except Exception as error:
                 self._caught(self._owners.get(handle, ""), error)
                 stream.fail()
 
-    def _in_turn(self) -> list[SharedListener]:
+    def _listeners_in_turn(self) -> list[SharedListener]:
         listeners = list(dict.fromkeys(self._listeners.values()))
         first = self._work.scan % len(listeners) if listeners else 0
         return listeners[first:] + listeners[:first]
 
-    def _party(self, handle: Handle, settings: LayerSettings) -> BudgetShare:
+    def _make_share(self, handle: Handle, settings: LayerSettings) -> BudgetShare:
         return BudgetShare(
             self._work,
             self._owners.get(handle, ""),
             EventKind.TPDUS_WAIT if settings.is_message_oriented else EventKind.RECORDS_WAIT,
         )
 
-    def _tell(self, handle: Handle, stream: LayeredStream) -> None:
+    def _report_notes(self, handle: Handle, stream: LayeredStream) -> None:
         owner, partner = self._owners.get(handle, ""), str(stream.peer)
         for remark in stream.session.take_remarks():
-            self._told(LayerNote(owner, IGNORED, partner, remark))
-        end = stream.take_end()
+            self._told(LayerNote(owner, TPDU_IGNORED, partner, remark))
+        end = stream.take_end_text()
         if end:
-            self._told(LayerNote(owner, ENDED, partner, end))
+            self._told(LayerNote(owner, SESSION_ENDED, partner, end))
 
     def readable(self, handle: Handle) -> bool:
         """Return whether there is something to read, an end, or a client that has finished its handshake."""
-        member = self._member(handle)
+        member = self._find_member(handle)
         if member is not None:
             return bool(member.ready)
         stream = self._streams.get(handle)
@@ -146,7 +146,7 @@ class LayerKernel(KernelFront):
         if stream is None or is_gone:
             return is_gone
         stream.pump()  # the partner's last word may stand inside the session
-        return stream.is_over or stream.end is not None
+        return stream.is_over or stream.end_fault is not None
 
     @staticmethod
     def _has_news(stream: LayeredStream) -> bool:
@@ -176,8 +176,8 @@ class LayerKernel(KernelFront):
         if stream is None:
             if options.session is not None:
                 self._wanted[handle] = options.session
-        elif (asked := choosing(stream.session)) is not None and options.session is not None:
-            asked.give_to(options.session)
+        elif (asked := find_choice_session(stream.session)) is not None and options.session is not None:
+            asked.accept_for(options.session)
             stream.flush()
         return refused
 
@@ -226,9 +226,9 @@ class LayerKernel(KernelFront):
             return None
         return self.inner.poll_add(handle)
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         """Take one client whose handshake is over, or that has asked for this CONNECT."""
-        member = self._member(handle)
+        member = self._find_member(handle)
         if member is None:
             return self.inner.accept(handle)
         if not member.ready:
@@ -240,8 +240,8 @@ class LayerKernel(KernelFront):
             return got
         self._streams[got.handle] = got
         self._owners[got.handle] = member.owner
-        got.party = self._party(got.handle, member.settings)
-        return Accepted(got.handle, got.peer)
+        got.party = self._make_share(got.handle, member.settings)
+        return NewClient(got.handle, got.peer)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         fault = self.inner.connect(handle, end)
@@ -260,17 +260,17 @@ class LayerKernel(KernelFront):
             if verdict is not None:
                 return verdict
             wanted, since = self._wanted[handle], self._clock()
-            place = handle, end, wanted.new(is_active=True), since, self._party(handle, wanted)
+            place = handle, end, wanted.make_session(is_active=True), since, self._make_share(handle, wanted)
             stream = self._streams[handle] = LayeredStream(self.inner, *place)
         stream.pump()
         if stream.session.is_up:
             del self._connecting[handle]
             return None
-        if stream.end is not None or stream.is_over:
-            return stream.end or Fault("session", "ECONNRESET")
-        if self._clock() - stream.since >= ATTEMPT_LIMIT:
-            stream.too_slow("no handshake in 4 s")
-        return stream.end or WOULD_BLOCK
+        if stream.end_fault is not None or stream.is_over:
+            return stream.end_fault or Fault("session", "ECONNRESET")
+        if self._clock() - stream.since >= ATTEMPT_LIMIT_NS:
+            stream.time_out("no handshake in 4 s")
+        return stream.end_fault or WOULD_BLOCK
 
     # -- data ------------------------------------------------------------------------------------------------
 
@@ -283,8 +283,8 @@ class LayerKernel(KernelFront):
             return len(got.data)
         if stream.is_held_back:
             return HELD_BACK
-        if stream.end is not None:
-            return stream.end
+        if stream.end_fault is not None:
+            return stream.end_fault
         return 0 if stream.is_over else WOULD_BLOCK
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
@@ -305,28 +305,28 @@ class LayerKernel(KernelFront):
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.loss(handle)
-        if stream.end is not None or stream.is_over:
-            return KernelLoss(stream.end, self.unread(handle))
+        if stream.end_fault is not None or stream.is_over:
+            return KernelLoss(stream.end_fault, self.unread(handle))
         return self.inner.loss(handle)
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait: in the stack as they are, in the session unpacked."""
         stream = self._streams.get(handle)
-        return self.inner.unread(handle) + (stream.session.held if stream else 0)
+        return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
-    def left(self, handles: Collection[Handle]) -> list[Handle]:
+    def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
         """Return those of the poll's handles at which something is unread; a session with news is one."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
-        return self.inner.left(plain) + [h for h in handles if h in self._streams]
+        return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
         """Return what lies unread; in a session what is unpacked, whose end its calls tell."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)
-        member = self._member(handle)
+        member = self._find_member(handle)
         return self.inner.peek(handle, skip) if member is None else Unread(clients=len(member.ready))
 
     def discard(self, handle: Handle, most: int) -> int:
@@ -338,13 +338,13 @@ class LayerKernel(KernelFront):
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN, after the session's own last word."""
-        self._goodbye(handle)
+        self._send_goodbye(handle)
         return self.inner.shutdown(handle, both)
 
-    def _goodbye(self, handle: Handle) -> bool:
+    def _send_goodbye(self, handle: Handle) -> bool:
         """Let a session say its last word; its socket is freed whatever that raises."""
         try:
-            return handle in self._streams and self._streams[handle].goodbye()
+            return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
             self._caught(self._owners.get(handle, ""), error)
             self._streams[handle].fail()
@@ -357,12 +357,12 @@ class LayerKernel(KernelFront):
         keep that from the next attempt for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
-        asked = None if stream is None else choosing(stream.session)
+        asked = None if stream is None else find_choice_session(stream.session)
         if stream is not None and asked is not None:
             asked.refuse(is_known=True)
             stream.flush()
             stream.is_told = True  # by the call that turns it away
-        says_goodbye = asked is None and self._goodbye(handle) and handle not in self._fixed
+        says_goodbye = asked is None and self._send_goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None
@@ -371,13 +371,13 @@ class LayerKernel(KernelFront):
         return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
 
     def close(self, handle: Handle) -> Fault | None:
-        self._goodbye(handle)
+        self._send_goodbye(handle)
         return None if self._forget(handle) else self.inner.close(handle)
 
     def _forget(self, handle: Handle) -> bool:
         stream = self._streams.get(handle)
         if stream is not None and not stream.has_failed:
-            self._tell(handle, stream)
+            self._report_notes(handle, stream)
         for known in (self._owners, self._wanted, self._streams, self._connecting):
             known.pop(handle, None)
         self._fixed.discard(handle)
@@ -387,7 +387,7 @@ class LayerKernel(KernelFront):
             return False
         for client in listener.members.pop(handle).ready:
             if isinstance(client, LayeredStream):
-                client.goodbye()
+                client.send_goodbye()
                 self.inner.close(client.handle)
         if listener.members:
             return not joined
@@ -395,6 +395,6 @@ class LayerKernel(KernelFront):
         listener.close()
         return not joined  # the listener's own handle has just been closed
 
-    def _member(self, handle: Handle) -> PortMember | None:
+    def _find_member(self, handle: Handle) -> PortMember | None:
         listener = self._listeners.get(handle)
         return listener.members[handle] if listener else None

@@ -2,7 +2,7 @@
 
 Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (Work); what has been read
 and not looked at comes before what the stack has. What the stack does not take waits here, a message at most.
-Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT, or the session does.
+Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session does.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol
 
-from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, BudgetShare
+from trcvtui.net.connection.resources import ACCEPT_UNITS, BEGIN_TLS_UNITS, READ_UNITS, BudgetShare
 from trcvtui.net.events import EventKind
-from trcvtui.net.kernel import Accepted, Handle, Kernel
+from trcvtui.net.kernel import Handle, Kernel, NewClient
 from trcvtui.net.layer import LayerMessage, LayerSession, LayerSettings
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock
 
-PIECE: Final = 64 * 1024  # bytes of one read
-PIECES_A_CALL: Final = 4
-MESSAGE_LIMIT: Final = 30_000_000_000  # ns; only while the session takes bytes
+READ_BYTES: Final = 64 * 1024  # bytes of one read
+READS_A_CALL: Final = 4
+MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; only while the session takes bytes
 
 
 class LayeredStream:
@@ -58,15 +58,15 @@ class LayeredStream:
 
     def pump(self) -> None:
         """Read what has come, as far as the session takes it, and answer."""
-        for _ in range(PIECES_A_CALL):
-            if self.is_over or not self.session.wants_more or len(self._output) > PIECE:
+        for _ in range(READS_A_CALL):
+            if self.is_over or not self.session.wants_more or len(self._output) > READ_BYTES:
                 self.is_held_back = False
                 break
             self.is_held_back = True
-            if not self._may_go_on():
+            if not self._may_work():
                 break
             if self.session.has_backlog:
-                self._feed(_NOTHING)
+                self._feed(_NO_BYTES)
             elif not self._read():
                 self.is_held_back = False
                 break
@@ -77,12 +77,12 @@ class LayeredStream:
         """Return whether there is work that no news of the stack tells of."""
         return not self.is_over and self.session.has_backlog
 
-    def _may_go_on(self) -> bool:
-        if self.party.left <= 0:
-            self.party.wait(str(self.peer))
+    def _may_work(self) -> bool:
+        if self.party.units_left <= 0:
+            self.party.note_waiting(str(self.peer))
             return False
-        if self.session.is_dear and not self.party.work.may_shake():
-            self.party.wait(str(self.peer), EventKind.HANDSHAKES_WAIT)
+        if self.session.is_costly and not self.party.work.may_handshake():
+            self.party.note_waiting(str(self.peer), EventKind.HANDSHAKES_WAIT)
             return False
         return True
 
@@ -93,11 +93,11 @@ class LayeredStream:
         if isinstance(got, Fault):
             self.fault, self.is_over = got, True
         elif got == 0:
-            self.session.partner_closed()
+            self.session.note_partner_end()
             self.is_over = True
         else:
             self.has_spoken = True
-            self.party.spend(READ)
+            self.party.spend(READ_UNITS)
             self._feed(memoryview(_SCRATCH)[:got])
         return not self.is_over
 
@@ -105,20 +105,20 @@ class LayeredStream:
         session, party = self.session, self.party
 
         def step() -> int:
-            return session.feed(data, max(1, party.left))
+            return session.feed(data, max(1, party.units_left))
 
-        party.spend(party.work.shake(party, str(self.peer), step) if session.is_dear else step())
+        party.spend(party.work.handshake(party, str(self.peer), step) if session.is_costly else step())
         if session.partner_is_done:  # its last word is answered at once (RFC 5246 7.2.1)
             self.is_over = True
-            self.goodbye()
+            self.send_goodbye()
 
-    def take_last_words(self) -> None:
+    def read_last_bytes(self) -> None:
         """Take what a partner has left that went before it could have had an answer: no step is worth it."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
             self.session.feed(memoryview(_SCRATCH)[:got], 0)
-        self.session.partner_closed()
+        self.session.note_partner_end()
         self.is_over = True
 
     def read(self, into: memoryview) -> LayerMessage | None:
@@ -128,7 +128,7 @@ class LayeredStream:
         return self.session.read(into)
 
     @property
-    def end(self) -> Fault | None:
+    def end_fault(self) -> Fault | None:
         """Return what ended the session: the kernel's Fault, or one that names the session's own reason."""
         if self.fault is not None:
             return self.fault
@@ -139,20 +139,20 @@ class LayeredStream:
         """End it after an exception: nothing more is asked of the session."""
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
-    def too_slow(self, why: str) -> None:
-        self.session.give_up(why)
+    def time_out(self, why: str) -> None:
+        self.session.time_out(why)
         self.flush()
 
-    def watch(self, now: int) -> None:
+    def check_message_time(self, now: int) -> None:
         """End a message that has begun and does not end."""
         session = self.session
-        number = session.unfinished if session.is_up and session.wants_more else 0
+        number = session.unfinished_message if session.is_up and session.wants_more else 0
         if not number or number != self._unfinished or self.is_held_back:  # nobody pays for our own pace
             self._unfinished, self._begun = number, now
-        elif now - self._begun >= MESSAGE_LIMIT:
-            self.too_slow(f"a message that has not ended in {MESSAGE_LIMIT // 1_000_000_000} s")
+        elif now - self._begun >= MESSAGE_LIMIT_NS:
+            self.time_out(f"a message that has not ended in {MESSAGE_LIMIT_NS // 1_000_000_000} s")
 
-    def take_end(self) -> str:
+    def take_end_text(self) -> str:
         """Return in words why the session has ended by itself, once; "" while it has not."""
         if self.is_told or self.session.ended is None:
             return ""
@@ -161,7 +161,7 @@ class LayeredStream:
 
     # -- out ----------------------------------------------------------------------------------------------
 
-    def goodbye(self) -> bool:
+    def send_goodbye(self) -> bool:
         """Say the session's last word, not in the middle of data; return whether the stack has taken it."""
         if self._carried or self.has_failed or not self.session.say_goodbye():
             return False
@@ -186,7 +186,7 @@ class LayeredStream:
         """
         self.flush()
         if self.session.ended is not None:
-            return self.end or WOULD_BLOCK
+            return self.end_fault or WOULD_BLOCK
         if self._output:
             return WOULD_BLOCK
         if not self._carried:
@@ -202,14 +202,14 @@ class LayeredStream:
                 return sent
         if isinstance(sent, Fault):
             self.pump()  # the partner's last word may have come before
-            return sent if self.session.ended is None else self.end or sent
+            return sent if self.session.ended is None else self.end_fault or sent
         if isinstance(sent, int):
             self._carried = self._carried[sent:]
-        taken = self._taken()
+        taken = self._count_taken()
         new, self._told = taken - self._told, taken
         return new or WOULD_BLOCK
 
-    def _taken(self) -> int:
+    def _count_taken(self) -> int:
         """Return how many bytes of the data count as gone: all of them only when all that carries them is."""
         if not self._carried:
             return self._data_size
@@ -221,20 +221,20 @@ class LayeredStream:
         return min(max(1, self._data_size * gone // self._carried_size), self._data_size - 1)
 
 
-_SCRATCH = bytearray(PIECE)
-_NOTHING = memoryview(b"")
+_SCRATCH = bytearray(READ_BYTES)
+_NO_BYTES = memoryview(b"")
 
 
 # -- several CONNECTs at one port: the client's first message says which of them it wants -----------------
 #
-# Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many
+# Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT_NS at most; as many
 # wait for each CONNECT.
 # Rule 2: the work of a scan is bounded (Work): who is not accepted yet waits in the stack.
 # Rule 3: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
 
 CLIENTS_WAITING: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
-HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
+HANDSHAKE_LIMIT_NS: Final = 5_000_000_000  # ns
 
 
 class LayerNote(NamedTuple):
@@ -247,19 +247,21 @@ class LayerNote(NamedTuple):
     for_all: bool = False
 
 
-Told = Callable[[LayerNote], None]
-Caught = Callable[[str, Exception], None]  # the CONNECT, what its session has raised
+NoteSink = Callable[[LayerNote], None]
+ErrorHandler = Callable[[str, Exception], None]  # the CONNECT, what its session has raised
 
 
-def raise_it(owner: str, error: Exception) -> None:
+def raise_error(owner: str, error: Exception) -> None:
     raise error
 
 
-DROPPED: Final = "client dropped"
-IGNORED: Final = "TPDU ignored"
-ENDED: Final = "session ended"
-GAVE_WAY: Final = f"{CLIENTS_WAITING} clients were there before it was done, and a newer one takes its place"
-FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
+CLIENT_DROPPED: Final = "client dropped"
+TPDU_IGNORED: Final = "TPDU ignored"
+SESSION_ENDED: Final = "session ended"
+GAVE_WAY_TEXT: Final = (
+    f"{CLIENTS_WAITING} clients were there before it was done, and a newer one takes its place"
+)
+QUEUE_FULL_TEXT: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
 class ChoiceSession(Protocol):
@@ -267,19 +269,19 @@ class ChoiceSession(Protocol):
 
     has_asked: bool
 
-    def names(self, settings: LayerSettings) -> bool:
+    def asks_for_name_of(self, settings: LayerSettings) -> bool:
         """Return whether it asks for the name of this CONNECT, which several may have."""
 
-    def is_for(self, settings: LayerSettings) -> str:
+    def find_mismatch(self, settings: LayerSettings) -> str:
         """Return "" when this CONNECT is the one that is asked for, else why not."""
 
-    def give_to(self, settings: LayerSettings) -> None: ...
+    def accept_for(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
         """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
 
 
-def choosing(session: object) -> ChoiceSession | None:
+def find_choice_session(session: object) -> ChoiceSession | None:
     """Return the session if its partner has asked for somebody; None: not yet, or it knows no such thing."""
     found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
@@ -298,7 +300,13 @@ class SharedListener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
     def __init__(
-        self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: BudgetShare, caught: Caught
+        self,
+        kernel: Kernel,
+        handle: Handle,
+        told: NoteSink,
+        polls: bool,
+        party: BudgetShare,
+        caught: ErrorHandler,
     ) -> None:
         self.handle = handle
         self._caught, self.has_failed = caught, False
@@ -309,24 +317,24 @@ class SharedListener:
 
     def poll(self, now: int) -> None:
         for client in tuple(self.clients):  # who has come before goes on before
-            self._go_on(client, now)
-        while not self._keeps_waiting() and self._kernel.readable(self.handle):
-            if self._party.left <= 0:
-                self._party.wait()
+            self._advance_safely(client, now)
+        while not self._leaves_in_stack() and self._kernel.readable(self.handle):
+            if self._party.units_left <= 0:
+                self._party.note_waiting()
                 break
             got = self._kernel.accept(self.handle)
-            if not isinstance(got, Accepted):
+            if not isinstance(got, NewClient):
                 if isinstance(got, Fault):
                     self._any_member().ready.append(got)
                 break
-            self._party.spend(ACCEPT)
+            self._party.spend(ACCEPT_UNITS)
             try:
-                self._welcome(got, now)
+                self._add_client(got, now)
             except Exception as error:
                 self._caught(self.owner, error)
                 self._kernel.abort(got.handle)
 
-    def _keeps_waiting(self) -> bool:
+    def _leaves_in_stack(self) -> bool:
         """Return whether newcomers stay in the stack: their only CONNECT has its fill, and drops nobody.
 
         Where several share a port, each client is asked whom it wants, and told when that one is full.
@@ -337,59 +345,59 @@ class SharedListener:
     def _make_room(self) -> None:
         if len(self.clients) >= CLIENTS_WAITING:
             oldest = next((one for one in self.clients if not one.has_spoken), self.clients[0])
-            self._drop(oldest, GAVE_WAY)
+            self._drop_client(oldest, GAVE_WAY_TEXT)
 
-    def _welcome(self, got: Accepted, now: int) -> None:
+    def _add_client(self, got: NewClient, now: int) -> None:
         fault = self._kernel.poll_add(got.handle) if self._polls else None
         if fault is not None:
             self._kernel.abort(got.handle)
             self._any_member().ready.append(fault)
             return
-        session = self._any_member().settings.new(is_active=False)
-        self._party.spend(BEGIN_TLS if session.is_dear else 0)
+        session = self._any_member().settings.make_session(is_active=False)
+        self._party.spend(BEGIN_TLS_UNITS if session.is_costly else 0)
         newest = LayeredStream(self._kernel, got.handle, got.peer, session, now, self._party)
         self._make_room()
         self.clients.append(newest)
-        self._go_on(newest, now)  # who has something to say is never the one that gives way
+        self._advance_safely(newest, now)  # who has something to say is never the one that gives way
 
-    def _go_on(self, client: LayeredStream, now: int) -> None:
+    def _advance_safely(self, client: LayeredStream, now: int) -> None:
         try:
             self._advance(client, now)
         except Exception as error:
             self._caught(self.owner, error)
             client.fail()
-            self._drop(client, "an internal error of this program")
+            self._drop_client(client, "an internal error of this program")
 
     def _advance(self, client: LayeredStream, now: int) -> None:
         session = client.session
-        if session.is_dear and not client.has_spoken and self._kernel.loss(client.handle) is not None:
-            client.take_last_words()
+        if session.is_costly and not client.has_spoken and self._kernel.loss(client.handle) is not None:
+            client.read_last_bytes()
         else:
             client.pump()
         for remark in session.take_remarks():
-            self._told(LayerNote(self.owner, IGNORED, str(client.peer), remark))
-        if (asked := choosing(session)) is not None:
-            self._give(client, asked)
+            self._told(LayerNote(self.owner, TPDU_IGNORED, str(client.peer), remark))
+        if (asked := find_choice_session(session)) is not None:
+            self._assign_client(client, asked)
         elif session.is_up:
             self._hand_over(client, self._any_member())
         elif client.is_over or session.ended is not None:
             self._fail(client, str(session.ended.detail if session.ended else "closed before the handshake"))
-        elif now - client.since >= HANDSHAKE_LIMIT:
-            client.too_slow("no handshake in 5 s")
+        elif now - client.since >= HANDSHAKE_LIMIT_NS:
+            client.time_out("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
-    def _give(self, client: LayeredStream, session: ChoiceSession) -> None:
+    def _assign_client(self, client: LayeredStream, session: ChoiceSession) -> None:
         members = list(self.members.values())
-        named = [member for member in members if session.names(member.settings)]
-        meant = [member for member in named if not session.is_for(member.settings)]
+        named = [member for member in members if session.asks_for_name_of(member.settings)]
+        meant = [member for member in named if not session.find_mismatch(member.settings)]
         if meant and not self._is_full(meant[0]):
             self._hand_over(client, meant[0])
             return
         asked = (named or members)[0]
-        why = FULL if meant else session.is_for(asked.settings)
+        why = QUEUE_FULL_TEXT if meant else session.find_mismatch(asked.settings)
         session.refuse(is_known=bool(named))
         client.flush()
-        self._drop(client, why, asked, for_all=not named)
+        self._drop_client(client, why, asked, for_all=not named)
 
     def _hand_over(self, client: LayeredStream, member: PortMember) -> None:
         if not self._is_full(member):
@@ -407,15 +415,15 @@ class SharedListener:
         if session.ended is not None and told and not self._is_full(member):
             ended = session.ended
             member.ready.append(Fault("session", ended.error, words=ended.words, peer=str(client.peer)))
-        self._drop(client, why)
+        self._drop_client(client, why)
 
-    def _drop(
+    def _drop_client(
         self, client: LayeredStream, why: str, asked: PortMember | None = None, for_all: bool = False
     ) -> None:
         """Let a client go; `asked`: whom it wanted, where it has said so; `for_all`: nobody is that one."""
         self.clients.remove(client)
         owner = (asked or self._any_member()).owner
-        self._told(LayerNote(owner, DROPPED, str(client.peer), why, for_all))
+        self._told(LayerNote(owner, CLIENT_DROPPED, str(client.peer), why, for_all))
         self._kernel.close(client.handle)
 
     @property

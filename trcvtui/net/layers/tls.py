@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.files import check_readable, is_disk_left_alone
-from trcvtui.net.connection.resources import HANDSHAKE as HANDSHAKE_UNITS
+from trcvtui.net.connection.resources import HANDSHAKE_UNITS as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, LayerMessage, LayerSession, SessionEnd, TlsError
 from trcvtui.net.results import Endpoint, Unread
 
 # X509_V_ERR_...: what is wrong with the partner's certificate; every other number discards it.
-_VERIFYING: Final = {
+_VERIFY_ERRORS: Final = {
     2: TlsError.NO_CA,  # UNABLE_TO_GET_ISSUER_CERT
     9: TlsError.DISCARDED,  # CERT_NOT_YET_VALID
     10: TlsError.EXPIRED,  # CERT_HAS_EXPIRED
@@ -39,7 +39,7 @@ _VERIFYING: Final = {
     67: TlsError.UNSUPPORTED,  # CA_KEY_TOO_SMALL
     68: TlsError.UNSUPPORTED,  # CA_MD_TOO_WEAK
 }
-_REASONS: Final = {
+_REASON_ERRORS: Final = {
     "HTTP_REQUEST": TlsError.PLAIN,
     "HTTPS_PROXY_REQUEST": TlsError.PLAIN,
     "WRONG_VERSION_NUMBER": TlsError.PLAIN,
@@ -56,22 +56,22 @@ _REASONS: Final = {
     "BAD_EXTENSION": TlsError.EXTENSION,
     "UNSOLICITED_EXTENSION": TlsError.EXTENSION,
 }
-_ALERT: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: the partner says so
+_ALERT_INFIX: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: the partner says so
 
 
-def ended_of(problem: Exception) -> SessionEnd:
+def session_end_of(problem: Exception) -> SessionEnd:
     """Return why a session ends that met this exception."""
     if isinstance(problem, ssl.SSLCertVerificationError):
-        error = _VERIFYING.get(problem.verify_code, TlsError.DISCARDED)
+        error = _VERIFY_ERRORS.get(problem.verify_code, TlsError.DISCARDED)
         return SessionEnd(error, f"the partner's certificate: {problem.verify_message}")
     reason = str(getattr(problem, "reason", None) or problem)
-    before, alert, said = reason.partition(_ALERT)
+    before, alert, said = reason.partition(_ALERT_INFIX)
     if alert and before in ("SSLV3", "TLSV1", "TLSV13"):
-        return SessionEnd(TlsError.REFUSED, f"the partner says: {_in_words(said)}", said.lower())
-    return SessionEnd(_REASONS.get(reason, TlsError.HANDSHAKE), _in_words(reason), reason.lower())
+        return SessionEnd(TlsError.REFUSED, f"the partner says: {_format_reason(said)}", said.lower())
+    return SessionEnd(_REASON_ERRORS.get(reason, TlsError.HANDSHAKE), _format_reason(reason), reason.lower())
 
 
-def _in_words(reason: str) -> str:
+def _format_reason(reason: str) -> str:
     return reason.lower().replace("_", " ")
 
 
@@ -81,26 +81,26 @@ class TlsSettings(Credentials, frozen=True):
     is_message_oriented: bool = False
     shares_port: bool = False
 
-    def new(self, is_active: bool) -> LayerSession:
-        return Tls(self, is_active)
+    def make_session(self, is_active: bool) -> LayerSession:
+        return TlsSession(self, is_active)
 
 
-CAP: Final = 128 * 1024  # bytes
-PIECE: Final = 16 * 1024  # what one record carries at most
+MOST_HELD_BYTES: Final = 128 * 1024  # bytes
+RECORD_BYTES: Final = 16 * 1024  # what one record carries at most
 NO_LIMIT: Final = 1 << 62
-CONTEXTS_KEPT: Final = 256
+MOST_CONTEXTS: Final = 256
 # What a record begins with; only a server may refuse with its first.
-HANDSHAKE: Final = 0x16
-ALERT: Final = 0x15
+HANDSHAKE_RECORD: Final = 0x16
+ALERT_RECORD: Final = 0x15
 
 # What the library raises, of bytes, of files, and of a server's name that is none.
-_RAISED: Final = (ssl.SSLError, OSError, ValueError)
+_LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 
 
-class Tls:
+class TlsSession:
     """One end. `ended` is the reason of a failure; a partner who closed in good order `partner_is_done`."""
 
-    unfinished = 0  # records are no messages, and what is not complete of one is bounded
+    unfinished_message = 0  # records are no messages, and what is not complete of one is bounded
 
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: SessionEnd | None = None
@@ -110,19 +110,19 @@ class Tls:
         self._has_fed = False
         self._has_said_goodbye = False
         self._stopped_short = False  # records may wait that were not read
-        self._first_bytes = (HANDSHAKE, ALERT) if is_active else (HANDSHAKE,)
+        self._first_bytes = (HANDSHAKE_RECORD, ALERT_RECORD) if is_active else (HANDSHAKE_RECORD,)
         self._plain = bytearray()
         self._incoming = ssl.MemoryBIO()
         self._outgoing = ssl.MemoryBIO()
         self._engine: ssl.SSLObject | None = None
         try:
-            self._engine = context_of(credentials, is_active).wrap_bio(
+            self._engine = get_context(credentials, is_active).wrap_bio(
                 self._incoming,
                 self._outgoing,
                 server_side=not is_active,
                 server_hostname=credentials.server_name.rstrip(".") or None if is_active else None,
             )
-        except _RAISED as problem:
+        except _LIBRARY_ERRORS as problem:
             self.ended = SessionEnd(TlsError.REFERENCE, f"our own certificates: {problem}")
         if is_active:
             self._shake_hands()
@@ -135,7 +135,7 @@ class Tls:
 
     @property
     def wants_more(self) -> bool:
-        return self.ended is None and not self.partner_is_done and self.held < CAP
+        return self.ended is None and not self.partner_is_done and self.held_bytes < MOST_HELD_BYTES
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
         return Unread(
@@ -143,7 +143,7 @@ class Tls:
         )
 
     @property
-    def held(self) -> int:
+    def held_bytes(self) -> int:
         return len(self._plain) + self._incoming.pending
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
@@ -160,23 +160,23 @@ class Tls:
             self._has_fed = True
             self._incoming.write(data)
         self._stopped_short = True
-        return self._go_on(most) if most else 0
+        return self._read_records(most) if most else 0
 
     @property
     def has_backlog(self) -> bool:
-        return self._stopped_short and len(self._plain) < CAP and self.wants_more
+        return self._stopped_short and len(self._plain) < MOST_HELD_BYTES and self.wants_more
 
     @property
-    def is_dear(self) -> bool:
+    def is_costly(self) -> bool:
         return not self.is_up
 
-    def partner_closed(self) -> None:
+    def note_partner_end(self) -> None:
         """Note the end of the stream: without the partner's close_notify somebody may have cut it."""
         if self.ended is not None or self.partner_is_done:
             return
         self._incoming.write_eof()
         if self.is_up:
-            self._go_on(1)
+            self._read_records(1)
         elif self._has_fed:
             self._end(SessionEnd(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
@@ -184,7 +184,7 @@ class Tls:
         """Return nothing: the library passes over nothing that it tells."""
         return []
 
-    def give_up(self, why: str) -> None:
+    def time_out(self, why: str) -> None:
         if not self.is_up:
             self._end(SessionEnd(TlsError.SILENT, "the handshake does not go on"))
 
@@ -192,7 +192,7 @@ class Tls:
         """Tell the partner that nothing more comes (close_notify), once; return whether it has been told."""
         if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
             self._has_said_goodbye = True
-            with suppress(*_RAISED):  # ours is in the output; the partner's own may come or not
+            with suppress(*_LIBRARY_ERRORS):  # ours is in the output; the partner's own may come or not
                 self._engine.unwrap()
         return self._has_said_goodbye
 
@@ -214,8 +214,8 @@ class Tls:
             return b""
         try:
             self._engine.write(data)
-        except _RAISED as problem:
-            self._end(ended_of(problem))
+        except _LIBRARY_ERRORS as problem:
+            self._end(session_end_of(problem))
             return b""
         return self._outgoing.read()
 
@@ -226,7 +226,7 @@ class Tls:
 
     # -- the library ----------------------------------------------------------------------------------------
 
-    def _go_on(self, most: int) -> int:
+    def _read_records(self, most: int) -> int:
         units = 0
         if not self.is_up:
             self._shake_hands()
@@ -242,20 +242,20 @@ class Tls:
             self.is_up = True
         except ssl.SSLWantReadError:
             pass
-        except _RAISED as problem:
-            self._end(ended_of(problem))
+        except _LIBRARY_ERRORS as problem:
+            self._end(session_end_of(problem))
 
     def _decrypt(self, most: int) -> int:
         """Read records until there is none, or enough; return how many."""
         assert self._engine is not None
         count = 0
         while self.ended is None and not self.partner_is_done:
-            if len(self._plain) >= CAP or count >= most:
+            if len(self._plain) >= MOST_HELD_BYTES or count >= most:
                 self._stopped_short = True
                 break
             count += 1
             try:
-                got = self._engine.read(PIECE)
+                got = self._engine.read(RECORD_BYTES)
             except ssl.SSLWantReadError:
                 break
             except ssl.SSLZeroReturnError:
@@ -263,8 +263,8 @@ class Tls:
             except ssl.SSLEOFError:
                 self._end(SessionEnd(TlsError.TRUNCATED, "the stream ended without a close_notify"))
                 break
-            except _RAISED as problem:
-                self._end(ended_of(problem))
+            except _LIBRARY_ERRORS as problem:
+                self._end(session_end_of(problem))
                 break
             self._plain += got
             self.partner_is_done = not got
@@ -278,11 +278,11 @@ class Tls:
 # -- certificates --------------------------------------------------------------------------------------------
 
 
-def context_of(credentials: Credentials, is_active: bool) -> ssl.SSLContext:
+def get_context(credentials: Credentials, is_active: bool) -> ssl.SSLContext:
     """Return the context of these credentials; files are read again only when they have changed."""
     files = (credentials.certificate, credentials.key, *credentials.authorities)
-    stamps = tuple(_stamp(file) for file in files if file)
-    return _context(credentials, is_active, stamps)
+    stamps = tuple(_file_stamp(file) for file in files if file)
+    return _make_context(credentials, is_active, stamps)
 
 
 _key_log: Final[list[str]] = []
@@ -291,16 +291,16 @@ _key_log: Final[list[str]] = []
 def log_keys(name: str) -> None:
     """Let sessions of contexts made from now on write their secrets into a file; "" ends it."""
     _key_log[:] = [name] if name else []
-    _context.cache_clear()
+    _make_context.cache_clear()
 
 
-def _stamp(file: str) -> tuple[int, int]:
+def _file_stamp(file: str) -> tuple[int, int]:
     seen = Path(file).stat()
     return seen.st_mtime_ns, seen.st_size
 
 
-@lru_cache(maxsize=CONTEXTS_KEPT)
-def _context(
+@lru_cache(maxsize=MOST_CONTEXTS)
+def _make_context(
     credentials: Credentials, is_active: bool, stamps: tuple[tuple[int, int], ...]
 ) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT if is_active else ssl.PROTOCOL_TLS_SERVER)
@@ -327,7 +327,7 @@ def _no_password() -> str:
     return ""
 
 
-def flaw_of_certificate(certificate: str, key: str) -> str:
+def find_certificate_flaw(certificate: str, key: str) -> str:
     """Return what is wrong with PEM files: "" or words for the engineer; `key` "": a certificate to trust."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:

@@ -18,33 +18,33 @@ from typing import Any, Final
 
 from trcvtui.errors import one_line
 from trcvtui.net.os.lossy_pipe import LossyPipe
-from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, end_figures, new_poll_set
-from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
-from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
+from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, new_poll_set, read_end_figures
+from trcvtui.net.os.tapped_ends import TapSerialConversation, TcpRoute, UdpRoute
+from trcvtui.net.os.tapped_lane import TapLane, TapLoop, apply_order, describe_order, find_refusal
 from trcvtui.net.tap import (
     ENDS,
-    EVENT,
-    FIGURES,
+    EVENT_HEAD,
+    FIGURES_DATA,
     LOSS,
     NEWEST,
     RELEASE,
-    SAYS,
-    TO,
+    USER_LINE,
+    WAY_TO,
     Route,
     TapEventKind,
     TapOrder,
-    end_text,
-    order_of,
+    format_end,
+    parse_order,
 )
 from trcvtui.signals import leave
 from trcvtui.wording import count
 
-MOST_SAID: Final = 1000  # characters of a line
+MOST_LINE_CHARS: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
 TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
 FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
 MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
-MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for the process that serves observers
+MOST_WAITING_BYTES: Final = 64 << 20  # bytes of events that wait for the process that serves observers
 
 
 class Forwarder(TapLoop):
@@ -52,7 +52,7 @@ class Forwarder(TapLoop):
 
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
         super().__init__(say, poll or new_poll_set())
-        self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
+        self.routes: list[TcpRoute | UdpRoute | TapSerialConversation] = []
         self.pipe: LossyPipe | None = None
         self._newest = 0  # conversation that was told
         self._ends = False
@@ -60,83 +60,85 @@ class Forwarder(TapLoop):
 
     def add_route(self, route: Route) -> None:
         """Listen, or open the ports; raise UserError."""
-        kinds: dict[str, Callable[..., TcpRoute | UdpRoute | SerialTalk]] = {
+        kinds: dict[str, Callable[..., TcpRoute | UdpRoute | TapSerialConversation]] = {
             "tcp": TcpRoute,
             "udp": UdpRoute,
-            "serial": SerialTalk,
+            "serial": TapSerialConversation,
         }
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
-    def serve(self, sock: socket.socket, end: Callable[[], object]) -> None:
+    def attach_server(self, sock: socket.socket, end: Callable[[], object]) -> None:
         """Tell events to the process that serves observers, and obey it; `end` is called when it is gone."""
 
-        def lose() -> None:
+        def drop_pipe() -> None:
             self.pipe = None
             if not self._ends:
-                self.let_all_go()
+                self.release_all()
                 end()
 
-        self.pipe = LossyPipe(self, sock, MOST_UNTOLD, self._tell_again, self._hear, lose)
-        self._tell_open()
+        self.pipe = LossyPipe(
+            self, sock, MOST_WAITING_BYTES, self._report_missed, self._handle_line, drop_pipe
+        )
+        self._report_open()
         if not self._ticks:
-            self._tell_time()
+            self._report_time()
 
-    def _hear(self, line: bytes) -> None:
+    def _handle_line(self, line: bytes) -> None:
         if line == RELEASE:
-            self.let_all_go()
-        elif line.startswith(SAYS):
-            self.say(line[len(SAYS) :].decode(errors="replace"))
+            self.release_all()
+        elif line.startswith(USER_LINE):
+            self.say(line[len(USER_LINE) :].decode(errors="replace"))
         else:
             try:
-                order = order_of(line, len(self.routes))
+                order = parse_order(line, len(self.routes))
             except ValueError as wrong:
                 self.say(f"an observer gives an order that is none: {wrong}")
             else:
-                self.obey(order)
+                self.execute_order(order)
 
-    def _tell_time(self) -> None:
+    def _report_time(self) -> None:
         """Tell the time, by which shadows go on, and now and then what the stack says of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
-                self._tell_figures()
-            self.tell(TapEventKind.NOW, TO, 0, 0, 0, b"")
-        self.after(TICK_NS, self._tell_time)
+                self._report_figures()
+            self.report(TapEventKind.NOW, WAY_TO, 0, 0, 0, b"")
+        self.call_after(TICK_NS, self._report_time)
 
-    def _tell_figures(self) -> None:
+    def _report_figures(self) -> None:
         for route in self.routes:
             talks = islice(reversed(route.talks.items()), MOST_FIGURES) if route.has_stack else ()
             for number, talk in talks:
                 for lane in talk.lanes:
-                    found = end_figures(lane.target.port)
+                    found = read_end_figures(lane.target.port)
                     if found is not None and found != lane.figures:
                         lane.figures = found
-                        self.tell(
-                            TapEventKind.FIGURES, lane.way, route.place, number, 0, FIGURES.pack(*found)
+                        self.report(
+                            TapEventKind.FIGURES, lane.way, route.place, number, 0, FIGURES_DATA.pack(*found)
                         )
 
-    def let_all_go(self) -> None:
+    def release_all(self) -> None:
         """Hold and delay nothing any more."""
         self.holds = False
-        for lane in self._lanes():
-            lane.let_go()
+        for lane in self._list_lanes():
+            lane.release_all()
 
-    def open_in_words(self) -> str:
+    def describe_open(self) -> str:
         """Return how many connections are open, "" for none; with UDP and serial lines: conversations."""
         number = sum(len(route.talks) for route in self.routes)
         has_others = any(route.route.to.kind != "tcp" for route in self.routes)
         return count(number, "conversation" if has_others else "connection") if number else ""
 
-    def _lanes(self) -> list[TapLane]:
+    def _list_lanes(self) -> list[TapLane]:
         return [lane for route in self.routes for talk in route.talks.values() for lane in talk.lanes]
 
-    def tell(
+    def report(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
         pipe = self.pipe
         if pipe is None:
             return
-        head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
+        head = EVENT_HEAD.pack(kind, way, place, number, at, time.time_ns(), len(data))
         if kind is TapEventKind.BYTES:
             pipe.put(head, data, size=len(data))
             return
@@ -145,46 +147,46 @@ class Forwarder(TapLoop):
         if kind is TapEventKind.OPEN and not pipe.is_behind:
             self._newest = max(self._newest, number)
 
-    def _tell_again(self, events: int, size: int, ends: bytes) -> None:
+    def _report_missed(self, events: int, size: int, ends: bytes) -> None:
         """Tell how much was missed, what has ended meanwhile, and what there is now."""
-        heads = [ends[at : at + EVENT.size] for at in range(0, len(ends), EVENT.size)]
+        heads = [ends[at : at + EVENT_HEAD.size] for at in range(0, len(ends), EVENT_HEAD.size)]
         numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
         numbers += [head[4:8] for head in heads]
-        self.tell(TapEventKind.LOST, TO, 0, 0, 0, LOSS.pack(events, size) + b"".join(numbers))
+        self.report(TapEventKind.LOST, WAY_TO, 0, 0, 0, LOSS.pack(events, size) + b"".join(numbers))
         if self.pipe is not None:
             self.pipe.put(ends, events=0, ends=ends)
-        self._tell_open()
+        self._report_open()
 
-    def _tell_open(self) -> None:
+    def _report_open(self) -> None:
         for route in self.routes:
             for number, talk in route.talks.items():
-                self.tell(TapEventKind.OPEN, TO, route.place, number, 1, talk.said)
+                self.report(TapEventKind.OPEN, WAY_TO, route.place, number, 1, talk.said)
                 for lane in talk.lanes:
                     if lane.held is not None:
-                        lane.tell_held()
+                        lane.report_held()
 
     # -- orders --------------------------------------------------------------------------------------------
 
-    def obey(self, order: TapOrder) -> None:
+    def execute_order(self, order: TapOrder) -> None:
         """Intervene, and tell what was done, or why it cannot be."""
         route = self.routes[order.route]
         number = order.number or max((n for n, talk in route.talks.items() if talk.lanes), default=NEWEST)
         talk = route.talks.get(number)
         if talk is None or not talk.lanes:
             what = f"conversation {number}" if number else "a conversation"
-            self.tell(
+            self.report(
                 TapEventKind.REFUSED, order.way, order.route, number, 0, f"{what} is not there".encode()
             )
             return
         lane = talk.lanes[order.way]
-        why = refusal(lane, order)
+        why = find_refusal(lane, order)
         kind = TapEventKind.REFUSED if why else TapEventKind.OURS
-        self.tell(kind, order.way, order.route, number, lane.at, (why or in_words(order)).encode())
+        self.report(kind, order.way, order.route, number, lane.at, (why or describe_order(order)).encode())
         if not why:
-            intervene(lane, order)
+            apply_order(lane, order)
             if lane.held is not None:
-                lane.tell_held()
-        lane.source.want()
+                lane.report_held()
+        lane.source.update_mask()
 
     # -- the loop ------------------------------------------------------------------------------------------
 
@@ -193,17 +195,17 @@ class Forwarder(TapLoop):
         wakes, wakened = socket.socketpair()
         for sock in (wakes, wakened):
             sock.setblocking(False)
-        self.hear(wakened.fileno(), IN, lambda _: self.stop())
+        self.register(wakened.fileno(), IN, lambda _: self.stop())
         signal.set_wakeup_fd(wakes.fileno())
         for name in ("SIGTERM", "SIGINT", "SIGQUIT"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), lambda *_: None)
         leave(("SIGHUP",))
         while not self._ends:
-            self.turn(-1)
+            self.run_once(-1)
         self.close()
         signal.set_wakeup_fd(-1)
-        self.forget(wakened.fileno())
+        self.unregister(wakened.fileno())
         wakes.close()
         wakened.close()
 
@@ -215,11 +217,11 @@ class Forwarder(TapLoop):
         self._ends = True
         for route in self.routes:
             route.stop()
-        for lane in self._lanes():
-            lane.let_go()
+        for lane in self._list_lanes():
+            lane.release_all()
         until = time.monotonic_ns() + FLUSH_NS
-        while any(lane.out for lane in self._lanes()) and (left := until - time.monotonic_ns()) > 0:
-            self.turn(left / 1e9)
+        while any(lane.out for lane in self._list_lanes()) and (left := until - time.monotonic_ns()) > 0:
+            self.run_once(left / 1e9)
         for route in self.routes:
             for talk in tuple(route.talks.values()):
                 talk.finish()
@@ -228,7 +230,7 @@ class Forwarder(TapLoop):
             self.pipe.finish(time.monotonic_ns() + FLUSH_NS)
 
 
-def say_at_once(line: str) -> None:
+def write_or_drop_line(line: str) -> None:
     """Tell the user a line on stderr; where what was told before is not read, leave it out."""
     with suppress(OSError, ValueError):
         if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
@@ -236,11 +238,11 @@ def say_at_once(line: str) -> None:
             poller.register(stderr.fileno(), OUT)
             if not poller.poll(0):
                 return
-        sys.stderr.write(f"{one_line(line)[:MOST_SAID]}\n")  # as much as a pipe that is ready takes
+        sys.stderr.write(f"{one_line(line)[:MOST_LINE_CHARS]}\n")  # as much as a pipe that is ready takes
         sys.stderr.flush()
 
 
-def raise_limit() -> None:
+def raise_descriptor_limit() -> None:
     """Ask the system for as many descriptors as it gives."""
     with suppress(ImportError, ValueError, OSError):
         import resource
@@ -249,8 +251,8 @@ def raise_limit() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
-def reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
+def list_reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
     """Return those of the addresses that other machines reach."""
     from ipaddress import ip_address
 
-    return [end_text(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]
+    return [format_end(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]

@@ -12,49 +12,49 @@ import socket
 from collections.abc import Callable, Collection
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
-from trcvtui.net.os.network import Questions, interface_addresses
+from trcvtui.net.kernel import Handle, KernelLoss, LocalAddress, NewClient, PathInfo, SocketOptions
+from trcvtui.net.os.network import NameResolver, interface_addresses
 from trcvtui.net.os.system_calls import (
     BASE,
-    GONE,
+    GONE_MASK,
     IN,
     OUT,
     RDHUP,
     RESET_ON_CLOSE,
-    REUSE,
+    REUSE_OPTION,
     VERDICT,
     CutLinks,
     PollList,
     PollSet,
     apply_options,
+    count_unread,
+    discard_unread,
     error_name,
     limit_unacknowledged,
-    look_at,
     may_have_unread,
     new_poll_set,
-    path_of,
     peek_at,
-    read_away,
-    unread_bytes,
+    poll_once,
+    tcp_info,
 )
-from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock, pair
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock, sockaddr
 
 # A late ICMP message about a datagram that was sent says nothing about the socket. Windows tells it to the
 # next call (ECONNRESET, ENETRESET), others may tell ECONNREFUSED; the call is then made once more.
 
 ICMP_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "ENETRESET"})
-MOST_ICMP: Final = 64  # so many messages are passed over in one call
-LARGEST: Final = 65536  # no datagram is larger
+MOST_ICMP_RETRIES: Final = 64  # so many messages are passed over in one call
+LARGEST_DATAGRAM: Final = 65536  # no datagram is larger
 
 # Every datagram is read in here first: no other way tells on all systems how large the cut one was.
-_landing: Final = memoryview(bytearray(LARGEST))
+_datagram_buffer: Final = memoryview(bytearray(LARGEST_DATAGRAM))
 
 
-MOST_READS: Final = 16  # of one call; what is left stays in the stack for the next
+MOST_READS_A_CALL: Final = 16  # of one call; what is left stays in the stack for the next
 Socket = socket.socket  # inside the class `socket` is the call
 
 # A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
-TOLD_ONCE: Final = frozenset(
+REPORTED_ONCE_ERRORS: Final = frozenset(
     {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
     | {"EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"}
 )
@@ -66,7 +66,7 @@ class OsKernel:
     def __init__(self) -> None:
         self._sockets: dict[int, Socket] = {}
         self._links = CutLinks(self._sockets)
-        self._questions = Questions()
+        self._questions = NameResolver()
         self._polls: PollSet | None = None
         self._polled: set[int] = set()
         self._ready: dict[int, int] = {}
@@ -109,23 +109,23 @@ class OsKernel:
     def readable(self, handle: Handle) -> bool:
         if handle in self._polled:
             return handle in self._ready
-        return bool(self._look(handle, IN))
+        return bool(self._poll_socket(handle, IN))
 
     def renew(self, handle: Handle) -> bool:
         sock = self._sockets.get(handle)
         if sock is None:
             return True
-        mask = self._look(handle, IN)
+        mask = self._poll_socket(handle, IN)
         if mask and handle in self._polled:
             self._ready[handle] = mask
-        return bool(mask & GONE) or (not RDHUP and self._peeks_the_end(handle, sock))
+        return bool(mask & GONE_MASK) or (not RDHUP and self._peek_end(handle, sock))
 
-    def _look(self, handle: int, mask: int) -> int:
-        seen = look_at({handle: mask | RDHUP}) if handle in self._sockets else []
+    def _poll_socket(self, handle: int, mask: int) -> int:
+        seen = poll_once({handle: mask | RDHUP}) if handle in self._sockets else []
         return seen[0][1] if seen else 0
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        return self._do("poll_add", handle, self._register)
+        return self._call("poll_add", handle, self._register)
 
     def _register(self, sock: Socket) -> None:
         if self._polls is None:  # made here, not at the start, so that EMFILE has a block to show it (8084)
@@ -136,7 +136,7 @@ class OsKernel:
     def poll_del(self, handle: Handle) -> Fault | None:
         self._polled.discard(handle)
         self._ready.pop(handle, None)
-        return self._do("poll_del", handle, self._unregister)
+        return self._call("poll_del", handle, self._unregister)
 
     def _unregister(self, sock: Socket) -> None:
         if self._polls is None:
@@ -150,19 +150,19 @@ class OsKernel:
 
     def socket(self, owner: str) -> Handle | Fault:
         try:
-            return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM), owner)
+            return self._add_socket(Socket(socket.AF_INET, socket.SOCK_STREAM), owner)
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
-    def _keep(self, made: Socket, owner: str) -> Handle:
+    def _add_socket(self, made: Socket, owner: str) -> Handle:
         made.setblocking(False)
         handle = Handle(made.fileno())
         self._sockets[handle] = made
-        self._links.made(handle, owner)
+        self._links.add_handle(handle, owner)
         return handle
 
     def set_reuse(self, handle: Handle) -> Fault | None:
-        return self._do("set_reuse", handle, lambda sock: sock.setsockopt(BASE, REUSE, 1))
+        return self._call("set_reuse", handle, lambda sock: sock.setsockopt(BASE, REUSE_OPTION, 1))
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         sock = self._sockets.get(handle)
@@ -174,10 +174,10 @@ class OsKernel:
             limit_unacknowledged(sock, milliseconds)
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        return self._do("bind", handle, lambda sock: sock.bind(pair(end)))
+        return self._call("bind", handle, lambda sock: sock.bind(sockaddr(end)))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        return self._do("listen", handle, lambda sock: sock.listen(backlog))
+        return self._call("listen", handle, lambda sock: sock.listen(backlog))
 
     def local_end(self, handle: Handle) -> Endpoint | None:
         sock = self._sockets.get(handle)
@@ -187,7 +187,7 @@ class OsKernel:
             return None
         return Endpoint(address, port) if port else None
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         if handle in self._polled and handle not in self._ready:
             return WOULD_BLOCK
         try:
@@ -196,14 +196,14 @@ class OsKernel:
             return WOULD_BLOCK
         except (OSError, ValueError, KeyError) as problem:
             return Fault("accept", error_name(problem))
-        return Accepted(self._keep(made, self._links.owner(handle)), Endpoint(address, port))
+        return NewClient(self._add_socket(made, self._links.owner(handle)), Endpoint(address, port))
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, also where the stack has decided already."""
-        fault = self._do("connect", handle, lambda sock: sock.connect(pair(end)))
+        fault = self._call("connect", handle, lambda sock: sock.connect(sockaddr(end)))
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
@@ -214,10 +214,10 @@ class OsKernel:
         sock = self._sockets.get(handle)
         if sock is None:
             return Fault("connect", "EBADF")
-        if not self._look(handle, OUT) & VERDICT:
+        if not self._poll_socket(handle, OUT) & VERDICT:
             return WOULD_BLOCK
         error = self._take_error(handle, sock)
-        fault = Fault("connect", error) if error else self._do("connect", handle, Socket.getpeername)
+        fault = Fault("connect", error) if error else self._call("connect", handle, Socket.getpeername)
         if fault is None or not self.unread(handle):
             return fault
         if error and error != "EPIPE":  # a FIN came before that one
@@ -231,22 +231,22 @@ class OsKernel:
         if handle not in self._ready and handle in self._polled:
             return WOULD_BLOCK
         if handle in self._held and not self.unread(handle):
-            return self._tell_held("recv", handle)
+            return self._take_held_fault("recv", handle)
         try:
             taken = self._sockets[handle].recv_into(into)
         except BlockingIOError:
             return WOULD_BLOCK
         except (OSError, ValueError, KeyError) as problem:
-            return self._failed("recv", handle, problem) or 0
-        return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
+            return self._data_fault("recv", handle, problem) or 0
+        return taken if taken == len(into) or not taken else self._read_on(handle, into, taken)
 
-    def _drain(self, handle: int, into: memoryview, taken: int) -> int:
+    def _read_on(self, handle: int, into: memoryview, taken: int) -> int:
         """Read on after a first short read: the sender may have refilled the window meanwhile.
 
         A bounded number of times: a partner who sends byte by byte must not keep the scan here.
         """
         sock = self._sockets[handle]
-        for _ in range(MOST_READS):
+        for _ in range(MOST_READS_A_CALL):
             if taken == len(into):
                 break
             try:
@@ -263,13 +263,13 @@ class OsKernel:
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         if handle in self._held:
-            return self._tell_held("send", handle)
+            return self._take_held_fault("send", handle)
         try:
             return self._sockets[handle].send(data)
         except BlockingIOError:
             return WOULD_BLOCK
         except (OSError, ValueError, KeyError) as problem:
-            return self._failed("send", handle, problem) or Fault("send", "EPIPE")
+            return self._data_fault("send", handle, problem) or Fault("send", "EPIPE")
 
     def loss(self, handle: Handle) -> KernelLoss | None:
         polled = handle in self._polled
@@ -278,15 +278,15 @@ class OsKernel:
         sock = self._sockets.get(handle)
         if sock is None:
             return KernelLoss(Fault("recv", "EBADF"), 0)
-        mask = self._ready[handle] if polled else self._look(handle, IN)
-        if not mask & GONE and (RDHUP or not self._peeks_the_end(handle, sock)):
+        mask = self._ready[handle] if polled else self._poll_socket(handle, IN)
+        if not mask & GONE_MASK and (RDHUP or not self._peek_end(handle, sock)):
             return None
         error = self._take_error(handle, sock)
         # A RST after a FIN is EPIPE: the FIN came first, and recv answers 0 too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
         return KernelLoss(fault, self.unread(handle))
 
-    def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
+    def _peek_end(self, handle: int, sock: Socket) -> bool:
         if handle in self._told:
             return True
         try:
@@ -302,45 +302,45 @@ class OsKernel:
             return True
 
     def discard(self, handle: Handle, most: int) -> int:
-        return read_away(self._sockets.get(handle), most)
+        return discard_unread(self._sockets.get(handle), most)
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
-        return unread_bytes(self._sockets.get(handle))
+        return count_unread(self._sockets.get(handle))
 
-    def left(self, handles: Collection[Handle]) -> list[Handle]:
+    def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
         sockets, ready = self._sockets, self._ready
         return [
             handle
             for handle in handles
-            if handle in sockets and (ready.get(handle, 0) & GONE or may_have_unread(sockets[handle]))
+            if handle in sockets and (ready.get(handle, 0) & GONE_MASK or may_have_unread(sockets[handle]))
         ]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
         sock = self._sockets.get(handle)
-        return Unread() if sock is None else peek_at(sock, skip, bool(self._ready.get(handle, 0) & GONE))
+        return Unread() if sock is None else peek_at(sock, skip, bool(self._ready.get(handle, 0) & GONE_MASK))
 
     def path(self, handle: Handle) -> PathInfo | None:
-        return path_of(self._sockets.get(handle))
+        return tcp_info(self._sockets.get(handle))
 
     # -- datagrams -----------------------------------------------------------------------------------
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         try:
-            return self._keep(Socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
+            return self._add_socket(Socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
-        return self._do("set_broadcast", handle, lambda sock: sock.setsockopt(BASE, socket.SO_BROADCAST, 1))
+        return self._call("set_broadcast", handle, lambda sock: sock.setsockopt(BASE, socket.SO_BROADCAST, 1))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         if self._links.is_down(handle):
             return len(data)  # a datagram has no connection whose other end could be made deaf
         error = ""
-        for _ in range(MOST_ICMP):
+        for _ in range(MOST_ICMP_RETRIES):
             try:
-                return self._sockets[handle].sendto(data, pair(end))
+                return self._sockets[handle].sendto(data, sockaddr(end))
             except BlockingIOError:
                 return WOULD_BLOCK
             except (OSError, ValueError, KeyError) as problem:
@@ -352,9 +352,9 @@ class OsKernel:
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         if handle in self._polled and handle not in self._ready:
             return WOULD_BLOCK
-        for _ in range(MOST_ICMP):
+        for _ in range(MOST_ICMP_RETRIES):
             try:
-                whole, (address, port) = self._sockets[handle].recvfrom_into(_landing)
+                whole, (address, port) = self._sockets[handle].recvfrom_into(_datagram_buffer)
             except BlockingIOError:
                 return WOULD_BLOCK
             except (OSError, ValueError, KeyError) as problem:
@@ -363,7 +363,7 @@ class OsKernel:
                     return Fault("recv", error)
             else:
                 size = min(whole, len(into))
-                into[:size] = _landing[:size]
+                into[:size] = _datagram_buffer[:size]
                 return Datagram(size, Endpoint(address, port), whole)
         return WOULD_BLOCK
 
@@ -371,14 +371,14 @@ class OsKernel:
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         how = socket.SHUT_RDWR if both else socket.SHUT_WR
-        return self._do("shutdown", handle, lambda sock: sock.shutdown(how))
+        return self._call("shutdown", handle, lambda sock: sock.shutdown(how))
 
     def probe(self, handle: Handle) -> Fault | None:
         """Answer as `shutdown` would; ending only the receiving side puts nothing on the wire."""
-        return self._do("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
+        return self._call("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
 
     def abort(self, handle: Handle) -> Fault | None:
-        fault = self._do("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))
+        fault = self._call("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))
         freed = self._free("abort", handle)
         return fault or freed
 
@@ -394,14 +394,14 @@ class OsKernel:
         self._held.pop(handle, None)
         self._told.discard(handle)
         self._questions.forget(handle)
-        self._links.freed(handle)
-        fault = self._do(call, handle, Socket.close)
+        self._links.remove_handle(handle)
+        fault = self._call(call, handle, Socket.close)
         self._sockets.pop(handle, None)
         return fault
 
     # -- errors --------------------------------------------------------------------------------------
 
-    def _do(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
+    def _call(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
         """Do one call on the handle's socket; EBADF when there is none."""
         try:
             act(self._sockets[handle])
@@ -409,16 +409,16 @@ class OsKernel:
             return Fault(call, error_name(problem))
         return None
 
-    def _failed(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
+    def _data_fault(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
         """Return the fault of a data call, None when another call has answered this error before."""
         name = error_name(problem)
-        if name in TOLD_ONCE:
+        if name in REPORTED_ONCE_ERRORS:
             if handle in self._told:
                 return None
             self._told.add(handle)
         return Fault(call, name)
 
-    def _tell_held(self, call: str, handle: int) -> Fault:
+    def _take_held_fault(self, call: str, handle: int) -> Fault:
         self._told.add(handle)
         return Fault(call, self._held.pop(handle))
 

@@ -12,10 +12,10 @@ from typing import Final
 from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT
 from trcvtui.net.os.tapped_lane import TapLoop
 
-READ: Final = 1 << 16
+READ_BYTES: Final = 1 << 16
 MOST_LINE: Final = 4 << 20  # bytes of an order
 SEND_BUFFER: Final = 4 << 20
-PART_BYTES: Final = 200  # that a part takes beside its own
+PART_OVERHEAD: Final = 200  # that a part takes beside its own
 
 
 class LossyPipe:
@@ -44,7 +44,7 @@ class LossyPipe:
         sock.setblocking(False)
         with suppress(OSError):
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        loop.hear(sock.fileno(), IN, self._ready)
+        loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
         """Hand parts over, or let them wait; left out they count as so many events, and `ends` are kept."""
@@ -65,12 +65,12 @@ class LossyPipe:
                 return
             if sent == sum(map(len, parts)):
                 return
-            self._loop.want(self._sock.fileno(), IN | OUT)
+            self._loop.set_mask(self._sock.fileno(), IN | OUT)
         rest = memoryview(b"".join(parts))[sent:]
         self.waiting.append(rest)
-        self._size += len(rest) + PART_BYTES
+        self._size += len(rest) + PART_OVERHEAD
 
-    def _ready(self, events: int) -> None:
+    def _handle_ready(self, events: int) -> None:
         if events & (IN | ERR | HUP):
             self._read()
         if events & OUT and not self.is_gone:
@@ -86,13 +86,13 @@ class LossyPipe:
                     self.waiting[0] = first[sent:]
                 else:
                     self.waiting.popleft()
-                    self._size -= PART_BYTES
+                    self._size -= PART_OVERHEAD
         except BlockingIOError:
             return
         except OSError:
             self.close()
             return
-        self._loop.want(self._sock.fileno(), IN)
+        self._loop.set_mask(self._sock.fileno(), IN)
         if self.is_behind:
             self.is_behind, lost = False, self._lost
             self._lost = (0, 0, b"")
@@ -100,7 +100,7 @@ class LossyPipe:
 
     def _read(self) -> None:
         try:
-            said = self._sock.recv(READ)
+            said = self._sock.recv(READ_BYTES)
         except BlockingIOError:
             return
         except OSError:
@@ -115,7 +115,7 @@ class LossyPipe:
     def close(self) -> None:
         if not self.is_gone:
             self.is_gone = True
-            self._loop.forget(self._sock.fileno())
+            self._loop.unregister(self._sock.fileno())
             self._sock.close()
             self.waiting.clear()
             self._end()
@@ -123,5 +123,5 @@ class LossyPipe:
     def finish(self, until_ns: int) -> None:
         """Hand over what waits, until a time of the monotonic clock at most; then close."""
         while self.waiting and (left := until_ns - time.monotonic_ns()) > 0:
-            self._loop.turn(left / 1e9)
+            self._loop.run_once(left / 1e9)
         self.close()

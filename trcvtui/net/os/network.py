@@ -17,7 +17,7 @@ from typing import Final
 
 from trcvtui.net.kernel import LocalAddress
 from trcvtui.net.os.system_calls import error_name
-from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Fault, WouldBlock, broadcast_of, octets
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Fault, WouldBlock, broadcast_address, parse_octets
 
 # -- a network of our own, without privileges: a user and a network namespace of Linux ---------------------
 #
@@ -27,7 +27,7 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Fault, WouldBlock, bro
 with suppress(ImportError):  # Windows
     import fcntl
 
-LOOPBACK: Final = "lo"
+LOOPBACK_INTERFACE: Final = "lo"
 ETHERNET: Final = "plc0"  # a bridge without ports: the Ethernet port that carries the PLC's own addresses
 CLONE_NEWUSER: Final = 0x10000000
 CLONE_NEWNET: Final = 0x40000000
@@ -37,19 +37,19 @@ SIOCSIFNETMASK: Final = 0x891C
 SIOCBRADDBR: Final = 0x89A0
 IFF_UP: Final = 1
 NAME_BYTES: Final = 16
-REQUEST: Final = "16s24s"  # struct ifreq: a name and a union
-SOCKET_ADDRESS: Final = "=H2x4s8x"  # struct sockaddr_in
+IFREQ_FORMAT: Final = "16s24s"  # struct ifreq: a name and a union
+SOCKADDR_FORMAT: Final = "=H2x4s8x"  # struct sockaddr_in
 
 _own_user = False  # this process has a user namespace of its own
 _own_network = False
 
 
-def is_own_network() -> bool:
+def has_own_network() -> bool:
     """Return whether this process has a network of its own, where `set_loopback` harms nobody."""
     return _own_network
 
 
-def enter(addresses: Sequence[str] = (), not_ethernet: Sequence[str] = ()) -> str:
+def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] = ()) -> str:
     """Move this process into a fresh network that has these addresses; return what is wrong, or ""."""
     if sys.platform != "linux":
         return "a system without network namespaces"
@@ -57,16 +57,16 @@ def enter(addresses: Sequence[str] = (), not_ethernet: Sequence[str] = ()) -> st
     if error:
         return f"a system that refuses a namespace ({error})"
     try:
-        _set_up(LOOPBACK, up=True)
+        _set_interface_up(LOOPBACK_INTERFACE, up=True)
         if addresses:
             _make_bridge(ETHERNET)
         for number, address in enumerate(addresses):
             _add_address(f"{ETHERNET}:{number}" if number else ETHERNET, address, "255.255.255.0")
         for number, address in enumerate(not_ethernet):
             # On loopback a wider mask would make the whole subnet local.
-            _add_address(f"{LOOPBACK}:{number}", address, "255.255.255.255")
+            _add_address(f"{LOOPBACK_INTERFACE}:{number}", address, "255.255.255.255")
     except OSError as problem:
-        return f"a system that refuses interfaces in a namespace ({_name(problem.errno)})"
+        return f"a system that refuses interfaces in a namespace ({_errno_name(problem.errno)})"
     return ""
 
 
@@ -75,9 +75,9 @@ def set_loopback(up: bool) -> str:
     if not _own_network:
         return "this is no network of its own"
     try:
-        _set_up(LOOPBACK, up)
+        _set_interface_up(LOOPBACK_INTERFACE, up)
     except OSError as problem:
-        return f"interface {LOOPBACK}: {_name(problem.errno)}"
+        return f"interface {LOOPBACK_INTERFACE}: {_errno_name(problem.errno)}"
     return ""
 
 
@@ -93,7 +93,7 @@ def _unshare() -> str:
     if unshare(CLONE_NEWNET) == 0:  # a second time, or root where user namespaces are switched off
         _own_network = True
         return ""
-    return _name(ctypes.get_errno())
+    return _errno_name(ctypes.get_errno())
 
 
 def _map_ids(user: int, group: int) -> None:
@@ -104,8 +104,8 @@ def _map_ids(user: int, group: int) -> None:
         Path("/proc/self/gid_map").write_text(f"0 {group} 1")
 
 
-def _set_up(interface: str, up: bool) -> None:
-    _request(SIOCSIFFLAGS, interface, struct.pack("h", IFF_UP if up else 0))
+def _set_interface_up(interface: str, up: bool) -> None:
+    _interface_ioctl(SIOCSIFFLAGS, interface, struct.pack("h", IFF_UP if up else 0))
 
 
 def _make_bridge(name: str) -> None:
@@ -115,16 +115,16 @@ def _make_bridge(name: str) -> None:
 
 def _add_address(label: str, address: str, mask: str) -> None:
     for request, what in ((SIOCSIFADDR, address), (SIOCSIFNETMASK, mask)):
-        _request(request, label, struct.pack(SOCKET_ADDRESS, socket.AF_INET, socket.inet_aton(what)))
-    _set_up(label.partition(":")[0], up=True)
+        _interface_ioctl(request, label, struct.pack(SOCKADDR_FORMAT, socket.AF_INET, socket.inet_aton(what)))
+    _set_interface_up(label.partition(":")[0], up=True)
 
 
-def _request(request: int, interface: str, union: bytes) -> None:
+def _interface_ioctl(request: int, interface: str, union: bytes) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
-        fcntl.ioctl(door, request, struct.pack(REQUEST, interface.encode(), union))
+        fcntl.ioctl(door, request, struct.pack(IFREQ_FORMAT, interface.encode(), union))
 
 
-def _name(number: int | None) -> str:
+def _errno_name(number: int | None) -> str:
     return errno.errorcode.get(number or 0, str(number))
 
 
@@ -133,13 +133,13 @@ def _name(number: int | None) -> str:
 # Rule 1: the system decides where names are known (hosts file, DNS, ...): nothing here speaks DNS.
 # Rule 2: at most QUESTIONS processes run at a time; one that is no longer asked for is ended.
 
-QUESTIONS: Final = 8
+MOST_QUESTIONS: Final = 8
 LONGEST_ANSWER: Final = 64  # bytes
-UNKNOWN: Final = "EAI_NONAME"
+NAME_UNKNOWN: Final = "EAI_NONAME"
 # Prints an address or why there is none. Whether nobody knows the name or nobody answers says more of this
 # machine than of the partner: both are an unknown name, as on the simulated network. A hosts file knows
 # names without their last dot.
-PROGRAM: Final = """
+RESOLVER_PROGRAM: Final = """
 import socket, sys
 said = "EAI_NONAME"
 for name in (sys.argv[1], sys.argv[1].rstrip(".")):
@@ -152,7 +152,7 @@ print(said)
 """
 
 
-class Questions:
+class NameResolver:
     """What is being asked, by the handle on whose behalf."""
 
     def __init__(self) -> None:
@@ -162,26 +162,26 @@ class Questions:
         """Return the address, WOULD_BLOCK while nobody has answered, else the Fault."""
         program = self._asked.get(handle)
         if program is None:
-            return self._begin(handle, name)
+            return self._start_process(handle, name)
         if program.poll() is None:
             return WOULD_BLOCK
         assert program.stdout is not None
         said = program.stdout.read(LONGEST_ANSWER).decode("ascii", "replace").strip()
         self.forget(handle)
-        if octets(said) is not None:
+        if parse_octets(said) is not None:
             return said
-        return Fault("resolve", UNKNOWN)
+        return Fault("resolve", NAME_UNKNOWN)
 
-    def _begin(self, handle: int, name: str) -> WouldBlock | Fault:
-        if len(self._asked) < QUESTIONS:
-            words = [sys.executable, "-I", "-S", "-c", PROGRAM, name]
+    def _start_process(self, handle: int, name: str) -> WouldBlock | Fault:
+        if len(self._asked) < MOST_QUESTIONS:
+            words = [sys.executable, "-I", "-S", "-c", RESOLVER_PROGRAM, name]
             null = subprocess.DEVNULL
             try:
                 asked = subprocess.Popen(words, stdin=null, stdout=subprocess.PIPE, stderr=null)
             except OSError as problem:
                 return Fault("resolve", error_name(problem))
             except ValueError:  # a NUL in the name
-                return Fault("resolve", UNKNOWN)
+                return Fault("resolve", NAME_UNKNOWN)
             self._asked[handle] = asked
         return WOULD_BLOCK
 
@@ -221,7 +221,7 @@ _IfAddrs._fields_ = [
 
 
 @functools.cache
-def _library() -> ctypes.CDLL | None:
+def _c_library() -> ctypes.CDLL | None:
     """Return the C library that the process has already loaded, None where it has no getifaddrs.
 
     It is loaded once: a bind asks in the middle of a scan, and looking for the file would start a process.
@@ -238,37 +238,37 @@ def interface_addresses() -> tuple[LocalAddress, ...] | None:
 
     () on a system that has no getifaddrs: nobody can say. Only 127.0.0.1 where there is no address at all.
     """
-    library = _library()
+    library = _c_library()
     if library is None:
         return ()
     head = ctypes.POINTER(_IfAddrs)()
     if library.getifaddrs(ctypes.byref(head)) != 0:
         return None
     try:
-        return tuple(_entries(head)) or LOOPBACK_ONLY
+        return tuple(_iter_addresses(head)) or LOOPBACK_ONLY
     finally:
         library.freeifaddrs(head)
 
 
-def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
+def _iter_addresses(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
     while entry:
         item = entry.contents
-        address = _ipv4(item.address)
+        address = _read_ipv4(item.address)
         if address is not None:
             name, loopback = item.name.decode(errors="replace"), bool(item.flags & IFF_LOOPBACK)
-            everybody = _broadcast(address, item)
+            everybody = _broadcast_address(address, item)
             yield LocalAddress(address, name, _is_ethernet(name, item.flags), loopback, everybody)
         entry = item.next
 
 
-def _broadcast(address: str, item: _IfAddrs) -> str:
-    told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
+def _broadcast_address(address: str, item: _IfAddrs) -> str:
+    told = _read_ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
     if told in (None, ANY_ADDRESS, address):  # glibc has the own one where none was given (`ip addr add`)
-        told = broadcast_of(address, _ipv4(item.netmask) or "")
+        told = broadcast_address(address, _read_ipv4(item.netmask) or "")
     return "" if told == address else told
 
 
-def _ipv4(address: int | None) -> str | None:
+def _read_ipv4(address: int | None) -> str | None:
     """Return the dotted text of a `struct sockaddr`, None when it is of another family."""
     if not address:
         return None

@@ -19,29 +19,29 @@ from typing import Final, NamedTuple, Protocol
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of
 from trcvtui.net.os.lossy_pipe import LossyPipe
-from trcvtui.net.os.system_calls import IN, look_at, new_poll_set
+from trcvtui.net.os.system_calls import IN, new_poll_set, poll_once
 from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
 from trcvtui.net.os.tapped_lane import TapLoop
-from trcvtui.net.tap import ENDS, LOSS, RELEASE, SAYS, TapEvent, TapEventKind, events_of
+from trcvtui.net.tap import ENDS, LOSS, RELEASE, USER_LINE, TapEvent, TapEventKind, read_events
 
-CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
-MOST_NAME: Final = 107  # bytes of `sun_path`
+PEER_CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
+MOST_PATH_BYTES: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
-LAST_NS: Final = 1_000_000_000  # for observers to read what is left
-TRY_S: Final = 1.0  # for a tap to take a connection, and to tell something
-LOOK_NS: Final = 5_000_000_000  # between two looks at whether the socket is still there
+FLUSH_NS: Final = 1_000_000_000  # for observers to read what is left
+CONNECT_TIMEOUT_S: Final = 1.0  # for a tap to take a connection, and to tell something
+LISTENER_CHECK_NS: Final = 5_000_000_000  # between two looks at whether the socket is still there
 FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before a socket is tried again
 
 
-def _checked(path: Path) -> str:
+def _check_socket_path(path: Path) -> str:
     with suppress(OSError):  # without a folder there is no socket either
         folder = os.lstat(path.parent)
         is_ours = stat.S_ISDIR(folder.st_mode) and folder.st_uid == os.geteuid()
         if not is_ours or folder.st_mode & 0o077:
             found = f"mode {folder.st_mode & 0o777:o}" if is_ours else "a link, or another user's folder"
             raise mistake(str(path.parent), found, "a folder of yours, mode 700: set XDG_RUNTIME_DIR")
-    if len(os.fsencode(path)) > MOST_NAME:
-        raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_NAME} at most")
+    if len(os.fsencode(path)) > MOST_PATH_BYTES:
+        raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_PATH_BYTES} at most")
     return str(path)
 
 
@@ -50,14 +50,14 @@ def is_trusted(peer: socket.socket) -> bool:
     asked = getattr(socket, "SO_PEERCRED", None)
     if asked is None:
         return True
-    _, user, _ = CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, asked, CREDENTIALS.size))
+    _, user, _ = PEER_CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, asked, PEER_CREDENTIALS.size))
     return user in (0, os.geteuid())
 
 
-def connected(path: Path, expected: str) -> int:
+def connect_to_tap(path: Path, expected: str) -> int:
     """Return the descriptor of a connection to the tap that listens there; raise UserError without one."""
-    name, made = _checked(path), socket.socket(socket.AF_UNIX)
-    made.settimeout(TRY_S)
+    name, made = _check_socket_path(path), socket.socket(socket.AF_UNIX)
+    made.settimeout(CONNECT_TIMEOUT_S)
     found = "no tap"
     try:
         made.connect(name)
@@ -74,13 +74,13 @@ def connected(path: Path, expected: str) -> int:
     return made.detach()
 
 
-def listening(path: Path) -> socket.socket:
+def listen_at(path: Path) -> socket.socket:
     """Listen there, in place of a program that is dead; raise UserError where one lives, or nothing goes."""
     made = socket.socket(socket.AF_UNIX)
     try:
         with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
-            rival.settimeout(TRY_S)
-            rival.connect(_checked(path))
+            rival.settimeout(CONNECT_TIMEOUT_S)
+            rival.connect(_check_socket_path(path))
             raise mistake(str(path), "a tap that listens there already", "one tap of a project")
         with suppress(FileNotFoundError):
             if not stat.S_ISSOCK(os.lstat(path).st_mode):
@@ -101,20 +101,20 @@ def listening(path: Path) -> socket.socket:
     return made
 
 
-class Capture(Protocol):
+class Encoder(Protocol):
     """The pcapng that observers read, made of events one after the other."""
 
     def head(self, ns: int) -> bytes: ...
 
-    def block(self, event: TapEvent) -> bytes: ...
+    def encode_event(self, event: TapEvent) -> bytes: ...
 
-    def lines(self, since: int) -> list[bytes]:
+    def encode_lines(self, since: int) -> list[bytes]:
         """Return the blocks of serial lines, which are interfaces, without the first ones."""
 
-    def loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
+    def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         """Return what says how much an observer has missed; `dropped`: since it came."""
 
-    def open(self) -> bytes:
+    def encode_open(self) -> bytes:
         """Return what says which conversations there are."""
 
 
@@ -131,9 +131,9 @@ class ObserverKind(NamedTuple):
 
 
 _ALL: Final = frozenset(int(kind) for kind in TapEventKind)
-GUEST: Final = ObserverKind(_ALL, 8 << 20, is_guest=True)
+GUEST_KIND: Final = ObserverKind(_ALL, 8 << 20, is_guest=True)
 # Those that the tap starts, by the byte with which it hands over their socket.
-KINDS: Final = {
+OBSERVER_KINDS: Final = {
     SCREEN: ObserverKind(_ALL, holds=True),
     RECORDER: ObserverKind(_ALL - {TapEventKind.NOW, TapEventKind.FIGURES}),  # a silent line fills no disk
     ORDERS: ObserverKind(frozenset({TapEventKind.REFUSED, TapEventKind.LACK}), holds=True),
@@ -147,50 +147,50 @@ class Observer:
         self.kind = kind
         self._server, self._capture = server, server.capture
         self._has_ordered, self._is_refused = kind.holds, False
-        lines = self._capture.lines(0)
+        lines = self._capture.encode_lines(0)
         self._lines, self._newest = len(lines), server.newest  # conversation that it knows
         self._dropped = 0  # events that it missed
-        self.pipe = LossyPipe(server.loop, sock, kind.most, self._restate, self._hear, self._leave)
+        self.pipe = LossyPipe(server.loop, sock, kind.most, self._report_missed, self._on_order, self._on_end)
         # At once: a screen shows what is there with its first picture, and keys act on that.
-        self.pipe.put(b"".join([self._capture.head(time.time_ns()), *lines, self._capture.open()]))
+        self.pipe.put(b"".join([self._capture.head(time.time_ns()), *lines, self._capture.encode_open()]))
 
-    def take(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
+    def handle_events(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
         """Take events, and their blocks."""
         kept = [block for event, block in events if event.kind in ENDS and event.number <= self._newest]
         size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
         size += sum(LOSS.unpack_from(event.data)[1] for event, _ in events if event.kind == TapEventKind.LOST)
         blocks = b"".join([block for _, block in events])
-        self._put(blocks, len(events) - len(kept), size, b"".join(kept))
+        self._write_blocks(blocks, len(events) - len(kept), size, b"".join(kept))
         if not self.pipe.is_behind:
             self._newest = max(
                 [self._newest, *[event.number for event, _ in events if event.kind == TapEventKind.OPEN]]
             )
 
-    def _put(self, blocks: bytes, events: int = 0, size: int = 0, ends: bytes = b"") -> None:
-        for line in self._capture.lines(self._lines):  # no packet of a line without its interface
+    def _write_blocks(self, blocks: bytes, events: int = 0, size: int = 0, ends: bytes = b"") -> None:
+        for line in self._capture.encode_lines(self._lines):  # no packet of a line without its interface
             self.pipe.put(line, events=0)
             self._lines += not self.pipe.is_behind
         self.pipe.put(blocks, events=events, size=size, ends=ends)
 
-    def _restate(self, events: int, size: int, ends: bytes) -> None:
+    def _report_missed(self, events: int, size: int, ends: bytes) -> None:
         self._dropped += events
-        loss = self._capture.loss(time.time_ns(), self._dropped, events, size) if events else b""
-        self._put(loss + ends + self._capture.open())
+        loss = self._capture.encode_loss(time.time_ns(), self._dropped, events, size) if events else b""
+        self._write_blocks(loss + ends + self._capture.encode_open())
         self._newest = self._server.newest
 
-    def _hear(self, line: bytes) -> None:
+    def _on_order(self, line: bytes) -> None:
         if self.kind.is_guest and not self._server.may_order:
             if not self._is_refused:
                 self._is_refused = True
-                self._server.say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
+                self._server.notify("an observer gives orders: it needs `trcvtui tap --allow-orders`")
             return
         self._has_ordered = True
-        self._server.tell(line.lstrip(SAYS))  # that word is the server's alone
+        self._server.send_to_tap(line.lstrip(USER_LINE))  # that word is the server's alone
 
-    def _leave(self) -> None:
-        self._server.lose(self)
+    def _on_end(self) -> None:
+        self._server.remove_observer(self)
         if self._has_ordered:
-            self._server.tell(RELEASE)
+            self._server.send_to_tap(RELEASE)
 
 
 class ObserverServer:
@@ -199,56 +199,56 @@ class ObserverServer:
     The tap hands over sockets of its own observers on `ways`; guests come to the Unix socket at `path`.
     """
 
-    def __init__(self, events: int, ways: int, path: Path | None, may_order: bool, capture: Capture) -> None:
-        self.loop, self.capture, self.may_order = TapLoop(self.say, new_poll_set()), capture, may_order
+    def __init__(self, events: int, ways: int, path: Path | None, may_order: bool, capture: Encoder) -> None:
+        self.loop, self.capture, self.may_order = TapLoop(self.notify, new_poll_set()), capture, may_order
         self.newest = 0  # conversation
         self._tap, self._ways = socket.socket(fileno=events), socket.socket(fileno=ways)
-        self._path, self._events = path, events_of(self._tap.recv)
+        self._path, self._events = path, read_events(self._tap.recv)
         self._observers: tuple[Observer, ...] = ()
         self._has_ended = False
         self._door: socket.socket | None = None
         self._inode, self._pause = 0, FIRST_PAUSE_NS
-        self.loop.hear(events, IN, self._take_events)
+        self.loop.register(events, IN, self._read_events)
 
     def run(self) -> None:
         """Serve until the tap ends; let observers read what is left."""
-        self._look_at_door()
+        self._keep_listening()
         while not self._has_ended:
-            self.loop.turn(-1)
-        self._close_door()
-        until = time.monotonic_ns() + LAST_NS
+            self.loop.run_once(-1)
+        self._close_listener()
+        until = time.monotonic_ns() + FLUSH_NS
         for observer in self._observers:
             observer.pipe.finish(until)
 
     # -- the tap ---------------------------------------------------------------------------------------------
 
-    def tell(self, line: bytes) -> None:
+    def send_to_tap(self, line: bytes) -> None:
         """Tell the tap a line; it never makes us wait."""
         with suppress(OSError):
             self._tap.sendall(line + b"\n")
 
-    def say(self, text: str) -> None:
-        self.tell(SAYS + text.encode())
+    def notify(self, text: str) -> None:
+        self.send_to_tap(USER_LINE + text.encode())
 
-    def _take_events(self, _: int) -> None:
+    def _read_events(self, _: int) -> None:
         try:
             events = next(self._events, None)
         except OSError:
             events = None
         if events is None:
             self._has_ended = True
-            self.loop.forget(self._tap.fileno())
+            self.loop.unregister(self._tap.fileno())
             return
         stand = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
-        self._pass_on(stand)  # the first that we are told: our first observers are told of them
-        while look_at({self._ways.fileno(): IN}) and self._take_way():
+        self._distribute(stand)  # the first that we are told: our first observers are told of them
+        while poll_once({self._ways.fileno(): IN}) and self._accept_own():
             pass  # a way that was handed over before an event gets it
-        self._pass_on(events[len(stand) :])
+        self._distribute(events[len(stand) :])
 
-    def _pass_on(self, events: Sequence[TapEvent]) -> None:
+    def _distribute(self, events: Sequence[TapEvent]) -> None:
         wanted = frozenset[int]().union(*[each.kind.events for each in self._observers])
         made = [
-            (event, self.capture.block(event))
+            (event, self.capture.encode_event(event))
             for event in events
             if event.kind in wanted or event.kind != TapEventKind.BYTES
         ]
@@ -259,25 +259,25 @@ class ObserverServer:
             if kinds not in parts:
                 parts[kinds] = [each for each in made if each[0].kind in kinds]
             if parts[kinds]:
-                observer.take(parts[kinds])
+                observer.handle_events(parts[kinds])
 
-    def _take_way(self) -> bool:
+    def _accept_own(self) -> bool:
         what, ways, _, _ = socket.recv_fds(self._ways, 1, 1)
         for way in ways:
-            self._observe(socket.socket(fileno=way), KINDS[what])
+            self._add_observer(socket.socket(fileno=way), OBSERVER_KINDS[what])
         return bool(what)
 
     # -- observers -------------------------------------------------------------------------------------------
 
-    def _observe(self, sock: socket.socket, kind: ObserverKind) -> None:
+    def _add_observer(self, sock: socket.socket, kind: ObserverKind) -> None:
         self._observers += (Observer(self, sock, kind),)
 
-    def lose(self, observer: Observer) -> None:
+    def remove_observer(self, observer: Observer) -> None:
         self._observers = tuple([each for each in self._observers if each is not observer])
         if observer.kind.is_guest and not self._has_ended:
-            self.say("an observer has ended: bytes still go on")
+            self.notify("an observer has ended: bytes still go on")
 
-    def _accept(self, _: int) -> None:
+    def _accept_guest(self, _: int) -> None:
         assert self._door is not None
         try:
             observer, _ = self._door.accept()
@@ -286,34 +286,34 @@ class ObserverServer:
         if sum(each.kind.is_guest for each in self._observers) >= MOST_OBSERVERS or not is_trusted(observer):
             observer.close()
         else:
-            self._observe(observer, GUEST)
+            self._add_observer(observer, GUEST_KIND)
 
-    def _look_at_door(self) -> None:
+    def _keep_listening(self) -> None:
         """Listen where guests come, anew where the socket is gone."""
         if self._path is None:
             return
-        pause = LOOK_NS
-        if not self._is_there(self._path):
-            self._close_door()
+        pause = LISTENER_CHECK_NS
+        if not self._is_own_socket(self._path):
+            self._close_listener()
             try:
                 self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                self._door = listening(self._path)
+                self._door = listen_at(self._path)
                 self._inode = os.stat(self._path).st_ino
-                self.loop.hear(self._door.fileno(), IN, self._accept)
+                self.loop.register(self._door.fileno(), IN, self._accept_guest)
             except (UserError, OSError) as refused:
                 pause, self._pause = self._pause, min(2 * self._pause, MOST_PAUSE_NS)
-                self.say(f"no observers: {refused}; tried again in {pause // 10**9} s, bytes go on")
-        self.loop.after(pause, self._look_at_door)
+                self.notify(f"no observers: {refused}; tried again in {pause // 10**9} s, bytes go on")
+        self.loop.call_after(pause, self._keep_listening)
 
-    def _is_there(self, path: Path) -> bool:
+    def _is_own_socket(self, path: Path) -> bool:
         with suppress(OSError):
             return os.stat(path).st_ino == self._inode
         return False
 
-    def _close_door(self) -> None:
+    def _close_listener(self) -> None:
         if self._door is not None:
-            self.loop.forget(self._door.fileno())
+            self.loop.unregister(self._door.fileno())
             self._door.close()
             self._door = None
-            if self._path is not None and self._is_there(self._path):  # otherwise it is another one's
+            if self._path is not None and self._is_own_socket(self._path):  # otherwise it is another one's
                 os.unlink(self._path)

@@ -11,16 +11,16 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-MOST: Final = 256 << 10  # bytes of one read
-ROOM: Final = 1 << 20  # in the pipe, where the system lets us have so much
-FEW: Final = 32 << 10  # after fewer bytes a rest: packets read one by one cost several times as much
+READ_BYTES: Final = 256 << 10  # bytes of one read
+PIPE_BYTES: Final = 1 << 20  # in the pipe, where the system lets us have so much
+FEW_BYTES: Final = 32 << 10  # after fewer bytes a rest: packets read one by one cost several times as much
 REST_S: Final = 0.005
 TICK_S: Final = 0.01  # between two calls of `waits`
 SLOW_TICK_S: Final = 0.05  # after so many ticks
-TICKS: Final = 200
-LAST_S: Final = 0.5  # after `stop`, for the other program to end
-_SET_ROOM: Final = 1031  # F_SETPIPE_SZ of Linux
-_CHUNKS: Final = 4  # read ahead by a thread
+FAST_TICKS: Final = 200
+STOP_WAIT_S: Final = 0.5  # after `stop`, for the other program to end
+_F_SETPIPE_SZ: Final = 1031  # F_SETPIPE_SZ of Linux
+_MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
@@ -32,14 +32,14 @@ class PacketPipe:
     def __init__(
         self, fd: int, waits: Callable[[int], object], whole: Callable[[bytes], bytes | None] = bytes
     ) -> None:
-        self._next, self._waits, self._whole = _chunks_of(fd), waits, whole
+        self._next, self._waits, self._whole = _chunk_reader(fd), waits, whole
         self._few = False
         self.empty_at = time.monotonic_ns()  # when it was last seen empty
         self._stops_at: float | None = None
 
     def stop(self) -> None:
         """End with what the other program still says."""
-        self._stops_at = time.monotonic() + LAST_S
+        self._stops_at = time.monotonic() + STOP_WAIT_S
 
     @property
     def is_stopped(self) -> bool:
@@ -56,9 +56,9 @@ class PacketPipe:
         if self._few:
             time.sleep(REST_S)
         while True:
-            data = self._next(0.0 if not ticks else TICK_S if ticks < TICKS else SLOW_TICK_S)
+            data = self._next(0.0 if not ticks else TICK_S if ticks < FAST_TICKS else SLOW_TICK_S)
             if data is not None and (data := self._whole(data)) is not None:
-                self._few = len(data) < FEW
+                self._few = len(data) < FEW_BYTES
                 if self._few:
                     self.empty_at = time.monotonic_ns()
                 return data
@@ -70,23 +70,23 @@ class PacketPipe:
             ticks += 1
 
 
-def _chunks_of(fd: int) -> Callable[[float], bytes | None]:
+def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
     """Return what waits so many seconds for the next bytes; None: none have come."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl
 
-            fcntl.fcntl(fd, _SET_ROOM, ROOM)
+            fcntl.fcntl(fd, _F_SETPIPE_SZ, PIPE_BYTES)
         poller = select.poll()
         poller.register(fd, select.POLLIN)
-        return lambda seconds: _read(fd) if poller.poll(seconds * 1000) else None
-    chunks = queue.Queue[bytes](_CHUNKS)
+        return lambda seconds: _read_or_end(fd) if poller.poll(seconds * 1000) else None
+    chunks = queue.Queue[bytes](_MOST_CHUNKS)
 
     def fill() -> None:  # a pipe of Windows cannot be polled
         data = b"."
         while data:
             try:
-                data = os.read(fd, MOST)
+                data = os.read(fd, READ_BYTES)
             except OSError:
                 data = b""
             chunks.put(data)
@@ -100,13 +100,13 @@ def _chunks_of(fd: int) -> Callable[[float], bytes | None]:
     return wait
 
 
-def _read(fd: int) -> bytes:
+def _read_or_end(fd: int) -> bytes:
     with suppress(ConnectionResetError):  # it has ended, and left an order of ours unread
-        return os.read(fd, MOST)
+        return os.read(fd, READ_BYTES)
     return b""
 
 
-def take_stdin(with_keyboard: bool) -> int:
+def detach_stdin(with_keyboard: bool) -> int:
     """Return the descriptor of what is piped to stdin; `with_keyboard`: stdin is the terminal from now on."""
     fd = os.dup(0)
     if with_keyboard:

@@ -18,7 +18,7 @@ from typing import Any, Final
 from trcvtui.errors import need
 from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
-from trcvtui.net.serial_line import OPENING, LineErrors, Opening, SerialSettings
+from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSettings
 
 # Rule: the only threads below `tui`: pyserial opens and closes with calls that wait, and a scan must
 # not. They hold nothing but their port.
@@ -49,7 +49,7 @@ class OpenAttempt:
         self._over.set()
 
 
-def put_away(port: Any) -> None:
+def close_in_background(port: Any) -> None:
     """Close a port; that waits too (pyserial 3.5: 0.3 s for a socket, a driver until all is sent)."""
     threading.Thread(target=_close, args=(port,), daemon=True).start()
 
@@ -64,36 +64,36 @@ def _close(port: Any) -> None:
             left.close()
 
 
-GONE: Final = "EIO"
-END: Final = "EOF"  # no errno: the far end has closed the connection in order
-MOST_WORDS: Final = 160
-NO_RESOLVER: Final = (-3, 11002)  # EAI_AGAIN of Linux, WSATRY_AGAIN
+PORT_GONE: Final = "EIO"
+FAR_END_CLOSED: Final = "EOF"  # no errno: the far end has closed the connection in order
+MOST_TEXT_CHARS: Final = 160
+TRY_AGAIN_ERRORS: Final = (-3, 11002)  # EAI_AGAIN of Linux, WSATRY_AGAIN
 # What pyserial 3.5 says where no call of the system has failed.
-SAID: Final = (
-    ("socket disconnected", END),
-    ("reader thread died", END),
+MESSAGE_ERRORS: Final = (
+    ("socket disconnected", FAR_END_CLOSED),
+    ("reader thread died", FAR_END_CLOSED),
     ("does not seem to support", "ETIMEDOUT"),  # nobody has answered in RFC 2217
     ("timeout while waiting", "ETIMEDOUT"),
 )
 
 
-def fault_of(call: str, problem: BaseException) -> Fault:
+def fault_from_error(call: str, problem: BaseException) -> Fault:
     """Return a failure of a port as a Fault."""
-    name = next((name for each in _chain(problem) if (name := _name_of(each))), "") or _said(problem)
+    name = next((name for each in _causes(problem) if (name := _errno_name(each))), "") or _find_name(problem)
     words = "".join([letter for letter in str(problem) if letter.isprintable()])
-    return Fault(call, name, words=words[:MOST_WORDS])
+    return Fault(call, name, words=words[:MOST_TEXT_CHARS])
 
 
-def _chain(problem: BaseException | None) -> Iterator[BaseException]:
+def _causes(problem: BaseException | None) -> Iterator[BaseException]:
     while problem is not None:
         yield problem
         problem = problem.__cause__ or problem.__context__
 
 
-def _name_of(problem: BaseException) -> str:
+def _errno_name(problem: BaseException) -> str:
     number = problem.args[0] if problem.args else None  # of an OSError with words alone it is a text
     if isinstance(problem, socket.gaierror):  # its numbers are no errno
-        return "EAI_AGAIN" if number in NO_RESOLVER else "EAI_NONAME"
+        return "EAI_AGAIN" if number in TRY_AGAIN_ERRORS else "EAI_NONAME"
     if isinstance(number, int) and number in errno.errorcode:  # termios.error is no OSError
         return error_name(OSError(number, ""))
     if isinstance(problem, TimeoutError):
@@ -101,8 +101,8 @@ def _name_of(problem: BaseException) -> str:
     return "EINVAL" if isinstance(problem, ValueError) else ""
 
 
-def _said(problem: BaseException) -> str:
-    return next((name for words, name in SAID if words in str(problem)), GONE)
+def _find_name(problem: BaseException) -> str:
+    return next((name for words, name in MESSAGE_ERRORS if words in str(problem)), PORT_GONE)
 
 
 PARITIES: Final = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
@@ -115,7 +115,7 @@ HANDSHAKES: Final[dict[str, dict[str, bool]]] = {
 TIOCGICOUNT: Final = 0x545D
 # struct serial_icounter_struct: frame, overrun, parity, brk, buf_overrun after six others, nine reserved.
 _ICOUNTS: Final = struct.Struct("24x5i36x")
-PIECE: Final = 256  # bytes of one write: a terminal that can be written takes them without a pause
+WRITE_BYTES: Final = 256  # bytes of one write: a terminal that can be written takes them without a pause
 
 
 class OsSerialPort:
@@ -126,22 +126,22 @@ class OsSerialPort:
         self._attempt: OpenAttempt | None = None
         self._is_given_up = False  # the attempt that still runs
 
-    def open(self) -> Fault | Opening | None:
+    def open(self) -> Fault | PortOpening | None:
         if self._attempt is None:
-            self._attempt, self._is_given_up = OpenAttempt(self._made), False
+            self._attempt, self._is_given_up = OpenAttempt(self._make_port), False
         if not self._attempt.is_over:
             return OPENING
         attempt, self._attempt = self._attempt, None
         if self._is_given_up:
             if attempt.port is not None:
-                put_away(attempt.port)
+                close_in_background(attempt.port)
             return OPENING  # the next call begins anew
         if attempt.problem is not None:
-            return fault_of("open", attempt.problem)
+            return fault_from_error("open", attempt.problem)
         self._port = attempt.port
         return None
 
-    def _made(self) -> Any:
+    def _make_port(self) -> Any:
         s = self._settings
         return self._serial.serial_for_url(
             s.port,
@@ -160,24 +160,24 @@ class OsSerialPort:
         try:
             return bytes(self._port.read(most))
         except (OSError, TypeError) as problem:  # TypeError: pyserial on a port that closed under it
-            return self._gone("read", problem)
+            return self._close_as_gone("read", problem)
 
     def write(self, payload: bytes) -> int | Fault:
         try:
             if not self._has_room():
                 return 0
-            return int(self._port.write(payload[:PIECE]) or 0)
+            return int(self._port.write(payload[:WRITE_BYTES]) or 0)
         except (OSError, TypeError) as problem:
-            return self._gone("write", problem)
+            return self._close_as_gone("write", problem)
 
     def close(self) -> None:
         """Give the port back; an attempt that still runs is given up."""
         self._is_given_up = True
         if self._port is not None:
-            put_away(self._port)
+            close_in_background(self._port)
         self._port = None
 
-    def arrive(self, payload: bytes) -> bool:
+    def simulate_arrival(self, payload: bytes) -> bool:
         return False
 
     def line_errors(self) -> LineErrors | None:
@@ -199,6 +199,6 @@ class OsSerialPort:
             return True
         return number < 0 or bool(select.select([], [number], [], 0)[1])
 
-    def _gone(self, call: str, problem: Exception) -> Fault:
+    def _close_as_gone(self, call: str, problem: Exception) -> Fault:
         self.close()
-        return fault_of(call, problem)
+        return fault_from_error(call, problem)

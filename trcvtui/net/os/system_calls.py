@@ -22,7 +22,7 @@ ERR: Final = 0x8
 HUP: Final = 0x10
 RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
 HAS_POLL: Final = hasattr(select, "poll")
-GONE: Final = ERR | HUP | RDHUP
+GONE_MASK: Final = ERR | HUP | RDHUP
 # An ICMP message raises ERR alone while an attempt to connect goes on: no verdict.
 # select has no HUP: there ERR is how a refusal shows.
 VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
@@ -56,7 +56,7 @@ class PollList:
         self._wanted[fd] = mask
 
     def poll(self, timeout: float, maxevents: int = -1) -> list[tuple[int, int]]:
-        return look_at(self._wanted, timeout) if self._wanted else []
+        return poll_once(self._wanted, timeout) if self._wanted else []
 
     def close(self) -> None:
         self._wanted.clear()
@@ -67,7 +67,7 @@ def new_poll_set() -> PollSet:
     return select.epoll() if hasattr(select, "epoll") else PollList()
 
 
-def look_at(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
+def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
     """Return (descriptor, events) of those that are ready within so many seconds, -1: waiting for ever."""
     if HAS_POLL:
         poller = select.poll()
@@ -87,7 +87,7 @@ def _select(wanted: dict[int, int], timeout: float | None) -> list[tuple[int, in
     return list(seen.items())
 
 
-SAME_ERROR: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
+ERROR_ALIASES: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
 
 
 def error_name(problem: OSError | ValueError | KeyError) -> str:
@@ -95,7 +95,7 @@ def error_name(problem: OSError | ValueError | KeyError) -> str:
     if not isinstance(problem, OSError):
         return "EBADF"
     name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
-    return SAME_ERROR.get(name, name)
+    return ERROR_ALIASES.get(name, name)
 
 
 KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
@@ -103,9 +103,9 @@ KEEP_ALIVE_PROBES: Final = 2
 SMALL_SEND_BUFFER: Final = 4608
 SMALL_RECEIVE_BUFFER: Final = 2304
 RTO_MAX_MS: Final = 1000
-LARGEST: Final = (1 << 31) - 1  # a socket option is a C int
+LARGEST_C_INT: Final = (1 << 31) - 1  # a socket option is a C int
 
-TCP: Final = socket.IPPROTO_TCP
+TCP_LEVEL: Final = socket.IPPROTO_TCP
 BASE: Final = socket.SOL_SOCKET
 # Numbers that the socket module does not name; TCP_RTO_MAX_MS is Linux 6.15 and later.
 TCP_RTO_MAX_MS: Final = 44 if sys.platform == "linux" else None
@@ -115,7 +115,7 @@ TCP_KEEPCNT: Final = getattr(socket, "TCP_KEEPCNT", None)
 # TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT, and how many milliseconds their unit has.
 USER_TIMEOUT: Final = {"linux": (18, 1), "darwin": (0x80, 1000), "win32": (5, 1000)}.get(sys.platform)
 # On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like.
-REUSE: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+REUSE_OPTION: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 
 
@@ -124,12 +124,12 @@ def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...
     low, high = KEEP_ALIVE_LIMITS_S
     refused = [
         name
-        for name, level, option, value in _wanted(options)
+        for name, level, option, value in _list_options(options)
         if (name in ("TCP_KEEPIDLE", "TCP_KEEPINTVL") and not low <= value <= high)
-        or not _accepts(sock, level, option, value)
+        or not _set_option(sock, level, option, value)
     ]
     # Nobody asked for this one: where it is unknown, `probes_often` says so.
-    _accepts(sock, TCP, TCP_RTO_MAX_MS, RTO_MAX_MS)
+    _set_option(sock, TCP_LEVEL, TCP_RTO_MAX_MS, RTO_MAX_MS)
     if not limit_unacknowledged(sock, options.user_timeout_ms) and options.user_timeout_ms:
         refused.append("TCP_USER_TIMEOUT")
     return tuple(refused)
@@ -138,31 +138,31 @@ def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...
 def limit_unacknowledged(sock: socket.socket, milliseconds: int) -> bool:
     """Limit how long sent data may stay unacknowledged; return whether the system took it."""
     option, unit = USER_TIMEOUT or (None, 1)
-    return _accepts(sock, TCP, option, -(-milliseconds // unit))
+    return _set_option(sock, TCP_LEVEL, option, -(-milliseconds // unit))
 
 
 def probes_often(sock: socket.socket) -> bool:
     """Return whether retransmissions and window probes are at most a second apart."""
     try:
-        return TCP_RTO_MAX_MS is not None and sock.getsockopt(TCP, TCP_RTO_MAX_MS) <= RTO_MAX_MS
+        return TCP_RTO_MAX_MS is not None and sock.getsockopt(TCP_LEVEL, TCP_RTO_MAX_MS) <= RTO_MAX_MS
     except (OSError, ValueError):
         return False
 
 
-def _wanted(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]]:
+def _list_options(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]]:
     """Yield (name, level, option or None where unknown, value) in the order of setting."""
-    yield "TCP_NODELAY", TCP, socket.TCP_NODELAY, int(options.nodelay)
-    yield "TCP_KEEPIDLE", TCP, TCP_KEEPIDLE, options.keep_alive_s
-    yield "TCP_KEEPINTVL", TCP, TCP_KEEPINTVL, options.keep_alive_s
-    yield "TCP_KEEPCNT", TCP, TCP_KEEPCNT, KEEP_ALIVE_PROBES
+    yield "TCP_NODELAY", TCP_LEVEL, socket.TCP_NODELAY, int(options.nodelay)
+    yield "TCP_KEEPIDLE", TCP_LEVEL, TCP_KEEPIDLE, options.keep_alive_s
+    yield "TCP_KEEPINTVL", TCP_LEVEL, TCP_KEEPINTVL, options.keep_alive_s
+    yield "TCP_KEEPCNT", TCP_LEVEL, TCP_KEEPCNT, KEEP_ALIVE_PROBES
     yield "SO_KEEPALIVE", BASE, socket.SO_KEEPALIVE, 1
     if options.small_buffers:
         yield "SO_SNDBUF", BASE, socket.SO_SNDBUF, SMALL_SEND_BUFFER
         yield "SO_RCVBUF", BASE, socket.SO_RCVBUF, SMALL_RECEIVE_BUFFER
 
 
-def _accepts(sock: socket.socket, level: int, option: int | None, value: int) -> bool:
-    if option is None or not -LARGEST <= value <= LARGEST:
+def _set_option(sock: socket.socket, level: int, option: int | None, value: int) -> bool:
+    if option is None or not -LARGEST_C_INT <= value <= LARGEST_C_INT:
         return False
     try:
         sock.setsockopt(level, option, value)
@@ -175,18 +175,18 @@ try:
     import fcntl
     import termios
 except ImportError:  # Windows
-    CAN_ASK = False
+    CAN_IOCTL = False
 else:
-    CAN_ASK = True
+    CAN_IOCTL = True
 
 PEEK_BYTES: Final = 65536
 MOST_DATAGRAMS: Final = 1024  # of one look
-_COUNT: Final = bytearray(4)  # where FIONREAD writes
-_NOTHING: Final = bytes(4)
+_FIONREAD_BUFFER: Final = bytearray(4)  # where FIONREAD writes
+_ZERO_COUNT: Final = bytes(4)
 # TCP_INFO: the state stands first; of a listener tcpi_unacked is the number of its clients.
-LISTENS: Final = b"\x0a"
+LISTEN_STATE: Final = b"\x0a"
 # States of a stream that the partner has ended: TIME_WAIT, CLOSE, CLOSE_WAIT, LAST_ACK, CLOSING.
-ENDS: Final = {b"\x06": "fin", b"\x07": "rst", b"\x08": "fin", b"\x09": "fin", b"\x0b": "fin"}
+END_STATES: Final = {b"\x06": "fin", b"\x07": "rst", b"\x08": "fin", b"\x09": "fin", b"\x0b": "fin"}
 CLIENTS_AT: Final = 24
 SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
@@ -201,25 +201,27 @@ WINDOW_AT: Final = 228
 LONG_TCP_INFO_BYTES: Final = 232
 
 
-def unread_bytes(sock: socket.socket | None) -> int:
+def count_unread(sock: socket.socket | None) -> int:
     """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
     try:
         if sock is None:
             return 0
-        return _ask(sock, termios.FIONREAD) if CAN_ASK else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
+        return (
+            _ioctl_int(sock, termios.FIONREAD) if CAN_IOCTL else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
+        )
     except (OSError, ValueError):
         return 0
 
 
 def may_have_unread(sock: socket.socket) -> bool:
     """Return whether something lies at a socket that the poll saw; also of a listener and of datagrams."""
-    if not CAN_ASK:
+    if not CAN_IOCTL:
         return True
     try:
-        fcntl.ioctl(sock, termios.FIONREAD, _COUNT)
+        fcntl.ioctl(sock, termios.FIONREAD, _FIONREAD_BUFFER)
     except OSError:  # a listener
         return True
-    return _COUNT != _NOTHING or sock.type == socket.SOCK_DGRAM
+    return _FIONREAD_BUFFER != _ZERO_COUNT or sock.type == socket.SOCK_DGRAM
 
 
 def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
@@ -229,21 +231,21 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
     """
     try:
         if sock.type == socket.SOCK_DGRAM:
-            return _peek_at_datagrams(sock, skip)
-        info = sock.getsockopt(TCP, socket.TCP_INFO, CLIENTS_AT + 4) if sys.platform == "linux" else b""
-        if info[:1] == LISTENS:
+            return _peek_datagrams(sock, skip)
+        info = sock.getsockopt(TCP_LEVEL, socket.TCP_INFO, CLIENTS_AT + 4) if sys.platform == "linux" else b""
+        if info[:1] == LISTEN_STATE:
             return Unread(clients=int.from_bytes(info[CLIENTS_AT : CLIENTS_AT + 4], sys.byteorder))
-        size = _ask(sock, termios.FIONREAD) if CAN_ASK else 0
-        most = min(size, PEEK_DEPTH) if CAN_ASK else 0 if is_gone else PEEK_BYTES
+        size = _ioctl_int(sock, termios.FIONREAD) if CAN_IOCTL else 0
+        most = min(size, PEEK_DEPTH) if CAN_IOCTL else 0 if is_gone else PEEK_BYTES
         data = sock.recv(most, socket.MSG_PEEK)[skip:] if most > skip else b""
-        end = ENDS.get(info[:1], "") if is_gone else ""
+        end = END_STATES.get(info[:1], "") if is_gone else ""
         room = sock.getsockopt(BASE, socket.SO_RCVBUF)
         return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)
     except (OSError, ValueError):
         return Unread()
 
 
-def _peek_at_datagrams(sock: socket.socket, skip: int) -> Unread:
+def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
     found: list[WaitingMessage] = []
     dropped = 0
     if sys.platform == "linux":
@@ -259,7 +261,7 @@ def _peek_at_datagrams(sock: socket.socket, skip: int) -> Unread:
     return Unread(messages=tuple(found), dropped=dropped)
 
 
-def read_away(sock: socket.socket | None, most: int) -> int:
+def discard_unread(sock: socket.socket | None, most: int) -> int:
     """Read away at most so many queued bytes, in MOST_READS calls at most, and return how many."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
@@ -275,13 +277,13 @@ def read_away(sock: socket.socket | None, most: int) -> int:
     return gone
 
 
-def path_of(sock: socket.socket | None) -> PathInfo | None:
+def tcp_info(sock: socket.socket | None) -> PathInfo | None:
     """Return the send side's state from TCP_INFO, or None where the system does not say."""
     if sock is None or sys.platform != "linux":
         return None
     try:
-        info = sock.getsockopt(TCP, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
-        queued = _ask(sock, termios.TIOCOUTQ)
+        info = sock.getsockopt(TCP_LEVEL, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
+        queued = _ioctl_int(sock, termios.TIOCOUTQ)
         often = probes_often(sock)
     except (OSError, ValueError):
         return None
@@ -290,7 +292,7 @@ def path_of(sock: socket.socket | None) -> PathInfo | None:
     return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)
 
 
-def end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
+def read_end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
     """Return of the other end: round trip in us, the window it has told, bytes that we sent to it again.
 
     None where the system does not say.
@@ -298,7 +300,7 @@ def end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
     if sys.platform != "linux":
         return None
     try:
-        info = sock.getsockopt(TCP, socket.TCP_INFO, LONG_TCP_INFO_BYTES)
+        info = sock.getsockopt(TCP_LEVEL, socket.TCP_INFO, LONG_TCP_INFO_BYTES)
     except OSError:
         return None
     if len(info) < LONG_TCP_INFO_BYTES:
@@ -309,7 +311,7 @@ def end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
     return round_trip, window, again
 
 
-def _ask(sock: socket.socket, request: int) -> int:
+def _ioctl_int(sock: socket.socket, request: int) -> int:
     (number,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), request, b"\0\0\0\0"))
     return int(number)
 
@@ -325,12 +327,12 @@ CAN_CUT: Final = sys.platform == "linux"
 CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"
 SO_ATTACH_FILTER: Final = 26
 SO_DETACH_FILTER: Final = 27
-RETURN_0: Final = struct.pack("HBBI", 0x06, 0, 0, 0)  # one struct sock_filter: BPF_RET | BPF_K, take 0 bytes
+DROP_ALL: Final = struct.pack("HBBI", 0x06, 0, 0, 0)  # one struct sock_filter: BPF_RET | BPF_K, take 0 bytes
 
-_program: Final = ctypes.create_string_buffer(RETURN_0)
+_program: Final = ctypes.create_string_buffer(DROP_ALL)
 _filter: Final = struct.pack("HP", 1, ctypes.addressof(_program))  # struct sock_fprog
 
-Ends = tuple[object, object]
+SocketEnds = tuple[object, object]
 
 
 class CutLinks:
@@ -350,13 +352,13 @@ class CutLinks:
         """Return whether the wire of the handle's owner is cut."""
         return bool(self._down) and self.owner(handle) in self._down
 
-    def made(self, handle: int, owner: str) -> None:
+    def add_handle(self, handle: int, owner: str) -> None:
         """Take in a new handle; on a cut wire it is born deaf."""
         self._owners[handle] = owner
         if self._down:
             self._deafen_wires([handle])
 
-    def freed(self, handle: int) -> None:
+    def remove_handle(self, handle: int) -> None:
         self._owners.pop(handle, None)
         self._deaf.pop(handle, None)
 
@@ -364,21 +366,21 @@ class CutLinks:
         if not CAN_CUT:
             return CANNOT_CUT
         if up:
-            self._mend(owner)
+            self._mend_link(owner)
             return ""
         self._down.add(owner)
         refused = self._deafen_wires(list(self._sockets))
         if refused:
-            self._mend(owner)
+            self._mend_link(owner)
             return f"the system refuses a packet filter: {refused}"
         return ""
 
     def _deafen_wires(self, handles: Iterable[int]) -> str:
         """Let both ends of each cut wire among these hear nothing; return the errno of a refusal, or ""."""
-        by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _ends(sock))}
+        by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _read_ends(sock))}
         refused = ""
         for handle in handles:
-            ends = _ends(self._sockets[handle])
+            ends = _read_ends(self._sockets[handle])
             partner = by_ends.get((ends[1], ends[0])) if ends else None
             both = {handle, handle if partner is None else partner}
             for owner in {self.owner(end) for end in both} & self._down:
@@ -397,16 +399,16 @@ class CutLinks:
         owners.add(because_of)
         return ""
 
-    def _mend(self, owner: str) -> None:
+    def _mend_link(self, owner: str) -> None:
         self._down.discard(owner)
         for handle, owners in list(self._deaf.items()):
             owners.discard(owner)
             if not owners:
                 del self._deaf[handle]
-                _hear_again(self._sockets[handle])
+                _detach_filter(self._sockets[handle])
 
 
-def _ends(sock: socket.socket) -> Ends | None:
+def _read_ends(sock: socket.socket) -> SocketEnds | None:
     """Return local and remote end of a connection, None while there is none."""
     try:
         return sock.getsockname(), sock.getpeername()
@@ -414,6 +416,6 @@ def _ends(sock: socket.socket) -> Ends | None:
         return None
 
 
-def _hear_again(sock: socket.socket) -> None:
+def _detach_filter(sock: socket.socket) -> None:
     with suppress(OSError, ValueError):  # a descriptor that is gone has nothing left to hear
         sock.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)

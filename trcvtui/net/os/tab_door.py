@@ -7,16 +7,16 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from trcvtui.net.os.observers import is_trusted, listening
+from trcvtui.net.os.observers import is_trusted, listen_at
 
 
-class TabDoor:
+class TabListener:
     """It belongs to `serve`, which hands it to its engine."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="trcvtui-")) / "bench"  # mode 0700
         atexit.register(shutil.rmtree, self.path.parent, ignore_errors=True)
-        self._listens = listening(self.path)
+        self._listens = listen_at(self.path)
         self._listens.setblocking(False)
 
     def accept(self) -> int | None:

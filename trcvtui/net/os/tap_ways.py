@@ -8,47 +8,47 @@ import struct
 from contextlib import suppress
 from typing import Final
 
-ASKED, COUNTS = b"+", b"?"  # for a way; how many connections are open
+ASK_CHANNEL, ASK_COUNT = b"+", b"?"  # for a way; how many connections are open
 SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
-MOST_ANSWER: Final = 64  # bytes
+MOST_ANSWER_BYTES: Final = 64  # bytes
 BLOCK: Final = struct.Struct("<4xI")  # with how many bytes a block of pcapng says it has
 
 
-class EventPipes:
+class ChannelServer:
     """The tap's end. `fd` is readable when a way is asked for, and when nobody is there who could ask."""
 
     def __init__(self) -> None:
         self._asks, self.theirs = socket.socketpair()
         self.fd = self._asks.fileno()
 
-    def take_question(self) -> bytes:
+    def read_question(self) -> bytes:
         """Wait for the other end; return what it asks, b"" when it has ended."""
         with suppress(OSError):
             return self._asks.recv(1)
         return b""
 
-    def answer(self, text: str) -> None:
+    def answer_count(self, text: str) -> None:
         """Tell how many connections are open."""
         with suppress(OSError):
             self._asks.sendall(f"{text}\n".encode())
 
-    def hand_over(self) -> socket.socket | None:
+    def hand_over_channel(self) -> socket.socket | None:
         """Hand a way over; return its other end. None, and no way for the other: no descriptor is left."""
         try:
             ours, theirs = socket.socketpair()
         except OSError:
             with suppress(OSError):
-                self._asks.sendall(ASKED)
+                self._asks.sendall(ASK_CHANNEL)
             return None
         with theirs, suppress(OSError):
-            socket.send_fds(self._asks, [ASKED], [theirs.fileno()])
+            socket.send_fds(self._asks, [ASK_CHANNEL], [theirs.fileno()])
         return ours
 
     def close(self) -> None:
         self._asks.close()
 
 
-class ServerPipes:
+class ObserverServerPipes:
     """The tap's ends of what the process that serves observers has: events for orders, and ways."""
 
     def __init__(self) -> None:
@@ -56,11 +56,11 @@ class ServerPipes:
         self._ways, self._their_ways = socket.socketpair()
         self.fds = self._theirs.fileno(), self._their_ways.fileno()  # the other ends
 
-    def close_theirs(self) -> None:
+    def close_far_ends(self) -> None:
         self._theirs.close()
         self._their_ways.close()
 
-    def hand_over(self, kind: bytes, way: socket.socket) -> None:
+    def hand_over_observer(self, kind: bytes, way: socket.socket) -> None:
         """Let an observer of that kind be served."""
         with way, suppress(OSError):
             socket.send_fds(self._ways, [kind], [way.fileno()])
@@ -69,23 +69,23 @@ class ServerPipes:
         self._ways.close()
 
 
-def _ask(fd: int, what: bytes) -> tuple[bytes, list[int]]:
+def _ask_tap(fd: int, what: bytes) -> tuple[bytes, list[int]]:
     """Return what the tap at `fd` answers, and the descriptor that it hands over."""
     with suppress(OSError), socket.socket(fileno=fd) as asks:
         try:
             asks.sendall(what)
-            return socket.recv_fds(asks, MOST_ANSWER, 1)[:2]
+            return socket.recv_fds(asks, MOST_ANSWER_BYTES, 1)[:2]
         finally:
             asks.detach()
     return b"", []
 
 
-def ask_what_is_open(fd: int) -> str:
+def ask_open_count(fd: int) -> str:
     """Return how many connections of a tap are open, "" for none."""
-    return _ask(fd, COUNTS)[0].decode().strip()
+    return _ask_tap(fd, ASK_COUNT)[0].decode().strip()
 
 
-class TapWay:
+class TapChannel:
     """The way of a tap to one of its children: whole blocks of pcapng come on `fd`, orders go back.
 
     When the process that serves it has ended there is another one, which begins with a new section.
@@ -95,11 +95,11 @@ class TapWay:
         self._asks, self._part = asks, b""
         self.fd = os.open(os.devnull, os.O_RDONLY)  # at its end: then a way is asked for
 
-    def whole(self, data: bytes) -> bytes | None:
+    def feed(self, data: bytes) -> bytes | None:
         """Return the whole blocks that were read, None for none yet, b"" where there is no tap any more."""
         if not data:
             self._part = b""
-            ways = _ask(self._asks, ASKED)[1]
+            ways = _ask_tap(self._asks, ASK_CHANNEL)[1]
             for way in ways:
                 os.dup2(way, self.fd)
                 os.close(way)
@@ -110,6 +110,6 @@ class TapWay:
         self._part = data[at:]
         return data[:at] or None
 
-    def tell(self, line: bytes) -> None:
+    def send(self, line: bytes) -> None:
         with suppress(OSError):  # the tap has ended: soon it is said
             os.write(self.fd, line)

@@ -12,22 +12,22 @@ from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake, need
-from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, peek_at, unread_bytes
-from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
-from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
+from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, count_unread, error_name, peek_at, tcp_info
+from trcvtui.net.os.tapped_lane import GONE_MASK, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
+from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapEventKind, TapPlace
 from trcvtui.wording import count
 
-CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
-LINES_NS: Final = 20_000_000  # between two looks at CTS
-AGAIN_NS: Final = 1_000_000_000  # between two attempts to open a port that is gone
-MOST_TALKS: Final = 1024  # UDP clients; then the one that is silent for longest goes
-LACKING: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-LACK_LOOK_NS: Final = 100_000_000  # between two looks at whether a client can be taken again
+CONNECT_LIMIT_NS: Final = 5_000_000_000  # for the far end to answer
+CTS_CHECK_NS: Final = 20_000_000  # between two looks at CTS
+REOPEN_PAUSE_NS: Final = 1_000_000_000  # between two attempts to open a port that is gone
+MOST_UDP_CLIENTS: Final = 1024  # UDP clients; then the one that is silent for longest goes
+LACK_ERRORS: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+LACK_CHECK_NS: Final = 100_000_000  # between two looks at whether a client can be taken again
 LACK_WAIT_NS: Final = 2_000_000_000  # for a client to be taken; then it gets RST
-LACK_TOLD_NS: Final = 10_000_000_000  # between two words of what lacks
+LACK_REPORT_NS: Final = 10_000_000_000  # between two words of what lacks
 
 
-class TcpTalk(TapConversation):
+class TapTcpConversation(TapConversation):
     """A TCP conversation: the near end is there, the far end is called."""
 
     has_ends = True
@@ -43,11 +43,11 @@ class TcpTalk(TapConversation):
             sock.setblocking(False)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_OOBINLINE, 1)
-        self.tell(TapEventKind.OPEN, TO, said)
+        self.report(TapEventKind.OPEN, WAY_TO, said)
         error = self._far.connect_ex((place.address, place.port))
         if error in (errno.EINPROGRESS, errno.EWOULDBLOCK):
-            self.loop.hear(self._far.fileno(), OUT, self._answered)
-            self.loop.at(time.monotonic_ns() + CONNECT_NS, self._give_up)
+            self.loop.register(self._far.fileno(), OUT, self._handle_connected)
+            self.loop.call_at(time.monotonic_ns() + CONNECT_LIMIT_NS, self._time_out)
         else:
             self._end_attempt(error)
 
@@ -61,13 +61,13 @@ class TcpTalk(TapConversation):
         receive: Callable[[Any], int] = end.port.recv_into
         return receive
 
-    def _answered(self, _: int) -> None:
-        self.loop.forget(self._far.fileno())
+    def _handle_connected(self, _: int) -> None:
+        self.loop.unregister(self._far.fileno())
         self._end_attempt(self._far.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
 
-    def _give_up(self) -> None:
+    def _time_out(self) -> None:
         if not self.lanes and not self.has_ended:
-            self.loop.forget(self._far.fileno())
+            self.loop.unregister(self._far.fileno())
             self._end_attempt(errno.ETIMEDOUT)
 
     def _end_attempt(self, error: int) -> None:
@@ -75,50 +75,50 @@ class TcpTalk(TapConversation):
 
         Bytes prove that it has: an end that has sent them and reset at once is read to its end.
         """
-        if error and not unread_bytes(self._far):
+        if error and not count_unread(self._far):
             self.has_ended = True
             self._far.close()
-            _reset(self._near)
-            self.tell(TapEventKind.RST, BACK)
-            self._over()
+            _close_with_reset(self._near)
+            self.report(TapEventKind.RST, WAY_BACK)
+            self._report_over()
             return
-        self.tell(TapEventKind.STANDS, BACK)
+        self.report(TapEventKind.STANDS, WAY_BACK)
         near, far = TapEnd(self.loop, self._near), TapEnd(self.loop, self._far)
-        self.lanes = TapLane(self, TO, near, far), TapLane(self, BACK, far, near)
+        self.lanes = TapLane(self, WAY_TO, near, far), TapLane(self, WAY_BACK, far, near)
         if error:
-            self.lanes[BACK].is_reset(is_read=False)
-        near.want()
-        far.want()
+            self.lanes[WAY_BACK].handle_reset(is_read=False)
+        near.update_mask()
+        far.update_mask()
 
-    def ended(self, lane: TapLane) -> None:
+    def handle_fin(self, lane: TapLane) -> None:
         lane.is_read = True
         if lane.end is None:
             lane.end = TapEventKind.FIN
-        lane.source.want()
+        lane.source.update_mask()
         lane.pass_end()
 
-    def failed(self, lane: TapLane, failed: OSError) -> None:
-        lane.is_reset(True)
+    def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
+        lane.handle_reset(True)
 
-    def refused(self, lane: TapLane, failed: OSError) -> None:
-        lane.target.reads.is_reset(lane.target.reads.is_read)
+    def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
+        lane.target.reads.handle_reset(lane.target.reads.is_read)
 
-    def is_on_its_way(self, end: TapEnd) -> bool:
-        path = path_of(end.port)
+    def has_unacknowledged(self, end: TapEnd) -> bool:
+        path = tcp_info(end.port)
         return path is not None and path.unacked + path.unsent > 0
 
     def pass_fin(self, lane: TapLane) -> None:
-        self.tell(TapEventKind.FIN, lane.way, at=lane.at)
+        self.report(TapEventKind.FIN, lane.way, at=lane.at)
         try:
             lane.target.port.shutdown(socket.SHUT_WR)
         except OSError as failed:
-            self.refused(lane, failed)
+            self.handle_target_reset(lane, failed)
             return
         if all(each.is_over for each in self.lanes):
             self.close()
 
     def pass_reset(self, lane: TapLane) -> None:
-        self.tell(TapEventKind.RST, lane.way, at=lane.at)
+        self.report(TapEventKind.RST, lane.way, at=lane.at)
         self.close(reset=True)
 
     def close(self, reset: bool = False) -> None:
@@ -130,20 +130,20 @@ class TcpTalk(TapConversation):
                 lane.source.close(reset)
             if not self.lanes:
                 with suppress(KeyError):
-                    self.loop.forget(self._far.fileno())
+                    self.loop.unregister(self._far.fileno())
                 self._near.close()
                 self._far.close()
-            self._over()
+            self._report_over()
 
-    def _over(self) -> None:
-        self.tell(TapEventKind.OVER, TO)
+    def _report_over(self) -> None:
+        self.report(TapEventKind.OVER, WAY_TO)
         self.route.talks.pop(self.number, None)
 
     def finish(self) -> None:
         """End it when the tap ends: with FIN, if what waits can go in time."""
         for lane in self.lanes:
             if not lane.is_over:
-                self.tell(TapEventKind.FIN, lane.way, at=lane.at)
+                self.report(TapEventKind.FIN, lane.way, at=lane.at)
             with suppress(OSError):
                 lane.source.port.shutdown(socket.SHUT_WR)
             with suppress(OSError):
@@ -151,7 +151,7 @@ class TcpTalk(TapConversation):
         self.close()
 
 
-class _LackTeller:
+class _LackReporter:
     """Tells that a route cannot take clients: one line and one event each 10 s at most."""
 
     def __init__(self, route: TcpRoute | UdpRoute, unit: str) -> None:
@@ -159,13 +159,13 @@ class _LackTeller:
         self.what, self._is_on = "", False
         self.waiting = self.refused = 0
 
-    def begin(self, failed: OSError) -> None:
+    def note_lack(self, failed: OSError) -> None:
         self.what = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
         if not self._is_on:
             self._is_on = True
-            self._route.loop.after(LACK_LOOK_NS, self._tell)  # more may come at once
+            self._route.loop.call_after(LACK_CHECK_NS, self._report)  # more may come at once
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         route, waiting, refused = self._route, self.waiting, self.refused
         self._is_on, self.refused = bool(waiting or refused), 0
         if self._is_on:
@@ -174,8 +174,8 @@ class _LackTeller:
             left = f"no {self.what} {'' if waiting else 'was '}left"
             text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
             route.loop.say(f"{route.route.name}: {text}")
-            route.loop.tell(TapEventKind.LACK, TO, route.place, 0, waiting, text.encode())
-            route.loop.after(LACK_TOLD_NS, self._tell)
+            route.loop.report(TapEventKind.LACK, WAY_TO, route.place, 0, waiting, text.encode())
+            route.loop.call_after(LACK_REPORT_NS, self._report)
 
 
 class TcpRoute:
@@ -189,18 +189,18 @@ class TcpRoute:
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
-        self._door = _bound(route.listen, socket.SOCK_STREAM)
+        self._door = _bind_socket(route.listen, socket.SOCK_STREAM)
         self._door.listen(512)
         self._door.setblocking(False)
         self.address = self._door.getsockname()[:2]
         self._family = socket.AF_INET6 if ":" in route.to.address else socket.AF_INET
         self._spare = socket.socket()  # its descriptor accepts a client that gets RST
-        self._lack = _LackTeller(self, "client")
+        self._lack = _LackReporter(self, "client")
         self._taken = 0  # clients
         self._due: deque[tuple[int, int]] = deque()  # until when so many of all clients are to be taken
-        loop.hear(self._door.fileno(), IN, self._come)
+        loop.register(self._door.fileno(), IN, self._accept_clients)
 
-    def _come(self, _: int) -> None:
+    def _accept_clients(self, _: int) -> None:
         for _ in range(64):
             far = None
             try:
@@ -209,58 +209,61 @@ class TcpRoute:
             except OSError as failed:
                 if far is not None:
                     far.close()
-                if failed.errno in LACKING:
-                    self._let_wait(failed)
+                if failed.errno in LACK_ERRORS:
+                    self._defer_clients(failed)
                 return
             self._taken += 1
             self._lack.waiting = 0
             try:
-                talk = TcpTalk(self, near, far, _said(self.route.to, end))
+                talk = TapTcpConversation(self, near, far, _open_event_data(self.route.to, end))
             except OSError:  # the poll set takes no more
                 far.close()
-                _reset(near)
+                _close_with_reset(near)
                 continue
             if not talk.has_ended:
                 self.talks[talk.number] = talk
 
-    def _let_wait(self, failed: OSError) -> None:
+    def _defer_clients(self, failed: OSError) -> None:
         """Let clients wait in the queue of the door; refuse those that have waited for too long."""
-        self.loop.want(self._door.fileno(), 0)
+        self.loop.set_mask(self._door.fileno(), 0)
         now, come = time.monotonic_ns(), self._taken + (peek_at(self._door, 0, False).clients or 1)
         if not self._due or come > self._due[-1][1]:
             self._due.append((now + LACK_WAIT_NS, come))
         while self._due and self._due[0][0] <= now:
             _, most = self._due.popleft()
-            while self._taken < most and self._refuse():
+            while self._taken < most and self._reset_client():
                 pass
         self._lack.waiting = come - self._taken
-        self._lack.begin(failed)
-        self.loop.after(LACK_LOOK_NS, self._come_again)
+        self._lack.note_lack(failed)
+        self.loop.call_after(LACK_CHECK_NS, self._resume_accepting)
 
-    def _come_again(self) -> None:
+    def _resume_accepting(self) -> None:
         if self._door.fileno() >= 0:
-            self.loop.want(self._door.fileno(), IN)
+            self.loop.set_mask(self._door.fileno(), IN)
 
-    def _refuse(self) -> bool:
+    def _reset_client(self) -> bool:
         """Accept a client for its RST; return whether that could be done."""
         self._spare.close()
         try:
             near, end = self._door.accept()
         except OSError:
             return False
-        _reset(near)
+        _close_with_reset(near)
         with suppress(OSError):  # another program was faster
             self._spare = socket.socket()
         self._taken += 1
         self._lack.refused += 1
         number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
-        told = (TapEventKind.OPEN, TO, _said(self.route.to, end)), (TapEventKind.OURS, BACK, why)
-        for kind, way, data in (*told, (TapEventKind.RST, BACK, b""), (TapEventKind.OVER, TO, b"")):
-            self.loop.tell(kind, way, self.place, number, 0, data)
+        told = (
+            (TapEventKind.OPEN, WAY_TO, _open_event_data(self.route.to, end)),
+            (TapEventKind.OURS, WAY_BACK, why),
+        )
+        for kind, way, data in (*told, (TapEventKind.RST, WAY_BACK, b""), (TapEventKind.OVER, WAY_TO, b"")):
+            self.loop.report(kind, way, self.place, number, 0, data)
         return True
 
     def stop(self) -> None:
-        self.loop.forget(self._door.fileno())
+        self.loop.unregister(self._door.fileno())
         self._door.close()
         self._spare.close()
 
@@ -273,27 +276,27 @@ class UdpRoute:
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
-        self._clients: dict[Any, UdpTalk] = {}  # the newest to speak is last
-        self.door = _bound(route.listen, socket.SOCK_DGRAM)
+        self._clients: dict[Any, TapUdpConversation] = {}  # the newest to speak is last
+        self.door = _bind_socket(route.listen, socket.SOCK_DGRAM)
         self.door.setblocking(False)
         self.address = self.door.getsockname()[:2]
-        self._lack = _LackTeller(self, "datagram")
-        loop.hear(self.door.fileno(), IN, self._come)
+        self._lack = _LackReporter(self, "datagram")
+        loop.register(self.door.fileno(), IN, self._read_datagrams)
 
-    def _come(self, _: int) -> None:
+    def _read_datagrams(self, _: int) -> None:
         for _ in range(64):
             try:
                 size, client = self.door.recvfrom_into(self.loop.buffer)
             except OSError:  # nothing, or an ICMP message
                 return
-            talk = self._clients.pop(client, None) or self._begin(client)
+            talk = self._clients.pop(client, None) or self._begin_conversation(client)
             if talk is not None:
                 self._clients[client] = talk
-                talk.lanes[TO].take(self.loop.buffer[:size])
+                talk.lanes[WAY_TO].handle_data(self.loop.buffer[:size])
 
-    def _begin(self, client: Any) -> UdpTalk | None:
-        if len(self._clients) >= MOST_TALKS:
-            self._drop(next(iter(self._clients)))
+    def _begin_conversation(self, client: Any) -> TapUdpConversation | None:
+        if len(self._clients) >= MOST_UDP_CLIENTS:
+            self._drop_client(next(iter(self._clients)))
         place = self.route.to
         try:
             family = socket.AF_INET6 if ":" in place.address else self.door.family
@@ -301,15 +304,15 @@ class UdpRoute:
             sock.setblocking(False)
             sock.connect((place.address, place.port))
         except OSError as failed:
-            if failed.errno in LACKING:
+            if failed.errno in LACK_ERRORS:
                 self._lack.refused += 1
-                self._lack.begin(failed)
+                self._lack.note_lack(failed)
             return None
-        talk = UdpTalk(self, self.loop.next_number(), sock, client)
+        talk = TapUdpConversation(self, self.loop.next_number(), sock, client)
         self.talks[talk.number] = talk
         return talk
 
-    def _drop(self, client: Any) -> None:
+    def _drop_client(self, client: Any) -> None:
         talk = self._clients.pop(client)
         del self.talks[talk.number]
         talk.close()
@@ -317,8 +320,8 @@ class UdpRoute:
     def stop(self) -> None:
         """Listen no more; what was held goes on before."""
         for client in tuple(self._clients):
-            self._drop(client)
-        self.loop.forget(self.door.fileno())
+            self._drop_client(client)
+        self.loop.unregister(self.door.fileno())
         self.door.close()
 
 
@@ -329,19 +332,19 @@ class _DatagramEnd(TapEnd):
         self.port, self.sends = port, send
         self.is_open = True
 
-    def want(self) -> None:
+    def update_mask(self) -> None:
         """Want nothing."""
 
 
-class UdpTalk(TapConversation):
+class TapUdpConversation(TapConversation):
     def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
         self.number, self.loop, self.place, self._sock = number, route.loop, route.place, sock
-        self.said = _said(route.route.to, client)
+        self.said = _open_event_data(route.route.to, client)
         near = _DatagramEnd(route.door, lambda data: route.door.sendto(data, client))
         far = _DatagramEnd(sock, sock.send)
-        self.lanes = DatagramLane(self, TO, near, far), DatagramLane(self, BACK, far, near)
-        self.loop.hear(sock.fileno(), IN, self._answer)
-        self.tell(TapEventKind.OPEN, TO, self.said)
+        self.lanes = DatagramLane(self, WAY_TO, near, far), DatagramLane(self, WAY_BACK, far, near)
+        self.loop.register(sock.fileno(), IN, self._read_answers)
+        self.report(TapEventKind.OPEN, WAY_TO, self.said)
 
     @staticmethod
     def sender(end: Any) -> Callable[[Any], int]:
@@ -350,24 +353,24 @@ class UdpTalk(TapConversation):
 
     receiver = sender  # the route reads
 
-    def _answer(self, _: int) -> None:
+    def _read_answers(self, _: int) -> None:
         for _ in range(64):
             try:
                 size = self._sock.recv_into(self.loop.buffer)
             except OSError:
                 return
-            self.lanes[BACK].take(self.loop.buffer[:size])
+            self.lanes[WAY_BACK].handle_data(self.loop.buffer[:size])
 
     def close(self) -> None:
         for lane in self.lanes:
-            lane.let_go()
+            lane.release_all()
             lane.is_over = True
-        self.loop.forget(self._sock.fileno())
+        self.loop.unregister(self._sock.fileno())
         self._sock.close()
-        self.tell(TapEventKind.OVER, TO)
+        self.report(TapEventKind.OVER, WAY_TO)
 
 
-class SerialTalk(TapConversation):
+class TapSerialConversation(TapConversation):
     """Two serial ports; also its own route. A port that is gone is opened again."""
 
     said = b""
@@ -378,15 +381,15 @@ class SerialTalk(TapConversation):
         self.address: tuple[str, int] | None = None
         self.number = loop.next_number()
         self.talks = {self.number: self}
-        self._ports = [_port(each) for each in (route.listen, route.to)]
+        self._ports = [_open_serial_port(each) for each in (route.listen, route.to)]
         ends = [TapEnd(loop, port) for port in self._ports]
-        self.lanes = TapLane(self, TO, *ends), TapLane(self, BACK, *ends[::-1])
+        self.lanes = TapLane(self, WAY_TO, *ends), TapLane(self, WAY_BACK, *ends[::-1])
         self.said = f"serial|{route.listen.line and route.listen.line.port}|0|".encode()
         self.said += f"{route.to.line and route.to.line.port}|0".encode()
-        self.tell(TapEventKind.OPEN, TO, self.said)
+        self.report(TapEventKind.OPEN, WAY_TO, self.said)
         for end in ends:
-            end.want()
-        self._pass_lines()
+            end.update_mask()
+        self._pass_cts()
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:
@@ -396,25 +399,25 @@ class SerialTalk(TapConversation):
     def receiver(end: TapEnd) -> Callable[[Any], int]:
         return lambda view: os.readv(end.fd, [view])
 
-    def _pass_lines(self) -> None:
+    def _pass_cts(self) -> None:
         try:
             for one, other in (self._ports, self._ports[::-1]):
                 if other.rts != (cts := one.cts):
                     other.rts = cts
         except Exception:  # whatever a driver raises that has none
             return
-        self.loop.at(time.monotonic_ns() + LINES_NS, self._pass_lines)
+        self.loop.call_at(time.monotonic_ns() + CTS_CHECK_NS, self._pass_cts)
 
-    def ended(self, lane: TapLane) -> None:
-        self.failed(lane, OSError(errno.EIO, "gone"))
+    def handle_fin(self, lane: TapLane) -> None:
+        self.handle_source_reset(lane, OSError(errno.EIO, "gone"))
 
-    def failed(self, lane: TapLane, failed: OSError) -> None:
+    def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
         """Say that a port is gone, and open it again."""
-        place = self.route.listen if lane.way == TO else self.route.to
+        place = self.route.listen if lane.way == WAY_TO else self.route.to
         self.loop.say(f"{self.route.name}: {place} is gone ({error_name(failed)}): it is opened again")
         end = lane.source
-        end.loop.forget(end.fd)
-        end.mask = GONE
+        end.loop.unregister(end.fd)
+        end.mask = GONE_MASK
         end.writes.out.clear()
         with suppress(Exception):
             end.port.close()
@@ -425,20 +428,20 @@ class SerialTalk(TapConversation):
         if not end.is_open:
             return
         try:
-            port = _port(place)
+            port = _open_serial_port(place)
         except Exception:  # not there yet
-            self.loop.at(time.monotonic_ns() + AGAIN_NS, lambda: self._reopen(lane, place))
+            self.loop.call_at(time.monotonic_ns() + REOPEN_PAUSE_NS, lambda: self._reopen(lane, place))
             return
         self._ports[lane.way] = end.port = port
         end.fd, end.mask = port.fileno(), 0
-        self.loop.hear(end.fd, 0, end.ready)
-        end.want()
+        self.loop.register(end.fd, 0, end.handle_ready)
+        end.update_mask()
         self.loop.say(f"{self.route.name}: {place} is there again")
-        self._pass_lines()
+        self._pass_cts()
 
-    def refused(self, lane: TapLane, failed: OSError) -> None:
-        if lane.target.mask != GONE:
-            self.failed(lane.target.reads, failed)
+    def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
+        if lane.target.mask != GONE_MASK:
+            self.handle_source_reset(lane.target.reads, failed)
 
     def stop(self) -> None:
         """Do nothing: nobody is called."""
@@ -448,17 +451,17 @@ class SerialTalk(TapConversation):
             lane.source.close()
 
 
-def _reset(sock: socket.socket) -> None:
+def _close_with_reset(sock: socket.socket) -> None:
     with suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
     sock.close()
 
 
-def _said(place: TapPlace, near: Sequence[Any]) -> bytes:
+def _open_event_data(place: TapPlace, near: Sequence[Any]) -> bytes:
     return f"{place.kind}|{near[0]}|{near[1]}|{place.address}|{place.port}".encode()
 
 
-def _bound(place: TapPlace, kind: int) -> socket.socket:
+def _bind_socket(place: TapPlace, kind: int) -> socket.socket:
     """Return a socket at a place; raise UserError where the system refuses."""
     family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
     sock = socket.socket(family, kind)
@@ -474,9 +477,9 @@ def _bound(place: TapPlace, kind: int) -> socket.socket:
     return sock
 
 
-def _port(place: TapPlace) -> Any:
+def _open_serial_port(place: TapPlace) -> Any:
     """Return a serial port that is open; raise UserError where it cannot be."""
-    from trcvtui.net.os.serial import PARITIES, fault_of
+    from trcvtui.net.os.serial import PARITIES, fault_from_error
 
     assert place.line is not None
     s = place.line
@@ -485,5 +488,5 @@ def _port(place: TapPlace) -> Any:
         port = serial.Serial(s.port, s.baud, s.data_bits, PARITIES[s.parity], s.stop_bits, timeout=0)
         os.set_blocking(port.fileno(), False)
     except Exception as failed:  # whatever a driver raises
-        raise mistake(s.port, fault_of("open", failed), "a serial port that can be opened") from None
+        raise mistake(s.port, fault_from_error("open", failed), "a serial port that can be opened") from None
     return port

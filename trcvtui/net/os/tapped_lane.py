@@ -21,12 +21,12 @@ from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT, RESET_ON_CLOSE
 from trcvtui.net.tap import MOST_HELD_SHOWN, TapEventKind, TapOrder
 
 RESET_WAIT_NS: Final = 1_000_000_000  # for what was read before an RST
-RESET_LOOK_NS: Final = 2_000_000  # between two looks at whether the other end has all of it
-UNHEARD, GONE = -1, -2  # in place of a mask: nothing is to be done with it; it is not there
-SPLIT_NS: Final = 50_000_000  # between two pieces
-READ: Final = 256 << 10  # bytes of one read
-MOST_HELD: Final = 1 << 20  # bytes of one direction that are held or delayed
-BOUNDED: Final = "the tap holds no more than 1 MiB of a direction"
+RESET_CHECK_NS: Final = 2_000_000  # between two looks at whether the other end has all of it
+UNREGISTERED_MASK, GONE_MASK = -1, -2  # in place of a mask: nothing is to be done with it; it is not there
+SPLIT_PAUSE_NS: Final = 50_000_000  # between two pieces
+READ_BYTES: Final = 256 << 10  # bytes of one read
+MOST_HELD_BYTES: Final = 1 << 20  # bytes of one direction that are held or delayed
+HELD_LIMIT: Final = "the tap holds no more than 1 MiB of a direction"
 
 
 class TapLoop:
@@ -34,7 +34,7 @@ class TapLoop:
 
     def __init__(self, say: Callable[[str], object], poll: Any) -> None:
         self.say = say
-        self.buffer = memoryview(bytearray(READ))
+        self.buffer = memoryview(bytearray(READ_BYTES))
         self.holds = False  # each direction from its beginning
         self._numbers = count(1)
         self._poll = poll
@@ -42,31 +42,31 @@ class TapLoop:
         self._timers: list[tuple[int, int, Callable[[], None]]] = []
         self._timer_numbers = count()
 
-    def hear(self, fd: int, mask: int, ready: Callable[[int], object]) -> None:
+    def register(self, fd: int, mask: int, ready: Callable[[int], object]) -> None:
         """Call `ready` with what the poll set says of a descriptor."""
         self._poll.register(fd, mask)
         self._heard[fd] = ready
 
-    def want(self, fd: int, mask: int) -> None:
+    def set_mask(self, fd: int, mask: int) -> None:
         """Change what is wanted of a descriptor."""
         self._poll.modify(fd, mask)
 
-    def forget(self, fd: int) -> None:
+    def unregister(self, fd: int) -> None:
         if self._heard.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
-    def at(self, ns: int, call: Callable[[], None]) -> None:
+    def call_at(self, ns: int, call: Callable[[], None]) -> None:
         """Call at a time of the monotonic clock."""
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
-    def after(self, ns: int, call: Callable[[], None]) -> None:
+    def call_after(self, ns: int, call: Callable[[], None]) -> None:
         """Call when so much time has passed."""
-        self.at(time.monotonic_ns() + ns, call)
+        self.call_at(time.monotonic_ns() + ns, call)
 
     def next_number(self) -> int:
         return next(self._numbers)
 
-    def turn(self, seconds: float) -> None:
+    def run_once(self, seconds: float) -> None:
         """Do what there is to do; wait so long at most for it, -1: for ever."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
@@ -80,7 +80,7 @@ class TapLoop:
             if ready is not None:
                 ready(events)
 
-    def tell(
+    def report(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
         raise NotImplementedError
@@ -94,8 +94,8 @@ class TapConversation:
     number: int
     has_ends = False  # FIN and RST
 
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        self.loop.tell(kind, way, self.place, self.number, at, data)
+    def report(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        self.loop.report(kind, way, self.place, self.number, at, data)
 
     @staticmethod
     def sender(end: Any) -> Callable[[Any], int]:
@@ -105,16 +105,16 @@ class TapConversation:
     def receiver(end: Any) -> Callable[[Any], int]:
         raise NotImplementedError
 
-    def ended(self, lane: TapLane) -> None:
+    def handle_fin(self, lane: TapLane) -> None:
         """Take the FIN of a lane's source."""
 
-    def failed(self, lane: TapLane, failed: OSError) -> None:
+    def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
         """Take the RST of a lane's source: nothing is left to read."""
 
-    def refused(self, lane: TapLane, failed: OSError) -> None:
+    def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
         """Take the RST of a lane's target, which may have said something before it."""
 
-    def is_on_its_way(self, end: TapEnd) -> bool:
+    def has_unacknowledged(self, end: TapEnd) -> bool:
         """Return whether the stack still has bytes that the end has not acknowledged."""
         return False
 
@@ -135,44 +135,44 @@ class TapEnd:
         self.loop, self.port, self.fd = loop, port, port.fileno()
         self.mask = 0
         self.is_open = True
-        loop.hear(self.fd, 0, self.ready)
+        loop.register(self.fd, 0, self.handle_ready)
 
-    def ready(self, events: int) -> None:
+    def handle_ready(self, events: int) -> None:
         if events & (IN | ERR | HUP):
             if self.mask & IN:
                 self.reads.read()
             elif events & (ERR | HUP):
-                self._look()
+                self._check_error()
         if events & OUT and self.mask & OUT and self.is_open:
             self.writes.flush()
 
-    def _look(self) -> None:
+    def _check_error(self) -> None:
         if not isinstance(self.port, socket.socket):
-            self.reads.talk.ended(self.reads)
+            self.reads.talk.handle_fin(self.reads)
             return
         if self.port.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
-            self.reads.is_reset(self.reads.is_read)
+            self.reads.handle_reset(self.reads.is_read)
         if self.is_open and not self.mask:  # its end would be told again and again
-            self.loop.forget(self.fd)
-            self.mask = UNHEARD
+            self.loop.unregister(self.fd)
+            self.mask = UNREGISTERED_MASK
 
-    def want(self) -> None:
+    def update_mask(self) -> None:
         """Let the poll set tell what can be done."""
-        if self.mask == GONE or not self.is_open:
+        if self.mask == GONE_MASK or not self.is_open:
             return
         mask = (IN if self.reads.may_read() else 0) | (OUT if self.writes.out else 0)
-        if mask and self.mask == UNHEARD:
+        if mask and self.mask == UNREGISTERED_MASK:
             self.mask = mask
-            self.loop.hear(self.fd, mask, self.ready)
-        elif mask != self.mask and self.mask != UNHEARD:
+            self.loop.register(self.fd, mask, self.handle_ready)
+        elif mask != self.mask and self.mask != UNREGISTERED_MASK:
             self.mask = mask
-            self.loop.want(self.fd, mask)
+            self.loop.set_mask(self.fd, mask)
 
     def close(self, reset: bool = False) -> None:
         if self.is_open:
             self.is_open = False
             if self.mask >= 0:
-                self.loop.forget(self.fd)
+                self.loop.unregister(self.fd)
             if reset:
                 with suppress(OSError):
                     self.port.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
@@ -208,7 +208,7 @@ class TapLane:
     def room(self) -> int:
         if self.out:
             return 0
-        return MOST_HELD - self.late_size - (len(self.held) if self.held is not None else 0)
+        return MOST_HELD_BYTES - self.late_size - (len(self.held) if self.held is not None else 0)
 
     def may_read(self) -> bool:
         return not self.is_read and (not self.is_over or self.is_deaf) and self.room() > 0
@@ -216,51 +216,51 @@ class TapLane:
     def read(self) -> None:
         room = self.room()
         try:
-            size = self.receive(self.loop.buffer if room >= READ else self.loop.buffer[:room])
+            size = self.receive(self.loop.buffer if room >= READ_BYTES else self.loop.buffer[:room])
         except (BlockingIOError, InterruptedError):
             return
         except OSError as failed:
-            self.talk.failed(self, failed)
+            self.talk.handle_source_reset(self, failed)
             return
         if not size:
-            self.talk.ended(self)
+            self.talk.handle_fin(self)
         elif not self.is_deaf:
-            self.take(self.loop.buffer[:size])
+            self.handle_data(self.loop.buffer[:size])
 
-    def take(self, data: memoryview) -> None:
+    def handle_data(self, data: memoryview) -> None:
         if self.held is not None:
             self.held += data
-            self.tell_held()
-            self.source.want()
+            self.report_held()
+            self.source.update_mask()
         elif self.delay_ns or self.late or self.cuts:
-            self.put_off(bytes(data))
+            self.delay_data(bytes(data))
         else:
-            self.go(data)
+            self.forward(data)
 
-    def tell_held(self) -> None:
+    def report_held(self) -> None:
         """Tell what is held here, or that nothing is held any more."""
         held = self.held
         told = b"" if held is None else b"!" + held[:MOST_HELD_SHOWN]
-        self.talk.tell(TapEventKind.HELD, self.way, memoryview(told), len(held or b""))
+        self.talk.report(TapEventKind.HELD, self.way, memoryview(told), len(held or b""))
 
-    def put_off(self, data: bytes) -> None:
+    def delay_data(self, data: bytes) -> None:
         """Let bytes go on later, cut as asked."""
         now = time.monotonic_ns()
         due = max(now + self.delay_ns, self.late[-1][0] if self.late else 0)
         if not data:  # a datagram may be empty
-            self._append(due, data)
+            self._append_late(due, data)
         while self.cuts and data:
             piece, data = data[: self.cuts[0]], data[self.cuts[0] :]
             self.cuts[0] -= len(piece)
-            self._append(due, piece)
+            self._append_late(due, piece)
             if not self.cuts[0]:
                 del self.cuts[0]
-                due += SPLIT_NS
+                due += SPLIT_PAUSE_NS
         if data:
-            self._append(due, data)
+            self._append_late(due, data)
         self.pass_late()
 
-    def _append(self, due: int, data: bytes) -> None:
+    def _append_late(self, due: int, data: bytes) -> None:
         self.late.append((due, data))
         self.late_size += len(data)
 
@@ -270,49 +270,49 @@ class TapLane:
         while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
             self.late_size -= len(data)
-            self.go(memoryview(data))
+            self.forward(memoryview(data))
         if self.late and not self.is_timed:
             self.is_timed = True
-            self.loop.at(self.late[0][0], self._pass_in_time)
-        self.source.want()
+            self.loop.call_at(self.late[0][0], self._pass_late_timed)
+        self.source.update_mask()
         self.pass_end()
 
-    def _pass_in_time(self) -> None:
+    def _pass_late_timed(self) -> None:
         self.is_timed = False
         self.pass_late()
 
-    def let_go(self) -> None:
+    def release_all(self) -> None:
         held, self.held, self.delay_ns = self.held, None, 0
         if held is not None:
-            self.tell_held()
+            self.report_held()
         self.cuts.clear()
         self.pass_late(is_due=True)
         if held is not None:
-            self.release(held)
+            self.pass_held(held)
         if self.end is TapEventKind.RST:
-            self.reset_from_now()
-        self.source.want()
+            self.start_reset_timer()
+        self.source.update_mask()
         self.pass_end()
 
-    def release(self, held: bytearray) -> None:
+    def pass_held(self, held: bytearray) -> None:
         if held:
-            self.take(memoryview(held))
+            self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
         """Let bytes of ours go on, before what is held."""
         if self.held is not None:
             self.held[:0] = data
         else:
-            self.take(memoryview(data))
+            self.handle_data(memoryview(data))
 
-    def drop(self, size: int) -> None:
+    def drop_held(self, size: int) -> None:
         """Throw away so much of what is held."""
         if self.held is not None:
             del self.held[:size]
 
     # -- out --------------------------------------------------------------------------------------------
 
-    def go(self, data: memoryview) -> None:
+    def forward(self, data: memoryview) -> None:
         """Send bytes, and tell that they went on."""
         if self.is_over:
             return
@@ -323,13 +323,13 @@ class TapLane:
             except (BlockingIOError, InterruptedError):
                 pass
             except OSError as failed:
-                self.talk.refused(self, failed)
+                self.talk.handle_target_reset(self, failed)
                 return
         if sent < len(data):
             self.out += data[sent:]
-            self.source.want()
-            self.target.want()
-        self.talk.tell(TapEventKind.BYTES, self.way, data, self.at)
+            self.source.update_mask()
+            self.target.update_mask()
+        self.talk.report(TapEventKind.BYTES, self.way, data, self.at)
         self.at += len(data)
 
     def flush(self) -> None:
@@ -339,14 +339,14 @@ class TapLane:
         except (BlockingIOError, InterruptedError):
             return
         except OSError as failed:
-            self.talk.refused(self, failed)
+            self.talk.handle_target_reset(self, failed)
             return
         if not self.out:
-            self.target.want()
-            self.source.want()
+            self.target.update_mask()
+            self.source.update_mask()
             self.pass_end()
 
-    def is_reset(self, is_read: bool) -> None:
+    def handle_reset(self, is_read: bool) -> None:
         """Take an RST of the source; what it sent before may still be there to read."""
         back = self.target.reads
         if back.end is TapEventKind.RST:  # both have reset it: nobody is left to read anything
@@ -362,15 +362,15 @@ class TapLane:
             if self.is_over and not self.is_deaf:  # its FIN has passed
                 self.is_read = True
             if self.held is None:
-                self.reset_from_now()
-        self.source.want()
-        self.target.want()
+                self.start_reset_timer()
+        self.source.update_mask()
+        self.target.update_mask()
         self.pass_end()
 
-    def reset_from_now(self) -> None:
+    def start_reset_timer(self) -> None:
         """Give what was read before an RST its time."""
         self.gives_up_ns = time.monotonic_ns() + RESET_WAIT_NS
-        self.loop.at(self.gives_up_ns, self.pass_end)
+        self.loop.call_at(self.gives_up_ns, self.pass_end)
 
     def pass_end(self) -> None:
         """Pass the end on, when all before it has gone."""
@@ -381,8 +381,8 @@ class TapLane:
             if now < self.gives_up_ns:
                 if not self.is_read or self.out or self.late:
                     return
-                if self.talk.is_on_its_way(self.target):
-                    self.loop.at(now + RESET_LOOK_NS, self.pass_end)
+                if self.talk.has_unacknowledged(self.target):
+                    self.loop.call_at(now + RESET_CHECK_NS, self.pass_end)
                     return
             self.talk.pass_reset(self)
         elif not (self.out or self.late or self.is_over):
@@ -397,27 +397,27 @@ class DatagramLane(TapLane):
         super().__init__(talk, way, source, target)
         self._sizes: deque[int] = deque()  # of the datagrams that are held
 
-    def take(self, data: memoryview) -> None:
+    def handle_data(self, data: memoryview) -> None:
         if len(data) > self.room():
-            self.talk.tell(TapEventKind.OURS, self.way, f"drop {len(data)} bytes: {BOUNDED}".encode())
+            self.talk.report(TapEventKind.OURS, self.way, f"drop {len(data)} bytes: {HELD_LIMIT}".encode())
             return
         if self.held is not None:
             self._sizes.append(len(data))
-        super().take(data)
+        super().handle_data(data)
 
-    def go(self, data: memoryview) -> None:
+    def forward(self, data: memoryview) -> None:
         """Send a datagram, and tell that it went on; the system may lose it, as the network may."""
         with suppress(OSError):
             self.send(data)
-        self.talk.tell(TapEventKind.BYTES, self.way, data, self.at)
+        self.talk.report(TapEventKind.BYTES, self.way, data, self.at)
         self.at += len(data)
 
-    def release(self, held: bytearray) -> None:
+    def pass_held(self, held: bytearray) -> None:
         """Let go on what was held, one datagram after the other."""
         sizes, self._sizes = self._sizes, deque()
         at = 0
         for size in sizes:
-            self.take(memoryview(held)[at : at + size])
+            self.handle_data(memoryview(held)[at : at + size])
             at += size
 
     def insert(self, data: bytes) -> None:
@@ -426,9 +426,9 @@ class DatagramLane(TapLane):
             self._sizes.appendleft(len(data))
         super().insert(data)
 
-    def drop(self, size: int) -> None:
+    def drop_held(self, size: int) -> None:
         """Throw away so much of what is held; a datagram of which nothing is left is gone."""
-        super().drop(size)
+        super().drop_held(size)
         while size and self._sizes:
             first = self._sizes.popleft()
             if first > size:
@@ -436,7 +436,7 @@ class DatagramLane(TapLane):
             size -= min(first, size)
 
 
-def refusal(lane: TapLane, order: TapOrder) -> str:
+def find_refusal(lane: TapLane, order: TapOrder) -> str:
     """Return why an order cannot be done in a direction, "" where it can."""
     held, has_ends = lane.held, lane.talk.has_ends
     size = len(held or b"")
@@ -446,7 +446,7 @@ def refusal(lane: TapLane, order: TapOrder) -> str:
         case "fin" | "insert" if lane.is_over:
             return "this direction is over"
         case "insert" if len(order.data) > lane.room():
-            return BOUNDED if not lane.out else "the other end takes nothing: nothing can be inserted"
+            return HELD_LIMIT if not lane.out else "the other end takes nothing: nothing can be inserted"
         case "drop" | "edit" if not held:
             return "nothing is held in this direction"
         case "drop" if order.sizes[0] > size:
@@ -456,7 +456,7 @@ def refusal(lane: TapLane, order: TapOrder) -> str:
     return ""
 
 
-def intervene(lane: TapLane, order: TapOrder) -> None:
+def apply_order(lane: TapLane, order: TapOrder) -> None:
     """Do what can be done in a direction."""
     held = lane.held
     match order.verb:
@@ -464,15 +464,15 @@ def intervene(lane: TapLane, order: TapOrder) -> None:
             lane.held = bytearray() if held is None else held
         case "go" if held is not None:
             lane.held = None
-            lane.tell_held()
-            lane.release(held)
+            lane.report_held()
+            lane.pass_held(held)
             if lane.end is TapEventKind.RST:
-                lane.reset_from_now()
+                lane.start_reset_timer()
             lane.pass_end()
         case "insert":
             lane.insert(order.data)
         case "drop":
-            lane.drop(order.sizes[0])
+            lane.drop_held(order.sizes[0])
         case "edit" if held is not None:
             held[order.sizes[0] : order.sizes[0] + len(order.data)] = order.data
         case "delay":
@@ -484,12 +484,12 @@ def intervene(lane: TapLane, order: TapOrder) -> None:
         case "rst":
             lane.talk.pass_reset(lane)
         case "fin":
-            lane.let_go()
+            lane.release_all()
             lane.is_deaf, lane.end = True, TapEventKind.FIN
             lane.pass_end()
 
 
-def in_words(order: TapOrder) -> str:
+def describe_order(order: TapOrder) -> str:
     sizes = ",".join(map(str, order.sizes))
     if order.verb == "delay":
         sizes = f"{order.sizes[0] // 1_000_000} ms"

@@ -13,7 +13,7 @@ from functools import partial
 from itertools import islice
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
+from trcvtui.net.kernel import Handle, KernelLoss, LocalAddress, NewClient, PathInfo, SocketOptions
 from trcvtui.net.results import (
     ANY_ADDRESS,
     WOULD_BLOCK,
@@ -25,16 +25,16 @@ from trcvtui.net.results import (
     WouldBlock,
     is_group,
 )
-from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, broadcast_at, is_sane
+from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, is_valid_end, simulated_broadcast
 from trcvtui.net.sim.stream import StreamPhase
 from trcvtui.net.sim.timers import MS
 
 # Datagrams of one sender stay in order; one that finds nobody, a cut link or a full queue is gone.
 
-LARGEST: Final = 65507  # 65535 less the headers of IP and UDP
+LARGEST_DATAGRAM: Final = 65507  # 65535 less the headers of IP and UDP
 # net.core.rmem_default of Linux, and what a queued datagram costs of it there (256 of up to 100 bytes fit).
 RECEIVE_ROOM: Final = 212_992
-COST: Final = 832
+DATAGRAM_COST: Final = 832
 COST_OF_A_BYTE: Final = 2
 
 
@@ -44,13 +44,13 @@ class DatagramWire:
     def __init__(self, wire: SimWire) -> None:
         self.wire = wire
         self.ports = PortTable()
-        self._bound: dict[int, list[SimDatagrams]] = {}
+        self._bound: dict[int, list[SimDatagramSocket]] = {}
 
-    def enter(self, socket: SimDatagrams) -> None:
+    def add_socket(self, socket: SimDatagramSocket) -> None:
         """Let datagrams reach a socket whose end is known."""
         self._bound.setdefault(socket.claim.port, []).append(socket)
 
-    def leave(self, socket: SimDatagrams) -> None:
+    def remove_socket(self, socket: SimDatagramSocket) -> None:
         """Let nothing reach the socket any more."""
         self.ports.release(socket.claim)
         holders = self._bound.get(socket.claim.port, [])
@@ -62,31 +62,31 @@ class DatagramWire:
     def carry(self, owner: str, source: Endpoint, remote: Endpoint, data: bytes) -> None:
         """Carry one datagram, unless the sender's link is down."""
         if self.wire.is_up(owner, owner):
-            self.wire.after_latency(partial(self._deliver, owner, source, remote, data))
+            self.wire.call_after_latency(partial(self._deliver, owner, source, remote, data))
 
     def _deliver(self, owner: str, source: Endpoint, remote: Endpoint, data: bytes) -> None:
-        for target in self._sockets_at(remote):
+        for target in self._find_sockets(remote):
             if self.wire.is_up(owner, target.owner):
-                target.arrive(source, data)
+                target.queue_datagram(source, data)
 
     def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
         """Hand over a datagram from elsewhere; return whether a socket there had room for it."""
-        return True in [target.arrive(source, data) for target in self._sockets_at(remote)]
+        return True in [target.queue_datagram(source, data) for target in self._find_sockets(remote)]
 
-    def take_back(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
+    def withdraw(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
         """Let what is unread at an end never have come, and return it."""
-        return [each for target in self._sockets_at(end) for each in target.take_back()]
+        return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
-    def _sockets_at(self, end: Endpoint) -> list[SimDatagrams]:
+    def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
         """Return who gets a datagram: of a broadcast all that are bound to it or to any address, else one."""
         is_broadcast = self.wire.is_broadcast(end.address)
-        holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns(end.address) else []
+        holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
         found = [each for address in heard for each in reversed(holders) if each.claim.address == address]
         return found if is_broadcast else found[:1]
 
 
-class SimDatagrams(SimSocket):
+class SimDatagramSocket(SimSocket):
     """One UDP socket. The methods answer "" or an errno name, as the system calls of Linux do."""
 
     __slots__ = ("_datagrams", "_dropped", "_queue", "_used", "may_broadcast")
@@ -107,9 +107,9 @@ class SimDatagrams(SimSocket):
 
     def bind(self, end: Endpoint) -> str:
         """Bind to a local end; port 0 takes a free one. UDP has port numbers of its own."""
-        error = self._cannot_bind(end) or self._datagrams.ports.bind(self.claim, end)
+        error = self._bind_error(end) or self._datagrams.ports.bind(self.claim, end)
         if not error:
-            self._datagrams.enter(self)
+            self._datagrams.add_socket(self)
         return error
 
     def listen(self, backlog: int) -> str:
@@ -123,23 +123,23 @@ class SimDatagrams(SimSocket):
     def send_to(self, data: memoryview, end: Endpoint) -> str:
         """Send one datagram; a socket without a port takes a free one."""
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
-        error = self._cannot_send(len(data), remote)
+        error = self._send_error(len(data), remote)
         if error:
             return error
         if not self.claim.port:
             error = self.bind(Endpoint(ANY_ADDRESS, 0))
         if not error:
-            source = Endpoint(self._source_for(remote.address), self.claim.port)
+            source = Endpoint(self._source_address(remote.address), self.claim.port)
             self._datagrams.carry(self.owner, source, remote, bytes(data))
         return error
 
-    def _cannot_send(self, size: int, remote: Endpoint) -> str:
-        if not is_sane(remote) or not remote.port:
+    def _send_error(self, size: int, remote: Endpoint) -> str:
+        if not is_valid_end(remote) or not remote.port:
             return "EINVAL"
-        if size > LARGEST:
+        if size > LARGEST_DATAGRAM:
             return "EMSGSIZE"
         is_broadcast = self._wire.is_broadcast(remote.address)
-        error = "" if is_group(remote.address) else self._no_way_to(remote.address)
+        error = "" if is_group(remote.address) else self._route_error(remote.address)
         return error or ("EACCES" if is_broadcast and not self.may_broadcast else "")
 
     def peek(self, skip: int) -> Unread:
@@ -147,9 +147,9 @@ class SimDatagrams(SimSocket):
         found = [WaitingMessage(source, data, len(data)) for source, data in islice(self._queue, skip, None)]
         return Unread(messages=tuple(found), dropped=self._dropped)
 
-    def arrive(self, source: Endpoint, data: bytes) -> bool:
+    def queue_datagram(self, source: Endpoint, data: bytes) -> bool:
         """Queue a datagram; return False where there is no room: it is the newest that is dropped."""
-        cost = _cost(data)
+        cost = _datagram_cost(data)
         if self._queue and self._used + cost > self.tuning.receive_room:
             self._dropped += 1
             return False
@@ -158,40 +158,40 @@ class SimDatagrams(SimSocket):
         self.changed()
         return True
 
-    def take_back(self) -> list[tuple[Endpoint, bytes]]:
+    def withdraw(self) -> list[tuple[Endpoint, bytes]]:
         """Let what is unread never have come, and return it."""
         unread = list(self._queue)
         self._queue.clear()
         self._used = 0
         return unread
 
-    def take(self, into: memoryview) -> Datagram | WouldBlock:
+    def read(self, into: memoryview) -> Datagram | WouldBlock:
         """Take the oldest datagram; what is larger than the view is cut off."""
         if not self._queue:
             return WOULD_BLOCK
         source, data = self._queue.popleft()
-        self._used -= _cost(data)
+        self._used -= _datagram_cost(data)
         size = min(len(data), len(into))
         into[:size] = data[:size]
         self.changed()
         return Datagram(size, source, len(data))
 
     def free(self, abort: bool) -> None:
-        self._datagrams.leave(self)
+        self._datagrams.remove_socket(self)
         self._queue.clear()
 
 
-def _cost(data: bytes) -> int:
-    return COST + COST_OF_A_BYTE * len(data)
+def _datagram_cost(data: bytes) -> int:
+    return DATAGRAM_COST + COST_OF_A_BYTE * len(data)
 
 
 WASTE_BYTES: Final = 65536
-LOOPBACK_PORT: Final = LocalAddress(
-    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=broadcast_at(LOOPBACK)
+LOOPBACK_INTERFACE: Final = LocalAddress(
+    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=simulated_broadcast(LOOPBACK)
 )
 
 
-class Chance(random.Random):
+class SeededRandom(random.Random):
     """What a seed decides; it has a name of ours, so a state of a run may name it."""
 
 
@@ -208,10 +208,10 @@ class SimKernel:
         names: Mapping[str, str] | None = None,
     ) -> None:
         self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
-        self.wire.broadcasts |= {broadcast_at(each) for each in addresses if each not in not_ethernet}
+        self.wire.broadcasts |= {simulated_broadcast(each) for each in addresses if each not in not_ethernet}
         self.datagrams = DatagramWire(self.wire)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
-        self._random = Chance(seed)
+        self._random = SeededRandom(seed)
         self._not_ethernet = not_ethernet
         self._fragment = fragment
         self._sockets: dict[Handle, SimSocket] = {}
@@ -227,9 +227,9 @@ class SimKernel:
         return self.wire.now
 
     @property
-    def due(self) -> int | None:
+    def next_due_ns(self) -> int | None:
         """Return when something happens by itself next, None: never."""
-        return self.wire.agenda.due
+        return self.wire.agenda.next_due
 
     def advance(self, now_ns: int) -> None:
         """Move the clock to now_ns; everything due until then happens at its own time."""
@@ -237,16 +237,16 @@ class SimKernel:
             raise ValueError(f"time runs forwards: {now_ns} is before {self.wire.now}")
         self.wire.agenda.run_until(now_ns)
 
-    def pass_time(self, until_ns: int) -> int:
+    def advance_until_ready(self, until_ns: int) -> int:
         """Move the clock until something becomes ready, at most to until_ns; return the time."""
         agenda = self.wire.agenda
-        while not self._is_news and (due := agenda.due) is not None and due <= until_ns:
+        while not self._is_news and (due := agenda.next_due) is not None and due <= until_ns:
             agenda.run_until(max(due, agenda.now))
         if not self._is_news:
             agenda.run_until(max(until_ns, agenda.now))
         return agenda.now
 
-    def take_news(self) -> bool:
+    def take_ready_flag(self) -> bool:
         """Return whether anything has become ready since this was asked."""
         is_news, self._is_news = self._is_news, False
         return is_news
@@ -263,10 +263,10 @@ class SimKernel:
         others = (
             LocalAddress(a, "tun0", ethernet=False)
             if a in self._not_ethernet
-            else LocalAddress(a, "eth0", broadcast=broadcast_at(a))
+            else LocalAddress(a, "eth0", broadcast=simulated_broadcast(a))
             for a in self.wire.addresses
         )
-        return (LOOPBACK_PORT, *others)
+        return (LOOPBACK_INTERFACE, *others)
 
     # -- the poll set --------------------------------------------------------------------------------
 
@@ -309,7 +309,7 @@ class SimKernel:
         self._ready.pop(handle, None)
         self._seen.pop(handle, None)
 
-    def _note(self, handle: Handle, socket: SimSocket) -> None:
+    def _update_ready(self, handle: Handle, socket: SimSocket) -> None:
         if socket.polled:
             if socket.is_readable:
                 self._ready[handle] = socket
@@ -320,13 +320,13 @@ class SimKernel:
     # -- set-up --------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        return self._keep(SimSocket(self.wire, owner))
+        return self._add_socket(SimSocket(self.wire, owner))
 
-    def _keep(self, socket: SimSocket) -> Handle:
+    def _add_socket(self, socket: SimSocket) -> Handle:
         self._made += 1
         handle = Handle(self._made)
         self._sockets[handle] = socket
-        socket.watched_by(partial(self._note, handle, socket))
+        socket.set_watcher(partial(self._update_ready, handle, socket))
         return handle
 
     def set_reuse(self, handle: Handle) -> Fault | None:
@@ -347,17 +347,17 @@ class SimKernel:
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
         socket = self._sockets.get(handle)
-        return _fault("bind", "EBADF" if socket is None else socket.bind(end))
+        return _make_fault("bind", "EBADF" if socket is None else socket.bind(end))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         socket = self._sockets.get(handle)
-        return _fault("listen", "EBADF" if socket is None else socket.listen(backlog))
+        return _make_fault("listen", "EBADF" if socket is None else socket.listen(backlog))
 
     def local_end(self, handle: Handle) -> Endpoint | None:
         socket = self._sockets.get(handle)
-        return None if socket is None else socket.end
+        return None if socket is None else socket.local_end
 
-    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+    def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK
@@ -367,7 +367,7 @@ class SimKernel:
             return WOULD_BLOCK
         stream = socket.listener.queue.popleft()
         socket.changed()
-        return Accepted(self._keep(SimSocket(self.wire, socket.owner, stream)), stream.remote)
+        return NewClient(self._add_socket(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         """Return the address of a name; without a table nobody knows any but localhost."""
@@ -379,7 +379,7 @@ class SimKernel:
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         socket = self._sockets.get(handle)
-        return _fault("connect", "EBADF" if socket is None else socket.connect(end))
+        return _make_fault("connect", "EBADF" if socket is None else socket.connect(end))
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         socket = self._sockets.get(handle)
@@ -390,7 +390,7 @@ class SimKernel:
             return WOULD_BLOCK
         if stream.unread:  # a partner who has sent them and reset at once was there
             return None
-        return _fault(
+        return _make_fault(
             "connect", stream.take_error() or ("ENOTCONN" if stream.phase is StreamPhase.OVER else "")
         )
 
@@ -419,27 +419,27 @@ class SimKernel:
         return Fault("send", got) if isinstance(got, str) else got
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        return self._keep(SimDatagrams(self.datagrams, owner))
+        return self._add_socket(SimDatagramSocket(self.datagrams, owner))
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
         socket = self._sockets.get(handle)
-        if isinstance(socket, SimDatagrams):
+        if isinstance(socket, SimDatagramSocket):
             socket.may_broadcast = True
-        return _fault("set_broadcast", "EBADF" if socket is None else "")
+        return _make_fault("set_broadcast", "EBADF" if socket is None else "")
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         socket = self._sockets.get(handle)
-        if not isinstance(socket, SimDatagrams):
+        if not isinstance(socket, SimDatagramSocket):
             return Fault("send", "EBADF" if socket is None else "EPIPE")
-        return _fault("send", socket.send_to(data, end)) or len(data)
+        return _make_fault("send", socket.send_to(data, end)) or len(data)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK
-        if not isinstance(socket, SimDatagrams):
+        if not isinstance(socket, SimDatagramSocket):
             return Fault("recv", "EBADF" if socket is None else "ENOTCONN")
-        return socket.take(into)
+        return socket.read(into)
 
     def loss(self, handle: Handle) -> KernelLoss | None:
         socket = self._sockets.get(handle)
@@ -467,12 +467,12 @@ class SimKernel:
         socket = self._sockets.get(handle)
         return 0 if socket is None or socket.stream is None else socket.stream.unread
 
-    def left(self, handles: Collection[Handle]) -> list[Handle]:
+    def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
         return [each for each in handles if each in self._sockets and self._sockets[each].is_readable]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
         socket = self._sockets.get(handle)
-        if isinstance(socket, SimDatagrams):
+        if isinstance(socket, SimDatagramSocket):
             return socket.peek(skip)
         if socket is None or socket.stream is None:
             waits = socket.listener.queue if socket is not None and socket.listener is not None else ()
@@ -488,11 +488,11 @@ class SimKernel:
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN; both=False keeps reading (half-close). A listener stops to listen."""
         socket = self._sockets.get(handle)
-        return _fault("shutdown", "EBADF" if socket is None else socket.shut(both))
+        return _make_fault("shutdown", "EBADF" if socket is None else socket.shutdown(both))
 
     def probe(self, handle: Handle) -> Fault | None:
         socket = self._sockets.get(handle)
-        return _fault("shutdown", "EBADF" if socket is None else socket.probe())
+        return _make_fault("shutdown", "EBADF" if socket is None else socket.probe())
 
     def abort(self, handle: Handle) -> Fault | None:
         return self._free("abort", handle)
@@ -510,5 +510,5 @@ class SimKernel:
         return None
 
 
-def _fault(call: str, error: str) -> Fault | None:
+def _make_fault(call: str, error: str) -> Fault | None:
     return Fault(call, error) if error else None

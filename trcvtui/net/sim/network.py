@@ -13,31 +13,31 @@ from typing import Final
 from msgspec.structs import replace
 
 from trcvtui.net.kernel import SocketOptions
-from trcvtui.net.results import ANY_ADDRESS, Endpoint, broadcast_of, is_group, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, broadcast_address, is_group, is_loopback, parse_octets
 from trcvtui.net.sim.stream import (
-    RESET,
+    RESET_SEGMENT,
     RTO_MAX,
-    Flag,
     PortClaim,
     Segment,
+    SegmentFlag,
     SimStream,
     StreamPhase,
     Tuning,
-    nobody_looks,
+    ignore_change,
 )
 from trcvtui.net.sim.timers import MS, SECOND, Ticket, TimerQueue
 
 LOOPBACK: Final = "127.0.0.1"
-EVERYBODY: Final = "255.255.255.255"
+BROADCAST_ADDRESS: Final = "255.255.255.255"
 
 
-def broadcast_at(address: str) -> str:
+def simulated_broadcast(address: str) -> str:
     """Return the broadcast address of a simulated network: its mask is that of `--netns`."""
-    return broadcast_of(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
+    return broadcast_address(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
 
 
-FIRST_FREE: Final = 32768
-LAST_FREE: Final = 60999
+FIRST_FREE_PORT: Final = 32768
+LAST_FREE_PORT: Final = 60999
 
 
 class PortTable:
@@ -45,7 +45,7 @@ class PortTable:
 
     def __init__(self) -> None:
         self._claims: dict[int, list[PortClaim]] = {}
-        self._next = FIRST_FREE
+        self._next = FIRST_FREE_PORT
 
     def bind(self, claim: PortClaim, end: Endpoint) -> str:
         """Give the end to the claim; return "" or the errno name."""
@@ -56,7 +56,7 @@ class PortTable:
         self.add(claim)
         return ""
 
-    def borrow(self, claim: PortClaim, address: str) -> bool:
+    def claim_free_port(self, claim: PortClaim, address: str) -> bool:
         """Give a claim without port a free one for a connect; return whether there was one."""
         claim.address = address
         if claim.port:
@@ -68,7 +68,7 @@ class PortTable:
 
     def listen(self, claim: PortClaim) -> str:
         """Make the claim exclusive; return "" or the errno name."""
-        if not claim.port and not self.borrow(claim, claim.address):
+        if not claim.port and not self.claim_free_port(claim, claim.address):
             return "EADDRINUSE"
         if self._is_taken(claim, claim.address, claim.port):
             return "EADDRINUSE"
@@ -97,9 +97,9 @@ class PortTable:
 
     def _free_port(self) -> int:
         """Return a port that nobody holds, 0 when there is none."""
-        for _ in range(FIRST_FREE, LAST_FREE + 1):
+        for _ in range(FIRST_FREE_PORT, LAST_FREE_PORT + 1):
             port = self._next
-            self._next = port + 1 if port < LAST_FREE else FIRST_FREE
+            self._next = port + 1 if port < LAST_FREE_PORT else FIRST_FREE_PORT
             if port not in self._claims:
                 return port
         return 0
@@ -107,7 +107,7 @@ class PortTable:
 
 NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered
 TIME_WAIT: Final = 60 * SECOND
-PLAYED_ROOM: Final = 8 << 20  # bytes of a played partner that nobody has taken
+PLAYED_SEND_ROOM: Final = 8 << 20  # bytes of a played partner that nobody has taken
 
 
 class SimListener:
@@ -128,7 +128,7 @@ class SimWire:
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
-        self.broadcasts = {broadcast_at(LOOPBACK), EVERYBODY}
+        self.broadcasts = {simulated_broadcast(LOOPBACK), BROADCAST_ADDRESS}
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
@@ -143,16 +143,16 @@ class SimWire:
     def now(self) -> int:
         return self.agenda.now
 
-    def at(self, due: int, act: Callable[[], None]) -> Ticket:
-        return self.agenda.at(due, act)
+    def call_at(self, due: int, act: Callable[[], None]) -> Ticket:
+        return self.agenda.call_at(due, act)
 
     def cancel(self, ticket: Ticket | None) -> None:
         self.agenda.cancel(ticket)
 
-    def after_latency(self, act: Callable[[], None]) -> None:
+    def call_after_latency(self, act: Callable[[], None]) -> None:
         """Do what comes of something that leaves now; without latency inside the call."""
         if self._latency:
-            self.at(self.now + self._latency, act)
+            self.call_at(self.now + self._latency, act)
         else:
             act()
 
@@ -168,7 +168,7 @@ class SimWire:
         """Return whether the links of both owners are up."""
         return not self._down or not (one in self._down or other in self._down)
 
-    def owns(self, address: str) -> bool:
+    def owns_address(self, address: str) -> bool:
         return is_loopback(address) or address in self.addresses
 
     def is_broadcast(self, address: str) -> bool:
@@ -181,18 +181,18 @@ class SimWire:
         partner = source.partner
         if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
             return
-        self.after_latency(partial(self._deliver, source, partner, segment))
+        self.call_after_latency(partial(self._deliver, source, partner, segment))
 
     def _deliver(self, source: SimStream, partner: SimStream, segment: Segment) -> None:
         if self._down and not self.is_up(source.owner, partner.owner):
             return
         if partner.phase is not StreamPhase.OVER:
-            partner.arrive(segment)
+            partner.handle_segment(segment)
         elif partner.lingering and not segment.data:
             if segment.flags:
                 partner.acknowledge()
-        elif not segment.flags & Flag.RST:
-            self.carry(partner, RESET)
+        elif not segment.flags & SegmentFlag.RST:
+            self.carry(partner, RESET_SEGMENT)
 
     # -- the handshake -------------------------------------------------------------------------------
 
@@ -209,7 +209,7 @@ class SimWire:
             client.abort()
         listener.queue.clear()
 
-    def is_taken(self, client: SimStream) -> bool:
+    def has_connection(self, client: SimStream) -> bool:
         """Return whether a connection with the same two ends stands; TIME_WAIT is none (timestamps)."""
         old = self._streams.get((client.local, client.remote))
         return old is not None and not old.lingering
@@ -218,87 +218,87 @@ class SimWire:
         """Begin a connection whose ends are free."""
         ends = (client.local, client.remote)
         if ends in self._streams:
-            self._leave(self._streams[ends])
+            self._remove_stream(self._streams[ends])
         self._streams[ends] = client
         if client.owner in self.played:
             self.played[client.owner].append(client)
             return
-        if not self.owns(client.remote.address):
-            self.at(self.now + NO_HOST_AFTER, client.no_host)
+        if not self.owns_address(client.remote.address):
+            self.call_at(self.now + NO_HOST_AFTER, client.fail_no_host)
         client.connect()
 
-    def syn(self, client: SimStream) -> None:
+    def carry_syn(self, client: SimStream) -> None:
         """Carry a SYN to the machine that has the address."""
-        if client.owner in self._down or not self.owns(client.remote.address):
+        if client.owner in self._down or not self.owns_address(client.remote.address):
             return
         if client.local == client.remote:
             client.partner = client
-            client.open(client.answer_syn().edge)
+            client.establish(client.make_syn_ack().edge)
         else:
-            self.after_latency(partial(self._syn_arrives, client))
+            self.call_after_latency(partial(self._deliver_syn, client))
 
-    def _syn_arrives(self, client: SimStream) -> None:
+    def _deliver_syn(self, client: SimStream) -> None:
         if client.phase is not StreamPhase.SYN_SENT:
             return
         at_any = Endpoint(ANY_ADDRESS, client.remote.port)
         listener = self._listeners.get(client.remote) or self._listeners.get(at_any)
         if listener is None:
-            self.after_latency(partial(self._refusal_arrives, client))
+            self.call_after_latency(partial(self._deliver_refusal, client))
         elif self.is_up(client.owner, listener.owner):
             server = client.partner or self._admit(listener, client)
             if server is not None:
-                self.carry(server, server.answer_syn())
+                self.carry(server, server.make_syn_ack())
 
-    def call(self, local: Endpoint, target: Endpoint) -> SimStream | None:
+    def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
         """Let a played partner call a listener; None: the same ends have a connection."""
-        client = self._played(local, target)
-        if self.is_taken(client):
+        client = self._make_played_stream(local, target)
+        if self.has_connection(client):
             return None
         self.connect(client)
         return client
 
-    def answer(self, owner: str) -> SimStream | None:
+    def answer_as_partner(self, owner: str) -> SimStream | None:
         """Let a played partner take the newest call of an owner; None: it does not call."""
-        client = self._called(owner)
+        client = self._take_newest_call(owner)
         if client is None:
             return None
-        server = self._played(client.remote, client.local)
+        server = self._make_played_stream(client.remote, client.local)
         self._streams[server.local, server.remote] = server
         server.partner, client.partner = client, server
-        server.open(client.answer_syn().edge)
-        self.carry(server, server.answer_syn())
+        server.establish(client.make_syn_ack().edge)
+        self.carry(server, server.make_syn_ack())
         return server
 
-    def refuse(self, owner: str) -> bool:
+    def refuse_as_partner(self, owner: str) -> bool:
         """Let a played partner refuse the newest call of an owner; False: it does not call."""
-        client = self._called(owner)
+        client = self._take_newest_call(owner)
         if client is not None:
-            client.arrive(RESET)
+            client.handle_segment(RESET_SEGMENT)
         return client is not None
 
-    def _called(self, owner: str) -> SimStream | None:
+    def _take_newest_call(self, owner: str) -> SimStream | None:
         calls = self.played.get(owner, [])
         waiting = [each for each in calls if each.phase is StreamPhase.SYN_SENT]
         calls[:] = waiting[:-1]
         return waiting[-1] if waiting else None
 
-    def _played(self, local: Endpoint, remote: Endpoint) -> SimStream:
+    def _make_played_stream(self, local: Endpoint, remote: Endpoint) -> SimStream:
         claim = PortClaim(local.address, local.port, reuse=True)
         name = f"partner {local} of {remote}"
-        made = SimStream(self, name, claim, local, remote, Tuning(send_room=PLAYED_ROOM))
+        made = SimStream(self, name, claim, local, remote, Tuning(send_room=PLAYED_SEND_ROOM))
         made.always_answers = True
         return made
 
-    def _refusal_arrives(self, client: SimStream) -> None:
+    def _deliver_refusal(self, client: SimStream) -> None:
         if client.owner not in self._down and client.phase is StreamPhase.SYN_SENT:
-            client.arrive(RESET)
+            client.handle_segment(RESET_SEGMENT)
 
     def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
         """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
         ends = (client.remote, client.local)
         old = self._streams.get(ends)
         if old is not None:  # the partner's machine has forgotten it, else it could not begin anew
-            self._leave(old) if old.lingering else old.reset()
+            self._remove_stream(old) if old.lingering else old.handle_reset()
         if len(listener.queue) > listener.backlog:
             return None
         claim = PortClaim(client.remote.address, listener.claim.port, listener.claim.reuse)
@@ -306,22 +306,22 @@ class SimWire:
         self.ports.add(claim)
         self._streams[ends] = server
         server.partner, client.partner = client, server
-        server.open(client.answer_syn().edge)
+        server.establish(client.make_syn_ack().edge)
         listener.queue.append(server)
         listener.changed()
         return server
 
     # -- the end -------------------------------------------------------------------------------------
 
-    def over(self, stream: SimStream, linger: bool) -> None:
+    def remove_ended(self, stream: SimStream, linger: bool) -> None:
         """Take a connection that has ended out of the tables, at once or after TIME_WAIT."""
         stream.lingering = linger
         if linger:
-            self.at(self.now + TIME_WAIT, lambda: self._leave(stream))
+            self.call_at(self.now + TIME_WAIT, lambda: self._remove_stream(stream))
         else:
-            self._leave(stream)
+            self._remove_stream(stream)
 
-    def _leave(self, stream: SimStream) -> None:
+    def _remove_stream(self, stream: SimStream) -> None:
         stream.lingering = False
         ends = (stream.local, stream.remote)
         if self._streams.get(ends) is stream:
@@ -329,7 +329,7 @@ class SimWire:
         if not (stream.claim.fixed and stream.held):
             self.ports.release(stream.claim)
 
-    def let_go(self, stream: SimStream) -> None:
+    def release_port(self, stream: SimStream) -> None:
         """Free the port of a connection that had ended before its handle was freed."""
         if stream.phase is StreamPhase.OVER and not stream.lingering:
             self.ports.release(stream.claim)
@@ -340,7 +340,7 @@ KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
 SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
 SMALL_RECEIVE_BUFFER: Final = 2 * 2304
 # What a second connect on the same socket answers.
-CONNECT_AGAIN: Final = {
+SECOND_CONNECT_ERRORS: Final = {
     StreamPhase.SYN_SENT: "EALREADY",
     StreamPhase.OPEN: "EISCONN",
     StreamPhase.OVER: "ECONNABORTED",
@@ -358,9 +358,9 @@ class SimSocket:
         self.tuning = Tuning() if stream is None else stream.tuning
         self.listener: SimListener | None = None
         self.polled = False
-        self.changed: Callable[[], None] = nobody_looks
+        self.changed: Callable[[], None] = ignore_change
 
-    def watched_by(self, changed: Callable[[], None]) -> None:
+    def set_watcher(self, changed: Callable[[], None]) -> None:
         self.changed = changed
         if self.stream is not None:
             self.stream.changed = changed
@@ -378,7 +378,7 @@ class SimSocket:
         return self.stream.is_gone if self.stream is not None else self.listener is None
 
     @property
-    def end(self) -> Endpoint | None:
+    def local_end(self) -> Endpoint | None:
         return self.stream.local if self.stream is not None else self.claim.end
 
     def __str__(self) -> str:
@@ -397,17 +397,17 @@ class SimSocket:
         if options.small_buffers:
             self.tuning.send_room, self.tuning.receive_room = SMALL_SEND_BUFFER, SMALL_RECEIVE_BUFFER
         if self.stream is not None:
-            self.stream.obey_options()
+            self.stream.apply_options()
         return () if is_valid else ("TCP_KEEPIDLE", "TCP_KEEPINTVL")
 
     def bind(self, end: Endpoint) -> str:
-        return self._cannot_bind(end) or self._wire.ports.bind(self.claim, end)
+        return self._bind_error(end) or self._wire.ports.bind(self.claim, end)
 
-    def _cannot_bind(self, end: Endpoint) -> str:
-        if not is_sane(end) or self.claim.port:
+    def _bind_error(self, end: Endpoint) -> str:
+        if not is_valid_end(end) or self.claim.port:
             return "EINVAL"
         # Linux binds to broadcast and multicast addresses without complaint (8081).
-        known = self._wire.owns(end.address) or self._wire.is_broadcast(end.address)
+        known = self._wire.owns_address(end.address) or self._wire.is_broadcast(end.address)
         if not (known or end.address == ANY_ADDRESS or is_group(end.address)):
             return "EADDRNOTAVAIL"
         return ""
@@ -429,53 +429,53 @@ class SimSocket:
         if self.listener is not None:
             return "EISCONN"
         if self.stream is not None:
-            return CONNECT_AGAIN[self.stream.phase]
-        if not is_sane(end) and self.owner not in self._wire.played:
+            return SECOND_CONNECT_ERRORS[self.stream.phase]
+        if not is_valid_end(end) and self.owner not in self._wire.played:
             return "EINVAL"
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
         is_broadcast = self._wire.is_broadcast(remote.address)
-        error = "ENETUNREACH" if is_broadcast else self._no_way_to(remote.address)
+        error = "ENETUNREACH" if is_broadcast else self._route_error(remote.address)
         if error:
             return error
-        local = self._source_for(remote.address)
-        if not self._wire.ports.borrow(self.claim, local):
+        local = self._source_address(remote.address)
+        if not self._wire.ports.claim_free_port(self.claim, local):
             return "EADDRNOTAVAIL"
-        return self._begin(Endpoint(local, self.claim.port), remote)
+        return self._begin_connect(Endpoint(local, self.claim.port), remote)
 
-    def _begin(self, local: Endpoint, remote: Endpoint) -> str:
+    def _begin_connect(self, local: Endpoint, remote: Endpoint) -> str:
         stream = SimStream(self._wire, self.owner, self.claim, local, remote, self.tuning)
-        if self._wire.is_taken(stream):
+        if self._wire.has_connection(stream):
             return "EADDRNOTAVAIL"
         self.stream = stream
-        self.watched_by(self.changed)
+        self.set_watcher(self.changed)
         self._wire.connect(stream)
         self.changed()
         return ""
 
-    def _no_way_to(self, remote: str) -> str:
+    def _route_error(self, remote: str) -> str:
         """Return why the call itself refuses a target (80A0)."""
         if is_group(remote):
             return "ENETUNREACH"
-        if self._wire.owns(remote):
+        if self._wire.owns_address(remote):
             return ""
         if is_loopback(self.claim.address):
             return "EINVAL"
         return "" if self._wire.addresses else "ENETUNREACH"
 
-    def _source_for(self, remote: str) -> str:
+    def _source_address(self, remote: str) -> str:
         if self.claim.address != ANY_ADDRESS:
             return self.claim.address
         if is_loopback(remote):
             return LOOPBACK
-        return remote if self._wire.owns(remote) else self._wire.addresses[0]
+        return remote if self._wire.owns_address(remote) else self._wire.addresses[0]
 
     def probe(self) -> str:
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
-    def shut(self, both: bool) -> str:
+    def shutdown(self, both: bool) -> str:
         """Send FIN; a listener stops to listen when reading is shut as well."""
         if self.stream is not None:
-            return self.stream.shut(both)
+            return self.stream.shutdown(both)
         if self.listener is None:
             return "ENOTCONN"
         if both:
@@ -493,7 +493,7 @@ class SimSocket:
             self.stream.abort()
         else:
             self.stream.close()
-        self._wire.let_go(self.stream)
+        self._wire.release_port(self.stream)
 
     def _stop_listening(self) -> None:
         if self.listener is not None:
@@ -502,6 +502,6 @@ class SimSocket:
             self.listener = None
 
 
-def is_sane(end: Endpoint) -> bool:
+def is_valid_end(end: Endpoint) -> bool:
     """Return whether it is a dotted address and a port."""
-    return octets(end.address) is not None and 0 <= end.port < 65536
+    return parse_octets(end.address) is not None and 0 <= end.port < 65536

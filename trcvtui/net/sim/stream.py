@@ -22,7 +22,7 @@ from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAliv
 SEGMENT_BYTES: Final = 1460
 
 
-class Flag:
+class SegmentFlag:
     """What a segment means besides its data; plain numbers, each segment is asked several times."""
 
     NONE = 0
@@ -39,10 +39,10 @@ class Segment(NamedTuple):
     ack: int
     edge: int
     data: bytes = b""
-    flags: int = Flag.NONE
+    flags: int = SegmentFlag.NONE
 
 
-RESET: Final = Segment(0, 0, 0, b"", Flag.RST)
+RESET_SEGMENT: Final = Segment(0, 0, 0, b"", SegmentFlag.RST)
 
 
 class SendHalf:
@@ -59,12 +59,12 @@ class SendHalf:
         self._edge = 0  # how far the partner's window goes
 
     @property
-    def waiting(self) -> int:
+    def queued_bytes(self) -> int:
         """Return how many bytes the partner has not acknowledged."""
         return len(self._queue)
 
     @property
-    def unacked(self) -> int:
+    def in_flight(self) -> int:
         """Return how many bytes are in flight."""
         return len(self._queue) - self.unsent
 
@@ -119,10 +119,10 @@ class SendHalf:
             self.next = limit
         if self.fin and self.next == end and not self.fin_acked:
             self.next = end + 1
-            return seq, data, Flag.FIN
-        return (seq, data, Flag.NONE) if data else None
+            return seq, data, SegmentFlag.FIN
+        return (seq, data, SegmentFlag.NONE) if data else None
 
-    def take_back(self, size: int) -> int:
+    def withdraw(self, size: int) -> int:
         """Forget the newest bytes of what the window holds back, so many at most; return how many."""
         size = min(size, self.unsent)
         del self._queue[len(self._queue) - size :]
@@ -146,25 +146,25 @@ class ReceiveHalf:
         self.next = 0  # the position that is expected next
         self._offered = room  # how far the window has been opened
 
-    def take(self, into: memoryview, most: int) -> int:
+    def read(self, into: memoryview, most: int) -> int:
         """Move bytes to the program; return how many."""
         size = min(len(into), len(self.inbox), most)
         into[:size] = self.inbox[:size]
         del self.inbox[:size]
         return size
 
-    def offer(self) -> int:
+    def offer_window(self) -> int:
         """Return how far the window goes now."""
         self._offered = max(self._offered, self.next + self.room - len(self.inbox))
         return self._offered
 
     @property
-    def should_tell(self) -> bool:
+    def should_update_window(self) -> bool:
         """Return whether the window has doubled: Linux tells no less, so small reads cost no segment each."""
         left, free = self._offered - self.next, self.room - len(self.inbox)
         return 2 * left <= self.room and free >= 2 * left and free >= min(self.room // 2, SEGMENT_BYTES)
 
-    def brings_news(self, segment: Segment) -> bool:
+    def has_new_bytes(self, segment: Segment) -> bool:
         """Return whether it carries bytes that are not here yet."""
         return segment.seq + len(segment.data) > self.next
 
@@ -177,7 +177,7 @@ class ReceiveHalf:
         self.inbox += fresh
         self.next += len(fresh)
         ends_here = segment.seq + len(segment.data) == self.next
-        if segment.flags & Flag.FIN and ends_here and not self.fin:
+        if segment.flags & SegmentFlag.FIN and ends_here and not self.fin:
             self.fin = True
             self.next += 1
 
@@ -228,15 +228,15 @@ class Wire(Protocol):
 
     @property
     def now(self) -> int: ...
-    def at(self, due: int, act: Callable[[], None]) -> Ticket: ...
+    def call_at(self, due: int, act: Callable[[], None]) -> Ticket: ...
     def cancel(self, ticket: Ticket | None) -> None: ...
-    def syn(self, client: SimStream) -> None: ...
+    def carry_syn(self, client: SimStream) -> None: ...
     def carry(self, source: SimStream, segment: Segment) -> None: ...
-    def over(self, stream: SimStream, linger: bool) -> None: ...
+    def remove_ended(self, stream: SimStream, linger: bool) -> None: ...
     def set_link(self, owner: str, up: bool) -> None: ...
 
 
-def nobody_looks() -> None:
+def ignore_change() -> None:
     """Do nothing: what a stream's change means while no handle has it."""
 
 
@@ -255,7 +255,7 @@ class SimStream:
         self._wire, self.tuning = wire, tuning
         self.owner, self.claim, self.local, self.remote = owner, claim, local, remote
         self.partner: SimStream | None = None
-        self.changed: Callable[[], None] = nobody_looks
+        self.changed: Callable[[], None] = ignore_change
         self.phase = StreamPhase.SYN_SENT
         self.error = ""
         self.always_answers = False  # so no partner has to ask whether it lives
@@ -297,17 +297,17 @@ class SimStream:
         return len(self._in.inbox)
 
     @property
-    def untaken(self) -> int:
+    def pending_bytes(self) -> int:
         """Return how many bytes that were written no program has read."""
-        return self._out.waiting + (len(self.partner._in.inbox) if self.partner is not None else 0)
+        return self._out.queued_bytes + (len(self.partner._in.inbox) if self.partner is not None else 0)
 
     def path(self) -> PathInfo:
         often = self.tuning.longest_wait <= RTO_MAX
-        return PathInfo(self._out.unacked, self._out.unsent, (self._wire.now - self.heard) // MS, often)
+        return PathInfo(self._out.in_flight, self._out.unsent, (self._wire.now - self.heard) // MS, often)
 
     # -- what a program does -------------------------------------------------------------------------
 
-    def obey_options(self) -> None:
+    def apply_options(self) -> None:
         """Obey the tuning after a change; keep-alive counts on from the last segment."""
         self._out.room, self._in.room = self.tuning.send_room, self.tuning.receive_room
         self._start_keep_alive()
@@ -315,19 +315,19 @@ class SimStream:
     def read(self, into: memoryview, most: int) -> int | WouldBlock | str:
         """Move at most `most` bytes into the view; a str is an errno name."""
         if self._in.inbox:
-            return self._take_out(into, most)
+            return self._read_inbox(into, most)
         if self._in.fin:
             return 0
         if self.error:
             return self.take_error()
         return 0 if self.is_gone else WOULD_BLOCK
 
-    def _take_out(self, into: memoryview, most: int) -> int:
-        size = self._in.take(into, most)
+    def _read_inbox(self, into: memoryview, most: int) -> int:
+        size = self._in.read(into, most)
         if not self._in.inbox:
             self.changed()
-        if self._in.should_tell and self.phase is StreamPhase.OPEN:
-            self._carry()
+        if self._in.should_update_window and self.phase is StreamPhase.OPEN:
+            self._send_bare()
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
@@ -341,7 +341,7 @@ class SimStream:
         taken = self._out.put(data)
         if not taken and data:
             return WOULD_BLOCK
-        self._push()
+        self._send_queued()
         return taken
 
     def take_error(self) -> str:
@@ -349,12 +349,12 @@ class SimStream:
         error, self.error = self.error, ""
         return error
 
-    def shut(self, both: bool) -> str:
+    def shutdown(self, both: bool) -> str:
         """Send FIN after the queued data; return "" or ENOTCONN."""
         if self.phase is StreamPhase.OVER:
             return "ENOTCONN"
         if self.phase is StreamPhase.SYN_SENT:
-            self.give_up("ECONNRESET")
+            self.end_with_error("ECONNRESET")
             return ""
         self.read_shut = self.read_shut or both
         self._send_fin()
@@ -365,7 +365,7 @@ class SimStream:
         if not self._out.fin:
             self._out.fin = True
             self._closed_first = not self._in.fin
-            self._push()
+            self._send_queued()
 
     def close(self) -> None:
         """Let go: FIN after the queued data, or RST when received data is unread."""
@@ -376,7 +376,7 @@ class SimStream:
         self.read_shut = True
         self._send_fin()
         if self.phase is StreamPhase.OPEN:
-            self._end_ticket = self._wire.at(self._wire.now + ORPHAN_LIFE, self.abort)
+            self._end_ticket = self._wire.call_at(self._wire.now + ORPHAN_LIFE, self.abort)
 
     def abort(self) -> None:
         self.held = False
@@ -384,49 +384,49 @@ class SimStream:
         if self.phase is not StreamPhase.OVER:
             self._end(linger=False)
         if was_open:
-            self._wire.carry(self, RESET)
+            self._wire.carry(self, RESET_SEGMENT)
 
-    def take_back(self, size: int) -> None:
+    def withdraw(self, size: int) -> None:
         """Let the newest bytes that the partner's program has not read never have come, so many at most."""
-        size -= self._out.take_back(size)
+        size -= self._out.withdraw(size)
         inbox = self.partner._in.inbox if self.partner is not None else bytearray()
         del inbox[max(len(inbox) - size, 0) :]
 
-    def leave(self) -> None:
+    def end_as_partner(self) -> None:
         """Let the partner's program end the connection, as one that is played has ended it."""
         if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
-            self.partner.give_up(OWN_END)
+            self.partner.end_with_error(OWN_END)
         self.abort()
 
     # -- the handshake -------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
-        self._wire.syn(self)
+        self._retry_ticket = self._wire.call_at(self._wire.now + self._next_syn_wait(), self._repeat_syn)
+        self._wire.carry_syn(self)
 
-    def _syn_wait(self) -> int:
+    def _next_syn_wait(self) -> int:
         wait, limit = SYN_WAITS[self._syns], self.tuning.user_timeout
         return min(wait, max(0, limit - sum(SYN_WAITS[: self._syns]))) if limit else wait
 
-    def _syn_again(self) -> None:
+    def _repeat_syn(self) -> None:
         self._syns += 1
         limit = self.tuning.user_timeout
         if self._syns == len(SYN_WAITS) or 0 < limit <= sum(SYN_WAITS[: self._syns]):
-            self.give_up("ETIMEDOUT")
+            self.end_with_error("ETIMEDOUT")
         else:
-            self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
-            self._wire.syn(self)
+            self._retry_ticket = self._wire.call_at(self._wire.now + self._next_syn_wait(), self._repeat_syn)
+            self._wire.carry_syn(self)
 
-    def no_host(self) -> None:
+    def fail_no_host(self) -> None:
         """End an attempt to which no machine has answered."""
         if self.phase is StreamPhase.SYN_SENT:
-            self.give_up("EHOSTUNREACH")
+            self.end_with_error("EHOSTUNREACH")
 
-    def answer_syn(self) -> Segment:
+    def make_syn_ack(self) -> Segment:
         """Return the SYN-ACK of an accepted connection."""
-        return Segment(0, 0, self._in.offer(), b"", Flag.SYN_ACK)
+        return Segment(0, 0, self._in.offer_window(), b"", SegmentFlag.SYN_ACK)
 
-    def open(self, edge: int) -> None:
+    def establish(self, edge: int) -> None:
         """Become established; edge is how far the partner's window goes."""
         self._stop_retry()
         self.phase = StreamPhase.OPEN
@@ -437,99 +437,99 @@ class SimStream:
 
     # -- what arrives --------------------------------------------------------------------------------
 
-    def arrive(self, segment: Segment) -> None:
+    def handle_segment(self, segment: Segment) -> None:
         if self.phase is StreamPhase.SYN_SENT:
-            self._arrive_connecting(segment)
-        elif segment.flags & Flag.RST:
-            self.reset()
+            self._handle_connecting(segment)
+        elif segment.flags & SegmentFlag.RST:
+            self.handle_reset()
         else:
             self.heard = self._wire.now
-            self._acknowledged(segment)
+            self._handle_ack(segment)
             if self.phase is StreamPhase.OPEN and (segment.data or segment.flags):
-                self._take_in(segment)
+                self._accept_segment(segment)
 
-    def _arrive_connecting(self, segment: Segment) -> None:
-        if segment.flags & Flag.RST:
-            self.give_up("ECONNREFUSED")
-        elif segment.flags & Flag.SYN_ACK:
-            self.open(segment.edge)
+    def _handle_connecting(self, segment: Segment) -> None:
+        if segment.flags & SegmentFlag.RST:
+            self.end_with_error("ECONNREFUSED")
+        elif segment.flags & SegmentFlag.SYN_ACK:
+            self.establish(segment.edge)
 
-    def reset(self) -> None:
+    def handle_reset(self) -> None:
         """End because of a RST, or because the partner's machine has begun anew with the same ends."""
         if self.phase is StreamPhase.OPEN:
             # In CLOSE_WAIT Linux calls it EPIPE: the FIN was the end, the RST answers our later data.
-            self.give_up("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")
+            self.end_with_error("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")
 
-    def _acknowledged(self, segment: Segment) -> None:
+    def _handle_ack(self, segment: Segment) -> None:
         news = self._out.acknowledge(segment.ack)
         wider = self._out.open_window(segment.edge)
-        self._retry.answered()
+        self._retry.note_answer()
         if news or wider:
             self._stop_retry()
         if self._is_finished:
             self._end(self._closed_first)
         elif news or wider:
-            self._push()
+            self._send_queued()
 
     @property
     def _is_finished(self) -> bool:
         return self._in.fin and self._out.fin_acked
 
-    def _take_in(self, segment: Segment) -> None:
-        if self.read_shut and segment.data and self._in.brings_news(segment):  # nobody will ever read it
-            self.give_up("ECONNRESET")
-            self._wire.carry(self, RESET)
+    def _accept_segment(self, segment: Segment) -> None:
+        if self.read_shut and segment.data and self._in.has_new_bytes(segment):  # nobody will ever read it
+            self.end_with_error("ECONNRESET")
+            self._wire.carry(self, RESET_SEGMENT)
             return
         self._in.accept(segment)
         self.changed()
-        self._carry()
+        self._send_bare()
         if self._is_finished and self.phase is StreamPhase.OPEN:
             self._end(self._closed_first)
 
     # -- what is carried -----------------------------------------------------------------------------
 
-    def _carry(self, flags: int = Flag.NONE) -> None:
-        self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer(), b"", flags))
+    def _send_bare(self, flags: int = SegmentFlag.NONE) -> None:
+        self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer_window(), b"", flags))
 
     def acknowledge(self) -> None:
         """Answer a segment that came to a connection in TIME_WAIT."""
-        self._carry()
+        self._send_bare()
 
-    def _push(self) -> None:
+    def _send_queued(self) -> None:
         """Send what the partner's window lets through, and FIN after the last byte."""
         if self.phase is not StreamPhase.OPEN:
             return
         sent = self._out.emit()
         if sent is not None:
             seq, data, flags = sent
-            self._wire.carry(self, Segment(seq, self._in.next, self._in.offer(), data, flags))
-        self._watch()
+            self._wire.carry(self, Segment(seq, self._in.next, self._in.offer_window(), data, flags))
+        self._start_retry_timer()
 
     # -- timers --------------------------------------------------------------------------------------
 
-    def _watch(self) -> None:
+    def _start_retry_timer(self) -> None:
         if self._retry_ticket is None and self._out.is_waiting and self.phase is StreamPhase.OPEN:
             if self._retry.due is None:
                 self._retry.start(self._wire.now)
-            self._retry_ticket = self._wire.at(self._retry.due or 0, self._retry_strikes)
+            self._retry_ticket = self._wire.call_at(self._retry.due or 0, self._handle_retry_due)
 
     def _stop_retry(self) -> None:
         self._retry.stop()
         self._wire.cancel(self._retry_ticket)
         self._retry_ticket = None
 
-    def _retry_strikes(self) -> None:
+    def _handle_retry_due(self) -> None:
         self._retry_ticket = None
         probing, tuning = not self._out.is_in_flight, self.tuning
-        verdict = self._retry.strike(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
+        verdict = self._retry.check_due(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
         if verdict is TimerResult.DEAD:
-            self.give_up("ETIMEDOUT")
+            self.end_with_error("ETIMEDOUT")
         elif probing:
-            self._carry(Flag.PROBE)
-            self._watch()
+            self._send_bare(SegmentFlag.PROBE)
+            self._start_retry_timer()
         else:
             self._out.rewind()
-            self._push()
+            self._send_queued()
 
     def _start_keep_alive(self) -> None:
         self._wire.cancel(self._alive_ticket)
@@ -537,16 +537,16 @@ class SimStream:
         is_asked = self.partner is None or not self.partner.always_answers
         if self.tuning.keep_alive and self.phase is StreamPhase.OPEN and is_asked:
             self._alive = KeepAlive(self.tuning.keep_alive, self.heard)
-            self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
+            self._alive_ticket = self._wire.call_at(self._alive.due, self._handle_alive_due)
 
-    def _alive_strikes(self) -> None:
+    def _handle_alive_due(self) -> None:
         busy, limit = self._out.is_waiting, self.tuning.user_timeout
-        verdict = self._alive.strike(self._wire.now, self.heard, busy, limit)
-        self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
+        verdict = self._alive.check_due(self._wire.now, self.heard, busy, limit)
+        self._alive_ticket = self._wire.call_at(self._alive.due, self._handle_alive_due)
         if verdict is TimerResult.DEAD:
-            self.give_up("ETIMEDOUT")
+            self.end_with_error("ETIMEDOUT")
         elif verdict is TimerResult.ASK:
-            self._carry(Flag.PROBE)
+            self._send_bare(SegmentFlag.PROBE)
 
     def fall_silent(self) -> None:
         """Answer nothing from now on; the partner begins to ask."""
@@ -557,7 +557,7 @@ class SimStream:
 
     # -- the end -------------------------------------------------------------------------------------
 
-    def give_up(self, error: str) -> None:
+    def end_with_error(self, error: str) -> None:
         """End with this error, without a word to the partner."""
         self.error = error
         self._end(linger=False)
@@ -569,5 +569,5 @@ class SimStream:
         self._wire.cancel(self._alive_ticket)
         self._wire.cancel(self._end_ticket)
         self._alive_ticket = self._end_ticket = None
-        self._wire.over(self, linger)
+        self._wire.remove_ended(self, linger)
         self.changed()

@@ -15,7 +15,7 @@ SECOND: Final = 1000 * MS
 
 KEEP_ALIVE_PROBES: Final = 2
 # A lost tail is probed after 0.2 s; the retransmission timer proper follows at 0.42 s and then doubles.
-FIRST_WAITS: Final = (200 * MS, 220 * MS)
+FIRST_RETRY_WAITS: Final = (200 * MS, 220 * MS)
 LONGEST_WAIT: Final = 120 * SECOND
 MOST_UNANSWERED: Final = 16  # the tail probe and tcp_retries2 = 15
 # tcp_syn_linear_timeouts = 4 and tcp_syn_retries = 6: 134 s in all.
@@ -40,7 +40,7 @@ class TimerQueue:
         self._entered = 0
         self._cancelled = 0
 
-    def at(self, due: int, act: Callable[[], None]) -> Ticket:
+    def call_at(self, due: int, act: Callable[[], None]) -> Ticket:
         ticket = Ticket(act)
         self._entered += 1
         heapq.heappush(self._heap, (due, self._entered, ticket))
@@ -70,7 +70,7 @@ class TimerQueue:
         self.now = now
 
     @property
-    def due(self) -> int | None:
+    def next_due(self) -> int | None:
         """Return when the next thing is to be done, None where nothing is."""
         while self._heap and self._heap[0][2].act is None:
             heapq.heappop(self._heap)
@@ -97,7 +97,7 @@ class KeepAlive:
         self._probes = 0
         self._asked_at = 0
 
-    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
+    def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
         """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
         silent = now - heard
         if heard >= self._asked_at:
@@ -134,32 +134,32 @@ class Retry:
     def start(self, now: int) -> None:
         """Begin to wait for an acknowledgement or an open window."""
         self.stop()
-        self.due = now + FIRST_WAITS[0]
+        self.due = now + FIRST_RETRY_WAITS[0]
 
-    def answered(self) -> None:
+    def note_answer(self) -> None:
         """Note that the partner lives, though its window stays closed."""
         self._unanswered = 0
 
-    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
+    def check_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
         """Decide at `due`, and set the next one; probing = the window is closed and nothing is in flight."""
         if self._since is None and (probing or self._tries > 0):
             self._since = now
-        if self._is_over(now, user_timeout):
+        if self._is_exhausted(now, user_timeout):
             return TimerResult.DEAD
         self._tries += 1
         self._unanswered += 1
-        self.due = now + self._wait(longest)
+        self.due = now + self._next_wait(longest)
         if user_timeout and self._since is not None:
             self.due = min(self.due, self._since + user_timeout)
         return TimerResult.ASK
 
-    def _is_over(self, now: int, user_timeout: int) -> bool:
+    def _is_exhausted(self, now: int, user_timeout: int) -> bool:
         if user_timeout:
             return self._since is not None and now - self._since >= user_timeout
         return self._unanswered >= MOST_UNANSWERED
 
-    def _wait(self, longest: int) -> int:
-        if self._tries < len(FIRST_WAITS):
-            return FIRST_WAITS[self._tries]
-        doublings = min(self._tries - len(FIRST_WAITS) + 1, 10)
-        return min(FIRST_WAITS[-1] << doublings, longest)
+    def _next_wait(self, longest: int) -> int:
+        if self._tries < len(FIRST_RETRY_WAITS):
+            return FIRST_RETRY_WAITS[self._tries]
+        doublings = min(self._tries - len(FIRST_RETRY_WAITS) + 1, 10)
+        return min(FIRST_RETRY_WAITS[-1] << doublings, longest)

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.dialects.status_report import REACH_TEXT, Explanation, explain, with_scenarios
+from trcvtui.dialects.status_report import REACH_TEXT, Explanation, add_scenarios, find_explanations
 from trcvtui.scenario.scenario_index import scenarios_of
 
 HERE: Final = Path(__file__).parent
@@ -63,7 +63,7 @@ def pages() -> dict[str, tuple[Dialect, ...]]:
 def page(dialects: tuple[Dialect, ...]) -> str:
     """Return the atlas of dialects that have one table."""
     first, name = dialects[0], dialects[0].scenario_folder
-    found = with_scenarios(explain([first], None, None), {first.name: scenarios_of(name)})
+    found = add_scenarios(find_explanations([first], None, None), {first.name: scenarios_of(name)})
     reach = "\n".join(f"- {reach}: {text}" for reach, text in REACH_TEXT.items())
     parts = ["# STATUS atlas: " + "; ".join(dialect.title for dialect in dialects)]
     base = BASES.get(name)
@@ -167,7 +167,7 @@ def _contents(cards: Sequence[Card]) -> str:
 def _page_card(card: Card, up: str) -> str:
     row = card.one.row
     error = "ERROR=1" if row.error else "no error"
-    scenarios = [f"[{_name(file)}]({up}{file})" for file in card.one.telling()]
+    scenarios = [f"[{_name(file)}]({up}{file})" for file in card.one.select_scenarios()]
     parts = [
         f"## {row.word}",
         f"**{_plain(row.title)}** · {error} · {', '.join(row.blocks)} · {row.reach}",

@@ -11,13 +11,15 @@ import pytest
 from hypothesis import settings
 
 from tests.certificates import certificates, secure_bench
-from trcvtui.plc.containment import RAISES
+from trcvtui.plc.containment import EXCEPTIONS_VARIABLE
 
 __all__ = ["certificates", "secure_bench"]
 
 TESTS = Path(__file__).parent
 os.environ.setdefault("XDG_STATE_HOME", str(Path(tempfile.gettempdir(), "trcvtui-tests")))  # for reports
-os.environ.setdefault(RAISES, "raise")  # what is contained elsewhere fails the test, in any process
+os.environ.setdefault(
+    EXCEPTIONS_VARIABLE, "raise"
+)  # what is contained elsewhere fails the test, in any process
 
 settings.register_profile("same", deadline=None, max_examples=60, derandomize=True)
 settings.register_profile("searching", deadline=None, max_examples=600)

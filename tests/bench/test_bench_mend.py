@@ -129,7 +129,7 @@ def test_twenty_edits_can_be_taken_back(desk: Desk) -> None:
 
 def test_an_instance_comes_back_to_its_place_in_the_call_order(desk: Desk) -> None:
     desk.do("remove R1", "undo")
-    assert [out.instance for out in desk.bench.runtime.called] == ["R1", "C2"]
+    assert [out.instance for out in desk.bench.runtime.due_edges] == ["R1", "C2"]
     desk.do("add data tx REAL", "set R1 data=tx", "set R1 CONT=1")
     desk.scan(2)
     assert desk.bench.project.instance("R1").data == "tx"  # type: ignore[union-attr]

@@ -11,11 +11,11 @@ import pytest
 
 from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.framing import KEPT_NOISE
-from trcvtui.blocks.serial.com_buffer import MOST_BYTES
+from trcvtui.blocks.framing import KEPT_NOISE_BYTES
+from trcvtui.blocks.serial.com_buffer import MOST_RECORDED_BYTES
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.serial_line import SIMULATED_LINE_BYTES, SimSerialPort
-from trcvtui.plc.serial_line_control import MOST_A_SCAN
+from trcvtui.plc.serial_line_control import MOST_READ_BYTES
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.file import load_project
 
@@ -96,12 +96,12 @@ def framer_of(bench: Bench) -> FramerSnapshot:
 def held(bench: Bench) -> int:
     (rx,) = bench.runtime.snapshot().combuffers
     noise = framer_of(bench).noise
-    assert rx.count <= rx.size and len(noise) <= KEPT_NOISE
-    return rx.count + len(noise) + len(bench.runtime.partial("RD")) + bench.runtime.recording("RX").size
+    assert rx.count <= rx.size and len(noise) <= KEPT_NOISE_BYTES
+    return rx.count + len(noise) + len(bench.runtime.job_bytes("RD")) + bench.runtime.recording("RX").size
 
 
 def room(source: str) -> int:
-    return (65_536 if source == STREAM else 300) + KEPT_NOISE + SIZE + MOST_BYTES
+    return (65_536 if source == STREAM else 300) + KEPT_NOISE_BYTES + SIZE + MOST_RECORDED_BYTES
 
 
 @pytest.mark.slow
@@ -128,5 +128,5 @@ def test_a_scan_takes_no_more_of_a_port_than_its_share() -> None:
     port = SimSerialPort()
     port.open()
     port.simulate_arrival(b"\x55" * (SIMULATED_LINE_BYTES + 1000))
-    assert len(port.read(MOST_A_SCAN)) == MOST_A_SCAN
-    assert len(port.read(SIMULATED_LINE_BYTES)) == SIMULATED_LINE_BYTES - MOST_A_SCAN
+    assert len(port.read(MOST_READ_BYTES)) == MOST_READ_BYTES
+    assert len(port.read(SIMULATED_LINE_BYTES)) == SIMULATED_LINE_BYTES - MOST_READ_BYTES

@@ -20,7 +20,7 @@ from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.layers.iso_on_tcp import IsoSession
 from trcvtui.net.layers.layered_stream import SharedListener
-from trcvtui.plc.containment import INTERNAL_ERROR, RAISES
+from trcvtui.plc.containment import EXCEPTIONS_VARIABLE, INTERNAL_ERROR
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.serial_line_control import PortFeed
 from trcvtui.project.file import load_project
@@ -94,7 +94,7 @@ PLACES: dict[str, tuple[str, tuple[str, ...], Callable[[pytest.MonkeyPatch], Non
 
 @pytest.fixture(autouse=True)
 def contained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
-    monkeypatch.setenv(RAISES, "")
+    monkeypatch.setenv(EXCEPTIONS_VARIABLE, "")
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
     monkeypatch.setattr("trcvtui.bench.error_report._written", {})
     yield

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.block import ConnectBinding, NoJob
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Outcome, Why
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Direction, Inputs, Pin
 from trcvtui.blocks.table import BlockRow
 
@@ -14,14 +14,14 @@ from trcvtui.blocks.table import BlockRow
 class Beacon:
     """It is on while REQ is 1, and seen in the scan in which REQ falls."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
         self._req = False
 
     def call(self, inputs: Inputs) -> Outcome:
         was, self._req = self._req, inputs.req
         condition = Condition.SENDING if inputs.req else Condition.SENT if was else Condition.NO_JOB
-        return Outcome(condition, Cause(Why.INPUT, "REQ is asked", pin="REQ", value=int(inputs.req)))
+        return Outcome(condition, Cause(CauseKind.INPUT, "REQ is asked", pin="REQ", value=int(inputs.req)))
 
     def stop(self, reason: str) -> None:
         """Forget nothing: it keeps nothing."""

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.blocks.framing_vectors import VECTORS
-from trcvtui.blocks.framing import KEPT_NOISE, Ending, Frame, Framer, Framing
+from trcvtui.blocks.framing import KEPT_NOISE_BYTES, Frame, FrameEnding, Framer, Framing
 
 MS = 1_000_000
 
@@ -39,11 +39,11 @@ def frames_of(framer: Framer, framing: Framing, arriving: list[bytes]) -> tuple[
     for piece in arriving:
         queue += piece
         now += MS
-        used, frame = framer.take(queue, framing, now)
+        used, frame = framer.feed(queue, framing, now)
         queue = queue[used:]
         found += [frame] if frame is not None else []
     while queue:
-        used, frame = framer.take(queue, framing, now)
+        used, frame = framer.feed(queue, framing, now)
         queue = queue[used:]
         found += [frame] if frame is not None else []
     return found, queue
@@ -63,12 +63,12 @@ def byte_by_byte(framing: Framing, stream: bytes) -> list[Frame]:
         if is_begun:
             marks = len(prefix) + len(framing.suffix)
             if framing.text and part.endswith(b"\0"):
-                ending = Ending.ZERO
+                ending = FrameEnding.ZERO
             elif framing.suffix and len(part) >= marks and part.endswith(framing.suffix):
-                ending = Ending.SUFFIX
+                ending = FrameEnding.SUFFIX
         if ending is None and len(part) == framing.size:
             is_good = is_begun and not framing.suffix and not framing.text
-            ending = Ending.SIZE if is_good else Ending.OVERRUN
+            ending = FrameEnding.SIZE if is_good else FrameEnding.OVERRUN
         if ending is not None:
             frames.append(Frame(part, ending))
             part, is_begun = b"", not prefix
@@ -89,7 +89,11 @@ def test_p1_frames_do_not_depend_on_how_the_stream_is_cut(
     cut, whole = Framer(), Framer()
     frames = frames_of(cut, framing, pieces(stream, cuts))
     assert frames == frames_of(whole, framing, [stream])
-    assert (cut.part, cut.discarded, cut.noise) == (whole.part, whole.discarded, whole.noise)
+    assert (cut.partial_frame, cut.discarded, cut.noise) == (
+        whole.partial_frame,
+        whole.discarded,
+        whole.noise,
+    )
     assert frames[0] == byte_by_byte(framing, stream)
 
 
@@ -98,9 +102,9 @@ def test_a_false_start_is_known_within_one_call_as_it_is_byte_by_byte(
     framing: Framing, stream: bytes
 ) -> None:
     at_once, single, was_busy = Framer(), Framer(), False
-    at_once.take(stream, framing, 0)
+    at_once.feed(stream, framing, 0)
     for n in range(len(stream)):
-        used, frame = single.take(stream[n : n + 1], framing, 0)
+        used, frame = single.feed(stream[n : n + 1], framing, 0)
         was_busy |= single.busy
         if frame is not None or not used:
             return  # one frame a call: from here on the calls differ
@@ -116,11 +120,11 @@ def test_p2_and_p5_nothing_is_lost_doubled_or_reordered(
     for piece in pieces(stream, cuts):
         queue += piece
         now += MS
-        used, frame = framer.take(queue, framing, now)
+        used, frame = framer.feed(queue, framing, now)
         fresh = framer.discarded - noise
         joined += framer.noise[len(framer.noise) - fresh :] + (frame.content if frame else b"")
         noise, queue = framer.discarded, queue[used:]
-    assert joined + framer.part + queue == stream
+    assert joined + framer.partial_frame + queue == stream
 
 
 @given(ALL, STREAMS, CUTS)
@@ -129,10 +133,10 @@ def test_p3_and_p4_a_good_frame_has_its_marks_and_no_frame_is_longer_than_size(
 ) -> None:
     for content, ending in frames_of(Framer(), framing, pieces(stream, cuts))[0]:
         assert 0 < len(content) <= framing.size
-        if ending in (Ending.SUFFIX, Ending.SIZE):
+        if ending in (FrameEnding.SUFFIX, FrameEnding.SIZE):
             assert content.startswith(framing.prefix)
             assert content.endswith(framing.suffix) or len(content) == framing.size
-        if ending is Ending.SUFFIX:
+        if ending is FrameEnding.SUFFIX:
             assert content.endswith(framing.suffix)
 
 
@@ -142,7 +146,7 @@ def test_p6_after_a_reset_a_framer_is_as_good_as_new(
 ) -> None:
     used_one = Framer()
     frames_of(used_one, framing, [before])
-    used_one.drop()
+    used_one.flush()
     assert frames_of(used_one, framing, pieces(after, cuts)) == frames_of(
         Framer(), framing, pieces(after, cuts)
     )
@@ -154,12 +158,12 @@ def test_p6_after_a_reset_a_framer_is_as_good_as_new(
 def test_noise_for_ever_is_counted_and_only_its_end_is_kept() -> None:
     framer, framing = Framer(), Framing(64, prefix=b"\x02")
     for _ in range(100):
-        assert framer.take(b"\xff" * 10_000, framing, 0) == (10_000, None)
-    assert (framer.discarded, framer.noise, framer.busy) == (1_000_000, b"\xff" * KEPT_NOISE, False)
+        assert framer.feed(b"\xff" * 10_000, framing, 0) == (10_000, None)
+    assert (framer.discarded, framer.noise, framer.busy) == (1_000_000, b"\xff" * KEPT_NOISE_BYTES, False)
 
 
 def test_a_timeout_may_change_while_a_frame_is_half_here() -> None:
     framer = Framer()
-    framer.take(b"A", Framing(4, timeout_ns=50 * MS), 0)
-    assert not framer.differs(Framing(4, timeout_ns=20 * MS))
-    assert framer.take(b"", Framing(4, timeout_ns=20 * MS), 20 * MS) == (0, Frame(b"A", Ending.GAP))
+    framer.feed(b"A", Framing(4, timeout_ns=50 * MS), 0)
+    assert not framer.framing_changed(Framing(4, timeout_ns=20 * MS))
+    assert framer.feed(b"", Framing(4, timeout_ns=20 * MS), 20 * MS) == (0, Frame(b"A", FrameEnding.GAP))

@@ -89,7 +89,7 @@ def test_a_vector_as_a_scenario_leaves_what_the_table_says(vector: Vector, tmp_p
     frames = [line.t_ns // MS for line in bench.runtime.ledger if isinstance(line.event, FrameEnded)]
     noise = [e.size for line in bench.runtime.ledger if isinstance(e := line.event, NoiseDropped)]
     assert frames == [call.ms for call in vector.calls if call.done]
-    assert bench.runtime.partial("RD") == vector.part
+    assert bench.runtime.job_bytes("RD") == vector.part
     assert sum(noise) == vector.discarded
     assert bench.runtime.snapshot().combuffers[0].count == len(vector.left)
     bench.close()

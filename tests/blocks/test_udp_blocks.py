@@ -47,7 +47,7 @@ def test_the_source_of_a_datagram_stands_in_addr_and_in_the_pictures(tmp_path: P
 def test_a_datagram_that_is_here_when_en_r_falls_is_dropped_and_noted(tmp_path: Path) -> None:
     desk = Desk(BENCH, tmp_path)
     desk.say("set URECV_C_1 CONT=1", "run 3", "peer P1 send hex 01 02", "set URECV_C_1 EN_R=1", "run 1")
-    assert desk.bench.runtime.partial("URECV_C_1") == b"\1\2"
+    assert desk.bench.runtime.job_bytes("URECV_C_1") == b"\1\2"
     desk.say("set URECV_C_1 EN_R=0", "run 2", "set URECV_C_1 EN_R=1", "run 3")
     assert (desk.status("URECV_C_1"), desk.bench.runtime.data("rx")) == ("7006", bytes(8))
     dropped = [line.event for line in desk.bench.runtime.ledger if "Dropped" in type(line.event).__name__]

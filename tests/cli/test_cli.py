@@ -157,7 +157,7 @@ def test_ctrl_c_is_130_without_a_word(run: Run, monkeypatch: pytest.MonkeyPatch)
     def interrupted(*args: object) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("trcvtui.dialects.status_report.explain", interrupted)
+    monkeypatch.setattr("trcvtui.dialects.status_report.find_explanations", interrupted)
     assert run("status") == (130, "", "")
 
 

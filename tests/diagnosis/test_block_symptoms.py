@@ -9,14 +9,14 @@ import pytest
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.net.layers.layered_stream import SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Outputs, StatusEdge
 from trcvtui.project.file import load_project
 
-REFUSED = Cause(Why.PARTNER, "connect gave ECONNREFUSED", call="connect", error="ECONNREFUSED")
-HANDSHAKE = Cause(Why.PARTNER, "the handshake failed", call="session", error="TLS_WRONG_NAME")
+REFUSED = Cause(CauseKind.PARTNER, "connect gave ECONNREFUSED", call="connect", error="ECONNREFUSED")
+HANDSHAKE = Cause(CauseKind.PARTNER, "the handshake failed", call="session", error="TLS_WRONG_NAME")
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_an_error_counts_where_it_stands_or_comes_again(
 
 
 def test_an_error_that_is_expected_is_none(bench: Bench) -> None:
-    cause = Cause(Why.INPUT, "EN_R is 1 without a connection", is_expected=True)
+    cause = Cause(CauseKind.INPUT, "EN_R is 1 without a connection", is_expected=True)
     symptoms = BlockSymptoms(bench, 0)
     symptoms.take(1, 0, shown(bench, Condition.CONNECT_FAILED, cause))
     assert symptoms.found(is_running=False) == ()

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.scenario.scenarios import BAOSKY, LEGACY, SIEMENS, SIM_ONLY, TWINCAT, played
-from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.conditions import ERROR_CONDITIONS, Condition
 from trcvtui.cli.main import main
 from trcvtui.net.faults import KNOWN_ERRORS
 
@@ -89,7 +89,7 @@ def is_told(condition: Condition, cause: dict[str, Any], path: Path) -> None:
 def test_the_scenarios_bring_about_every_error_but_those_of_certificates() -> None:
     seen = {condition for path in ALL for condition, _ in errors(path)}
     nowhere = {Condition.INTERNAL_FAULT}  # test_internal_errors
-    assert ERROR - seen == OF_CERTIFICATES | nowhere  # theirs: test_tls_blocks
+    assert ERROR_CONDITIONS - seen == OF_CERTIFICATES | nowhere  # theirs: test_tls_blocks
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from tests.bench.test_tls_blocks import (
 )
 from tests.certificates import NEEDS_OPENSSL
 from tests.diagnosis.truth.live_plc import LivePlc
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.evidence import Evidence
@@ -95,7 +95,7 @@ def test_what_has_no_row_of_its_own_is_told_in_the_words_of_the_partner(
 ) -> None:
     with desk_of(secure_bench, CLIENT.format(port=9)) as desk:
         (config,) = desk.bench.project.connects
-    failed = Cause(Why.KERNEL, "", call="session", error=cause[0], words=cause[1])
+    failed = Cause(CauseKind.KERNEL, "", call="session", error=cause[0], words=cause[1])
     said = why_it_failed(Evidence("X", "TRCV_C", "", failed, ScanStamp(0, 0), 0, config=config))
     assert isinstance(said, Sentence) and card in said.cause
     assert [mend in line.text for line in said.do] == [True]

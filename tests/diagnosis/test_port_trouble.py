@@ -16,7 +16,7 @@ from trcvtui.diagnosis.serial import warnings_of
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.net.results import Fault
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.plc.port_hints import port_away, port_hint
+from trcvtui.plc.port_hints import describe_port_fault, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.scenario.runner import Runner, VirtualPace
@@ -113,14 +113,14 @@ def test_nothing_is_told_of_a_port_that_nobody_has_tried(tmp_path: Path, stopped
     bench = bench_on(tmp_path)
     if stopped:
         do(bench, "plc stop", scans=1)
-    assert port_away(bench.runtime.snapshot().combuffers[0]) == ""
+    assert describe_port_fault(bench.runtime.snapshot().combuffers[0]) == ""
     bench.close()
 
 
 def test_where_no_hint_is_known_the_words_of_the_system_are_told() -> None:
     fault = Fault("open", "EINVAL", words="invalid URL, protocol 'pigeon' not known")
     buffer = ComBufferSnapshot("RX", "serial", 300, 0, 0, 0, False, port="pigeon://1", fault=fault)
-    assert port_away(buffer) == "port pigeon://1 of RX is not there: open gave EINVAL"
+    assert describe_port_fault(buffer) == "port pigeon://1 of RX is not there: open gave EINVAL"
     assert port_hint(buffer) == fault.words
 
 

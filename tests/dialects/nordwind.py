@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
-from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
+from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import ConnectionPolicy
@@ -60,11 +60,11 @@ STATUS: Final = (
 )
 
 
-def answer(values: Mapping[str, SwitchValue]) -> Rules:
-    return Rules(
+def answer(values: Mapping[str, SwitchValue]) -> VendorRules:
+    return VendorRules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
         course=StatusSequence(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
-        not_connected=NotConnected.NEVER,
+        not_connected=NotConnectedRule.NEVER,
         policy=ConnectionPolicy(retry_ns=int(values.get("retry", SECOND))),
     )
 

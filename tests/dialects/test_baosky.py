@@ -6,14 +6,14 @@ import pytest
 
 from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
+from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import defaults, format_value, read_switches
 from trcvtui.net.connection.config import ConnectionPolicy
 
 
-def rules(**raw: object) -> Rules:
+def rules(**raw: object) -> VendorRules:
     values, problems = read_switches(BAOSKY, raw, "options")
     assert problems == []
     return BAOSKY.answer(values)
@@ -57,7 +57,7 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
 def test_without_switches_the_rules_are_the_decisions_of_the_design() -> None:
     answered = BAOSKY.answer({})
     of_the_manual = StatusSequence(silent_dead_link=True)
-    assert answered == Rules(status=answered.status, course=of_the_manual, adhoc_at_once=True)
+    assert answered == VendorRules(status=answered.status, course=of_the_manual, adhoc_at_once=True)
     assert answered.policy == ConnectionPolicy()
 
 
@@ -75,8 +75,8 @@ def test_a_condition_gets_the_word_of_the_manual() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "field", "expected"),
     [
-        ("not_connected", "hold", "not_connected", NotConnected.HOLD),
-        ("not_connected", "never", "not_connected", NotConnected.NEVER),
+        ("not_connected", "hold", "not_connected", NotConnectedRule.HOLD),
+        ("not_connected", "never", "not_connected", NotConnectedRule.NEVER),
         ("short_frame", "80C5", "short_frame_shown", False),
         ("reset_is", "80C5", "reset_counts_as_close", True),
         ("com_rst_autoclear", False, "com_rst_autoclear", False),

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from tests.dialects.foreign import NOT_BAOSKYS
-from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.conditions import ERROR_CONDITIONS, Condition
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.status import STATUS
@@ -101,7 +101,7 @@ def is_sound(row: StatusRow, manual: str) -> bool:
     texts = (*row.causes, *row.checks)
     return (
         row.error == (row.code > 0x8000)  # 8000: a reset in progress
-        and {condition in ERROR for condition in row.conditions} <= {row.error}
+        and {condition in ERROR_CONDITIONS for condition in row.conditions} <= {row.error}
         and (row.reach is Reproducibility.NEVER) == bool(row.unreached) == (row.condition is None)
         and 3 < len(row.title) <= 46
         and all(2 <= len(said) <= 4 and len(set(said)) == len(said) for said in (row.causes, row.checks))

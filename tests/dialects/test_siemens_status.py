@@ -10,7 +10,7 @@ import pytest
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reproducibility
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.siemens.states import ALL
+from trcvtui.dialects.siemens.states import ALL_BLOCKS
 from trcvtui.dialects.siemens.status import STATUS
 
 ROOT = Path(__file__).parents[2]
@@ -137,7 +137,7 @@ CAN_SHOW = {
 
 def test_a_block_has_a_row_for_each_code_and_each_condition_and_one_alone() -> None:
     wrong: list[tuple[object, ...]] = []
-    for block in ALL:
+    for block in ALL_BLOCKS:
         rows = [row for row in STATUS if block in row.blocks]
         codes = Counter(row.word for row in rows)
         wrong += [(block, code) for code, times in codes.items() if times > 1]
@@ -149,19 +149,22 @@ def test_a_block_has_a_row_for_each_code_and_each_condition_and_one_alone() -> N
 
 def test_all_blocks_of_the_dialect_have_rows_and_no_others() -> None:
     listed = {block for row in STATUS for block in row.blocks}
-    assert listed == set(ALL) == set(DIALECTS["s7-1500"].blocks) == set(DIALECTS["s7-1200"].blocks)
+    assert listed == set(ALL_BLOCKS) == set(DIALECTS["s7-1500"].blocks) == set(DIALECTS["s7-1200"].blocks)
 
 
 def test_what_a_block_shows_is_what_its_row_says() -> None:
     rules = DIALECTS["s7-1500"].answer({})
-    assert rules.word("TSEND_C", Condition.RESET_IN_JOB) == 0x80A7
-    assert rules.word("T_RESET", Condition.ENDPOINT_GONE) == 0x8081
-    assert rules.word("TDISCON", Condition.ENDPOINT_GONE) == 0x80A3
-    assert (rules.word("TSEND_C", Condition.DATA_REFUSED), rules.word("TRCV", Condition.DATA_REFUSED)) == (
+    assert rules.status_word("TSEND_C", Condition.RESET_IN_JOB) == 0x80A7
+    assert rules.status_word("T_RESET", Condition.ENDPOINT_GONE) == 0x8081
+    assert rules.status_word("TDISCON", Condition.ENDPOINT_GONE) == 0x80A3
+    assert (
+        rules.status_word("TSEND_C", Condition.DATA_REFUSED),
+        rules.status_word("TRCV", Condition.DATA_REFUSED),
+    ) == (
         0x8824,
         0x8924,
     )
-    assert rules.word("TUSEND", Condition.SEND_FAILED) == 0x80C6
+    assert rules.status_word("TUSEND", Condition.SEND_FAILED) == 0x80C6
 
 
 def test_instructions_before_3_have_one_row_for_each_condition_that_they_can_show() -> None:
@@ -186,8 +189,8 @@ def test_instructions_before_3_show_the_words_of_the_figures_or_of_their_help(
         ("TRCV_C", Condition.RECEIVING),
         ("TRCV_C", Condition.RECEIVING_PART),
     )
-    assert tuple(rules.word(*each) for each in asked) == words
-    assert rules.word("TRCV_C", Condition.LINK_DONE) == 0x0000
+    assert tuple(rules.status_word(*each) for each in asked) == words
+    assert rules.status_word("TRCV_C", Condition.LINK_DONE) == 0x0000
 
 
 def test_a_scenario_that_a_row_names_is_there() -> None:

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from tests.docs_scripts import script
 from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.status_report import Explanation, explain, with_scenarios
+from trcvtui.dialects.status_report import Explanation, add_scenarios, find_explanations
 
 make_status = script("make_status")
 
@@ -17,7 +17,7 @@ def page(*found: Explanation, base: tuple[StatusRow, ...] = ()) -> list[str]:
 
 
 def explained(code: int) -> Explanation:
-    (one,) = explain([BAOSKY], code, "TSEND_C")
+    (one,) = find_explanations([BAOSKY], code, "TSEND_C")
     return one
 
 
@@ -61,24 +61,24 @@ def test_a_code_with_two_rows_has_two_cards_and_a_link_to_each() -> None:
 def test_scenarios_go_to_the_row_of_their_code_block_and_dialect() -> None:
     shelf = {(0x7002, "TSEND_C"): ["b.toml", "c.toml"], (0x7002, "TRCV_C"): ["a.toml", "b.toml"]}
     other = {(0x7004, "TRCV_C"): ["x.toml"]}
-    shown = with_scenarios([explained(0x7002), explained(0x7004)], {"baosky": shelf, "other": other})
+    shown = add_scenarios([explained(0x7002), explained(0x7004)], {"baosky": shelf, "other": other})
     assert [one.scenarios for one in shown] == [("a.toml", "b.toml", "c.toml"), ()]
     row = replace(explained(0x7002).row, blocks=("TRCV_C",))
-    (one,) = with_scenarios([Explanation("baosky", row)], {"baosky": shelf})
+    (one,) = add_scenarios([Explanation("baosky", row)], {"baosky": shelf})
     assert one.scenarios == ("a.toml", "b.toml")
 
 
 def test_the_telling_scenarios_begin_with_the_code_or_name_it_else_they_are_the_first_three() -> None:
     files = ("s/1.toml", "s/80c3-80c5-both.toml", "s/2.toml", "s/80c5-x.toml", "s/3.toml")
     one = replace(explained(0x80C5), scenarios=files)
-    assert one.telling() == ("s/80c5-x.toml", "s/80c3-80c5-both.toml")
-    assert replace(explained(0x7002), scenarios=files).telling() == files[:3]
-    assert explained(0x80C5).telling() == ()
+    assert one.select_scenarios() == ("s/80c5-x.toml", "s/80c3-80c5-both.toml")
+    assert replace(explained(0x7002), scenarios=files).select_scenarios() == files[:3]
+    assert explained(0x80C5).select_scenarios() == ()
 
 
 def test_an_error_also_tells_the_first_few_notes_of_the_manual_that_show_it() -> None:
     files = ("s/80c5-x.toml", *(f"s/note-{n}.toml" for n in range(9)), "s/note-80c5.toml", "s/row-1.toml")
     one = replace(explained(0x80C5), scenarios=files)
     notes = ("s/note-0.toml", "s/note-1.toml", "s/note-2.toml")
-    assert one.telling() == ("s/80c5-x.toml", "s/note-80c5.toml", *notes)
-    assert replace(explained(0x7002), scenarios=files[1:]).telling() == notes
+    assert one.select_scenarios() == ("s/80c5-x.toml", "s/note-80c5.toml", *notes)
+    assert replace(explained(0x7002), scenarios=files[1:]).select_scenarios() == notes

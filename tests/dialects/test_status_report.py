@@ -10,14 +10,14 @@ from msgspec.structs import replace
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.status_report import (
+    add_scenarios,
     as_json,
     as_table,
     as_text,
-    chosen_dialects,
-    explain,
+    find_explanations,
     parse_code,
     parse_number,
-    with_scenarios,
+    select_dialects,
 )
 from trcvtui.dialects.twincat.rules import TWINCAT
 from trcvtui.errors import UserError
@@ -51,7 +51,9 @@ def test_what_is_no_code_is_a_mistake_of_one_line(text: str) -> None:
 
 
 def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -> None:
-    shown = with_scenarios(explain([TCP], 0x80C5, None), {"baosky": {(0x80C5, "TRCV_C"): ["a.toml"]}})
+    shown = add_scenarios(
+        find_explanations([TCP], 0x80C5, None), {"baosky": {(0x80C5, "TRCV_C"): ["a.toml"]}}
+    )
     [one] = json.loads(as_json(shown))
     assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
     assert list(one)[7:] == ["manual", "reach", "scenarios"]
@@ -70,7 +72,7 @@ def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -
 def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
     row = TCP.row(0x7006)
     assert row is not None
-    card = as_text(explain([TCP], 0x7006, None)).splitlines()
+    card = as_text(find_explanations([TCP], 0x7006, None)).splitlines()
     assert card[0] == "16#7006  Receiving, or ready and waiting"
     assert card[1] == "  no error · TRCV_C, TRCV · baosky"
     assert [line[6:] for line in card if line.startswith("    - ")] == [*row.causes, *row.checks]
@@ -82,12 +84,12 @@ def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
 
 def test_the_card_names_the_scenarios_that_show_the_code() -> None:
     shelf = {(0x7006, "TRCV_C"): ["s/7006-static.toml", "s/other.toml"]}
-    card = as_text(with_scenarios(explain([TCP], 0x7006, None), {"baosky": shelf}))
+    card = as_text(add_scenarios(find_explanations([TCP], 0x7006, None), {"baosky": shelf}))
     assert card.splitlines()[-2] == "  to see it: trcvtui scenario s/7006-static.toml"
 
 
 def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
-    lines = as_table(explain([TCP], None, None)).splitlines()
+    lines = as_table(find_explanations([TCP], None, None)).splitlines()
     assert len(lines) == len(TCP.status)
     gap = " " * (46 - len("Not called"))
     assert lines[0] == f"baosky  16#0000    Not called{gap}  TRCV_C TSEND_C TCON TDISCON T_RESET TSEND TRCV"
@@ -96,14 +98,14 @@ def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
 
 
 def test_a_block_narrows_the_table() -> None:
-    codes = [one.row.code for one in explain([TCP], None, "tsend_c")]
+    codes = [one.row.code for one in find_explanations([TCP], None, "tsend_c")]
     assert 0x7005 in codes
     assert 0x7006 not in codes
 
 
 def test_all_dialects_are_asked_unless_one_is_named() -> None:
-    assert chosen_dialects([TCP], None) == (TCP,)
-    assert chosen_dialects([TCP], "Baosky") == (TCP,)
+    assert select_dialects([TCP], None) == (TCP,)
+    assert select_dialects([TCP], "Baosky") == (TCP,)
 
 
 @pytest.mark.parametrize(
@@ -126,13 +128,13 @@ def test_all_dialects_are_asked_unless_one_is_named() -> None:
 )
 def test_what_is_in_no_table_is_a_mistake_of_one_line(code: int | None, block: str | None, line: str) -> None:
     with pytest.raises(UserError) as raised:
-        explain([TCP], code, block)
+        find_explanations([TCP], code, block)
     assert raised.value.lines() == [line]
 
 
 def test_an_unknown_dialect_is_answered_with_the_names_that_exist() -> None:
     with pytest.raises(UserError) as raised:
-        chosen_dialects([TCP], "siemnes")
+        select_dialects([TCP], "siemnes")
     assert raised.value.lines() == ["--dialect: found 'siemnes', expected one of baosky"]
 
 
@@ -151,13 +153,13 @@ def test_an_unknown_dialect_is_answered_with_the_names_that_exist() -> None:
 def test_a_decimal_is_the_number_that_the_pin_error_shows_and_a_word_of_trcv_c_stays_hex(
     text: str, codes: list[int]
 ) -> None:
-    found = explain([TWINCAT], parse_code(text), None, parse_number(text))
+    found = find_explanations([TWINCAT], parse_code(text), None, parse_number(text))
     assert [one.row.code for one in found] == codes
 
 
 def test_a_number_that_no_block_shows_is_named_in_both_readings() -> None:
     with pytest.raises(UserError) as raised:
-        explain([TWINCAT], parse_code("16"), None, parse_number("16"))
+        find_explanations([TWINCAT], parse_code("16"), None, parse_number("16"))
     assert raised.value.lines() == [
         "CODE: found 16#0016, or the number 16, expected a code in the table of twincat, "
         "see `trcvtui status --dialect twincat`"
@@ -166,5 +168,5 @@ def test_a_number_that_no_block_shows_is_named_in_both_readings() -> None:
 
 @pytest.mark.parametrize("name", ["ReceiveData", "receivedata", "RECEIVEDATA"])
 def test_a_block_is_found_however_its_name_is_written(name: str) -> None:
-    assert 23 in [one.row.code for one in explain([TWINCAT], None, name)]
-    assert 10 not in [one.row.code for one in explain([TWINCAT], None, name)]
+    assert 23 in [one.row.code for one in find_explanations([TWINCAT], None, name)]
+    assert 10 not in [one.row.code for one in find_explanations([TWINCAT], None, name)]

@@ -6,7 +6,7 @@ import pytest
 
 from tests import golden
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.dialect import defaults, expected_of, format_value, read_switches
+from trcvtui.dialects.dialect import defaults, describe_expected, format_value, read_switches
 
 
 def read(**raw: object) -> object:
@@ -78,4 +78,4 @@ def test_all_mistakes_of_a_table_are_reported_and_the_good_values_are_kept() -> 
 def test_a_default_is_written_in_a_form_that_reads_back(switch: object) -> None:
     [known] = [s for s in BAOSKY.switches if s is switch]
     assert read(**{known.name: format_value(known, known.default)}) == known.default
-    assert expected_of(known)
+    assert describe_expected(known)

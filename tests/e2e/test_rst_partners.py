@@ -70,7 +70,7 @@ class Line:
     def run(self, scans: int = 1) -> None:
         for _ in range(scans):
             self.bench.step()
-            for out in self.bench.runtime.called:
+            for out in self.bench.runtime.due_edges:
                 if out.instance == "TRCV_C":
                     code = f"{out.outputs.status:04X}" + "!" * out.outputs.error
                     self.shown += [code] if self.shown[-1:] != [code] else []

@@ -11,7 +11,7 @@ import pytest
 
 from tests.e2e.terminal import need
 from trcvtui.blocks.environment import FrameEnded
-from trcvtui.blocks.framing import Ending
+from trcvtui.blocks.framing import FrameEnding
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
@@ -190,4 +190,4 @@ def test_noise_for_ever_costs_no_scan_and_no_memory(line: Line) -> None:
     (rx, _) = line.bench.runtime.snapshot().combuffers
     assert rx.lost > 0 and rx.count <= rx.size == 300
     frames = [e for kept in line.bench.runtime.ledger if isinstance(e := kept.event, FrameEnded)]
-    assert {(frame.size, frame.ending) for frame in frames} == {(64, str(Ending.OVERRUN))}
+    assert {(frame.size, frame.ending) for frame in frames} == {(64, str(FrameEnding.OVERRUN))}

@@ -27,7 +27,7 @@ from trcvtui.cli.main import main
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.picture.protocol import MOST_TABS
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.served import (
     MOST_CELLS,
     MOST_TYPED,
@@ -256,7 +256,7 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
         driver.project()
         driver.submit(f"expect peer P1 received file {secret}")
         driver.submit("expect rx file /nowhere")
-        answers: list[Answer] = []
+        answers: list[LineAnswer] = []
         while len(answers) < 2:
             driver.request(UpdateRequest())
             driver.wait(1)

@@ -229,7 +229,9 @@ def test_a_job_that_runs_takes_the_type_as_a_resize_and_no_connection_ends(
                 "",
             )
             bench = driver.console.bench
-            seen.append((bench.runtime.data("rx"), bench.runtime.instance("R"), bench.peers["P"].snapshot()))
+            seen.append(
+                (bench.runtime.data("rx"), bench.runtime.instance_snapshot("R"), bench.peers["P"].snapshot())
+            )
     assert seen[0] == seen[1]
     assert seen[0][2].state == "connected"
 

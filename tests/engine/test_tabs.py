@@ -20,7 +20,7 @@ from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import MOST_TABS, REFUSED, EngineStopped
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 
 PASSIVE = CONFIGS / "passive.toml"
 
@@ -44,9 +44,9 @@ def tabs_of(engine: EngineDriver, count: int) -> Iterator[list[AttachedDriver]]:
             tab.close()
 
 
-def answers(tab: ProcessDriver, most: int) -> list[Answer]:
+def answers(tab: ProcessDriver, most: int) -> list[LineAnswer]:
     """Return the answers that come until there are `most`, and those in two more pictures."""
-    got: list[Answer] = []
+    got: list[LineAnswer] = []
     later = 0
     while len(got) < most or later < 2:
         later += len(got) >= most

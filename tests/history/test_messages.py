@@ -58,7 +58,7 @@ def test_large_messages_cross_in_more_pictures(monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_row_stays_when_its_bytes_are_gone_and_the_screen_forgets_them_too() -> None:
     told, rows = talking()
-    told.bench.runtime.received("C1").most = 240  # type: ignore[union-attr]
+    told.bench.runtime.received_ring("C1").most = 240  # type: ignore[union-attr]
     known = KnownMessages()
     frames(told, 10)
     crossed(rows, known)
@@ -72,7 +72,7 @@ def test_a_row_stays_when_its_bytes_are_gone_and_the_screen_forgets_them_too() -
 
 def test_a_frozen_view_has_the_rows_up_to_its_scan_and_keeps_their_bytes() -> None:
     told, rows = talking()
-    told.bench.runtime.received("C1").most = 240  # type: ignore[union-attr]
+    told.bench.runtime.received_ring("C1").most = 240  # type: ignore[union-attr]
     known, sent = KnownMessages(), frames(told, 8)
     scan = told.bench.runtime.scans
     crossed(rows, known)

@@ -60,7 +60,7 @@ def sought(reader: StreamReader, seek: Seek, beside: Seek | None = None) -> tupl
 
 def test_the_oldest_bytes_are_forgotten_first_and_positions_stay() -> None:
     told, reader = talking()
-    told.bench.runtime.received("C1").most = 240  # type: ignore[union-attr]
+    told.bench.runtime.received_ring("C1").most = 240  # type: ignore[union-attr]
     sent = frames(told, 50)
     windows = all_of(reader)
     assert (windows[0].begin, windows[0].end) == (40 * 24, 50 * 24)

@@ -39,7 +39,7 @@ class Compared(VirtualPace):
 
     def next_scan(self, bench: Bench) -> None:
         super().next_scan(bench)
-        events = [event for scan, _, event in bench.runtime.ledger.stamped_since(self._seq)]
+        events = [event for scan, _, event in bench.runtime.ledger.events_since(self._seq)]
         self._seq = bench.runtime.ledger.last_seq
         in_data: dict[str, tuple[str, str, int, int]] = {}  # by variable: the newest job of the scan
         drops: Counter[tuple[str, int, str]] = Counter()
@@ -74,7 +74,7 @@ class Compared(VirtualPace):
                 self._job(name, instance, number, bench.runtime.data(data, size))
                 assert contents[instance, number] == bench.runtime.data(data, size)
         for name, row in rows:
-            shown = bench.runtime.instance(name)
+            shown = bench.runtime.instance_snapshot(name)
             assert shown is None or (row.scan, row.status) == (bench.runtime.scans, shown.outputs.status)
             assert row.content is not None and len(row.content) == row.size
         names = {name for name, _, _ in drops}

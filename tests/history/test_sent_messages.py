@@ -82,7 +82,7 @@ def test_the_partner_has_got_the_bytes_of_the_messages_and_old_ones_have_none() 
 
     sent = rows()
     assert b"".join(row.content or b"" for row in sent) == bytes(bench.peers["P1"].queues.inbox.last)
-    ring = bench.runtime.received(sent[0].stream)
+    ring = bench.runtime.received_ring(sent[0].stream)
     assert ring is not None and len(sent) > 1
     ring.most = sent[-1].size
     later = rows()

@@ -46,7 +46,7 @@ def test_the_vcd_read_back_has_every_change_of_the_ledger() -> None:
     told = read_back(vcd_text([run.wave()], whole(run)))
     last: dict[str, int | None] = {}
     written: dict[str, list[tuple[int, int | None]]] = {}
-    for line in run.console.bench.runtime.ledger.since(0):
+    for line in run.console.bench.runtime.ledger.lines_since(0):
         event = line.event
         if isinstance(event, StatusEdge | InputEdge) and event.instance == RECEIVER:
             for pin, value in pins_of(event):

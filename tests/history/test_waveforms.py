@@ -117,7 +117,7 @@ def test_a_late_look_knows_every_pin_though_its_last_change_is_no_longer_kept(
 def test_more_in_one_scan_than_the_ledger_keeps_leaves_nothing_known(monkeypatch: pytest.MonkeyPatch) -> None:
     run = connected()
     ledger = run.console.bench.runtime.ledger
-    edge = ledger.since(0)[-1].event
+    edge = ledger.lines_since(0)[-1].event
     for _ in range(25_000):
         ledger.write(edge)
     run.scan()

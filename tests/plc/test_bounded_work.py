@@ -80,7 +80,9 @@ class Works:
         for _ in range(scans):
             each()
             self.bench.step()
-            self.dones += sum(out.outputs.done and out.instance != "TX" for out in self.bench.runtime.called)
+            self.dones += sum(
+                out.outputs.done and out.instance != "TX" for out in self.bench.runtime.due_edges
+            )
 
     def told(self, *what: EventKind) -> list[ConnectionChanged]:
         events = [line.event for line in self.bench.runtime.ledger]

@@ -77,7 +77,7 @@ def test_what_two_priorities_read_in_turns_is_told_stretch_by_stretch() -> None:
     seq = bench.runtime.ledger.last_seq
     do(bench, "peer P1 send hex 01 02 03 04 05 06 07 08 21 22", "run 2")  # FAST has its 8, LATE the rest
     do(bench, "peer P1 send hex 11 12 13 14 15 16 17 18 23", "run 2", "set LATE EN_R=0", "run 2")
-    events = [line.event for line in bench.runtime.ledger.since(seq)]
+    events = [line.event for line in bench.runtime.ledger.lines_since(seq)]
     taken = [(e.instance, e.offset, e.size) for e in events if isinstance(e, BytesReceived)]
     assert taken == [("FAST", 0, 8), ("LATE", 8, 2), ("FAST", 10, 8), ("LATE", 18, 1)]
     dropped = [(e.offset, e.size, e.reason) for e in events if isinstance(e, BytesDropped)]

@@ -65,7 +65,7 @@ class Line:
     def run(self, scans: int) -> None:
         for _ in range(scans):
             self.bench.step()
-            for out in self.bench.runtime.called:
+            for out in self.bench.runtime.due_edges:
                 self.shown[out.instance].append(f"{out.outputs.status:04X}" + "!" * out.outputs.error)
                 if out.outputs.done and out.block.startswith("TRCV"):
                     self.received.append(self.bench.runtime.data("rx"))

@@ -26,7 +26,7 @@ def calls(scans: int, *tasks: dict[str, Any]) -> list[tuple[int, str]]:
     seen = []
     for _ in range(scans):
         bench.step()
-        seen.append((bench.now // 1_000_000, "".join(out.instance for out in bench.runtime.called)))
+        seen.append((bench.now // 1_000_000, "".join(out.instance for out in bench.runtime.due_edges)))
     bench.close()
     return seen
 

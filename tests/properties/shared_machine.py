@@ -358,7 +358,7 @@ class SharedMachine(RuleBasedStateMachine):
 
     def check_scan(self) -> None:
         runtime, model = self.bench.runtime, self.model
-        news = runtime.ledger.since(self.seq)
+        news = runtime.ledger.lines_since(self.seq)
         model.read(news)
         self.seq = runtime.ledger.last_seq
         before, self.picture = self.picture, runtime.snapshot()
@@ -367,7 +367,7 @@ class SharedMachine(RuleBasedStateMachine):
         self.kept.check(news, self.picture, levels, self.is_disturbed or self.bench.plan.active)
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
-        called = runtime.called
+        called = runtime.due_edges
         began = model.began + [out.instance for out in called if out.outputs.status == NO_BUFFER]
         for out in called:
             check_outputs(out, self.before.get(out.instance))

@@ -53,7 +53,7 @@ class Generator:
     def scan(self, times: int = 1) -> None:
         """Let scans pass; note what each of them has delivered or dropped."""
         for _ in range(times):
-            collected = len(self.bench.runtime.partial("X"))
+            collected = len(self.bench.runtime.job_bytes("X"))
             enabled = bool(self.bench.runtime.inputs("X")["EN_R"])
             self.bench.step()
             self.ledger.catch_up()
@@ -151,7 +151,7 @@ def test_every_byte_has_the_label_that_the_generator_gave_it(
     told.scan(30)
 
     found = labels(all_of(reader))
-    taken = told.taken + len(bench.runtime.partial("X"))
+    taken = told.taken + len(bench.runtime.job_bytes("X"))
     assert [offset for *_, offset in found] == list(range(taken)), "no byte is missing, none is twice"
     for job, value, message, byte, offset in found:
         assert (message, byte) == told.label(offset)

@@ -71,7 +71,7 @@ def prompt_and_late(
                 each.bench.do(command)
         prompt.scan()
         late.step()
-        for edge in late.bench.runtime.called:
+        for edge in late.bench.runtime.due_edges:
             shown[edge.instance].append(((edge.outputs.status, edge.outputs.error), 1))
         if draw.random() < 0.3:
             late.catch_up(0)  # the time is up: one step

@@ -62,9 +62,9 @@ class TwinMachine(SharedMachine):
     def check_scan(self) -> None:
         self.twin.step()
         ours, theirs = self.bench.runtime, self.twin.runtime
-        assert ours.called == theirs.called
+        assert ours.due_edges == theirs.due_edges
         assert ours.changed == theirs.changed
-        assert ours.ledger.since(self.seq) == theirs.ledger.since(self.seq)
+        assert ours.ledger.lines_since(self.seq) == theirs.ledger.lines_since(self.seq)
         self.picture = ours.snapshot()
         assert self.picture == theirs.snapshot()
         self.seq = ours.ledger.last_seq
@@ -81,13 +81,13 @@ def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None
     for line in ("set A CONT=1", "set C CONT=1 EN_R=1"):  # A listens, B has no job, C receives
         assert say(bench, line) == ""
     called: list[str] = []
-    scan = Instance.scan
+    scan = Instance.call_block
 
     def counted(instance: Instance) -> bool:
         called.append(instance.name)
         return scan(instance)
 
-    monkeypatch.setattr(Instance, "scan", counted)
+    monkeypatch.setattr(Instance, "call_block", counted)
     for _ in range(10):
         bench.step()
     assert [bench.runtime.outputs(name).status for name in "ABC"] == [0x7002, 0x7000, 0x7006]
@@ -98,7 +98,7 @@ def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None
     assert say(bench, "peer P2 send hex 01 02 03") == ""
     bench.step()
     assert called == ["C"]
-    assert [out.instance for out in bench.runtime.called] == list("ABC")
+    assert [out.instance for out in bench.runtime.due_edges] == list("ABC")
 
 
 def say(bench: Bench, line: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.conditions import ERROR_CONDITIONS, Condition
 from trcvtui.blocks.status import Reproducibility
 from trcvtui.commands.table import parse_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
@@ -77,7 +77,7 @@ def test_what_shows_is_always_in_the_table_and_one_thing_at_a_time(
                 check(decl.block, before.get(decl.name), now, reachable)
                 before[decl.name] = now
         edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
-        assert all(edge.outputs.error == (Condition(edge.condition) in ERROR) for edge in edges)
+        assert all(edge.outputs.error == (Condition(edge.condition) in ERROR_CONDITIONS) for edge in edges)
         bench.close()
         assert bench.leaks() == ()
 

@@ -74,7 +74,7 @@ class Witness:
                 assert name.endswith("(gone)")
 
     def check_nothing_left(self, picture: Snapshot) -> None:
-        assert len(self.bench.runtime.ledger.since(0)) <= KEPT_LINES
+        assert len(self.bench.runtime.ledger.lines_since(0)) <= KEPT_LINES
         assert self._resources.buffers.used == picture.connections_used == 0
         assert not self._resources.unsettled
         assert self._resources.queue.put("a job") is None, "the queue has been served"

@@ -21,7 +21,7 @@ from trcvtui.replay.driver import SLICE_NS, opened, replay_driver
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import FIRST, PIECES, read_at
 from trcvtui.replay.time_line import TimeLine
-from trcvtui.snapshots.replay import BESIDE, CANNOT
+from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF
 
 LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
 LAST, ERRORS = 394, (303, 391)
@@ -99,7 +99,7 @@ def test_each_edge_of_an_instance_is_found_both_ways() -> None:
 def test_what_would_change_the_bench_is_refused_in_one_line(line: str) -> None:
     stood = Stood("50")
     [answer] = stood.go(line).answers
-    assert answer.error == CANNOT
+    assert answer.error == CANNOT_CHANGE_TEXT
     assert stood.scan == 50
 
 
@@ -234,7 +234,7 @@ def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() 
 def test_the_wave_of_the_other_run_ends_where_the_screen_stands() -> None:
     stood = Stood()
     stood.go(f"if instance.{INSTANCE}.LEN=1", "at 100")
-    name = BESIDE + INSTANCE
+    name = WHAT_IF + INSTANCE
     cache = WaveformCache()
     number = stood.line.controller._bench_number
     for scan in (100, 200):

@@ -16,7 +16,7 @@ from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
 from trcvtui.scenario.scenario import load_bench
-from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot
 
 FIN = CONFIGS / "scenarios" / "baosky" / "80a6-fin-mid-frame.toml"
@@ -50,7 +50,7 @@ def player_of(driver: LocalDriver) -> PlayerSnapshot:
 def answer_to(driver: LocalDriver, line: str) -> str:
     number = driver.submit(line)
     (answer,) = [answer for answer in driver.shown().answers if answer.number == number]
-    assert isinstance(answer, Answer)
+    assert isinstance(answer, LineAnswer)
     return answer.error
 
 

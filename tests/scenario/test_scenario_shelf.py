@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario.scenarios import BAOSKY
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
+from trcvtui.dialects.status_report import add_card_scenarios, add_scenarios, as_text, find_explanations
 from trcvtui.scenario.scenario_index import scenarios_of, shown_by
 
 
@@ -81,7 +81,7 @@ def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("code", [0x7006, 0x7002, 0x80A7, 0x80C5])
 def test_a_card_names_the_same_scenarios_when_only_those_that_it_may_name_are_read(code: int) -> None:
-    found = explain(tuple(DIALECTS.values()), code, None)
-    card = as_text(with_scenarios(found, {name: scenarios_of(name) for name in DIALECTS}))
+    found = find_explanations(tuple(DIALECTS.values()), code, None)
+    card = as_text(add_scenarios(found, {name: scenarios_of(name) for name in DIALECTS}))
     assert "to see it" in card
-    assert as_text(with_telling(found, lambda name, wanted: scenarios_of(name, [code], wanted))) == card
+    assert as_text(add_card_scenarios(found, lambda name, wanted: scenarios_of(name, [code], wanted))) == card

@@ -22,10 +22,10 @@ from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept
 from trcvtui.scenario.recorded_session import Seen
 from trcvtui.scenario.scenario import load_scenario
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 
 
-def say(driver: LocalDriver, *lines: str | int) -> Answer:
+def say(driver: LocalDriver, *lines: str | int) -> LineAnswer:
     """Say lines, let scans pass where a number stands; return the last answer."""
     for line in lines:
         if isinstance(line, int):

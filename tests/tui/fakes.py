@@ -9,14 +9,14 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.snapshots.bench import Answer, EngineTiming, PeerSnapshot
+from trcvtui.snapshots.bench import EngineTiming, LineAnswer, PeerSnapshot
 
 HERE = Path(__file__).parent
 MS = 1_000_000
@@ -37,7 +37,7 @@ def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
         inputs=(("EN_R", True), ("CONT", True), ("LEN", 0), ("ADHOC", False), ("COM_RST", False)),
         outputs=Outputs(0x7006, busy=True, done=False, error=False, rcvd_len=0),
         condition=str(Condition.RECEIVING),
-        cause=Cause(Why.BYTES, "bytes are missing", have=have, need=need),
+        cause=Cause(CauseKind.BYTES, "bytes are missing", have=have, need=need),
         since_scan=812,
         have=have,
         need=need,
@@ -66,7 +66,7 @@ def connecting() -> InstanceSnapshot:
         data="small",
         outputs=Outputs(0x7002, busy=False, done=False, error=False, rcvd_len=0),
         condition=str(Condition.ESTABLISHING),
-        cause=Cause(Why.WAITING, "before the next attempt", peer="10.0.0.7:2001"),
+        cause=Cause(CauseKind.WAITING, "before the next attempt", peer="10.0.0.7:2001"),
         since_scan=600,
         have=0,
         need=0,
@@ -141,7 +141,7 @@ def picture(
     partial: bytes = TELEGRAM[:17],
     holding: bool = False,
     running: bool = True,
-    answers: Sequence[Answer] = (),
+    answers: Sequence[LineAnswer] = (),
     faults: tuple[str, ...] = (),
     selected: str = "TRCV_C_1",
     skipped: int = 0,
@@ -176,7 +176,7 @@ def picture(
     )
 
 
-NO_CAUSE = Cause(Why.SEQUENCE, "")
+NO_CAUSE = Cause(CauseKind.SEQUENCE, "")
 
 
 def edge(
@@ -193,12 +193,12 @@ def edge(
 
 
 def received(size: int) -> StatusEdge:
-    cause = Cause(Why.BYTES, "the frame is complete", have=size, need=size)
+    cause = Cause(CauseKind.BYTES, "the frame is complete", have=size, need=size)
     return edge(0x7008, Condition.RECEIVED, done=True, rcvd_len=size, cause=cause)
 
 
 def armed() -> StatusEdge:
-    cause = Cause(Why.BYTES, "nothing received yet")
+    cause = Cause(CauseKind.BYTES, "nothing received yet")
     return edge(0x7006, Condition.RECEIVING, busy=True, cause=cause)
 
 
@@ -207,14 +207,14 @@ def written(*events: tuple[int, StatusEdge], first: int = 1) -> tuple[Line, ...]
 
 
 def story() -> tuple[Line, ...]:
-    start = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
-    waits = Cause(Why.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000")
-    up = Cause(Why.PARTNER, "the partner is connected", peer="127.0.0.1:51322")
-    early = Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1)
-    full = Cause(Why.RESOURCE, "buffer full", call="buffer", error="ENOBUFS", injected=True)
+    start = Cause(CauseKind.INPUT, "CONT rose", pin="CONT", value=1)
+    waits = Cause(CauseKind.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000")
+    up = Cause(CauseKind.PARTNER, "the partner is connected", peer="127.0.0.1:51322")
+    early = Cause(CauseKind.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1)
+    full = Cause(CauseKind.RESOURCE, "buffer full", call="buffer", error="ENOBUFS", injected=True)
     return written(
         (1, edge(0x0001, Condition.CREATING, cause=start)),
-        (2, edge(0x7001, Condition.CREATED, cause=Cause(Why.SEQUENCE, "the socket is there"))),
+        (2, edge(0x7001, Condition.CREATED, cause=Cause(CauseKind.SEQUENCE, "the socket is there"))),
         (3, edge(0x7002, Condition.ESTABLISHING, cause=waits)),
         (4, edge(0x80A1, Condition.NOT_CONNECTED, error=True, cause=early)),
         (5, edge(0x7002, Condition.ESTABLISHING, cause=waits)),

@@ -15,7 +15,7 @@ import pytest
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui import clipboard_and_files as keepsake
 from trcvtui.tui.clipboard_and_files import keep, to_clipboard
 from trcvtui.tui.copy_formats import FORMATS, Subject, subject_of
@@ -266,5 +266,5 @@ async def test_a_mark_and_a_saved_session_are_commands_whose_answers_are_shown(s
         await looker.press("K")
         assert looker.lines == ["mark"]
         told = "3 commands, 30 scans in /home/me/a/folder/whose/name/is/long/for/a/narrow/screen/story.toml"
-        await looker.show(picture(answers=[Answer(1, "mark", "", told)]))
+        await looker.show(picture(answers=[LineAnswer(1, "mark", "", told)]))
         assert told.replace(" ", "") in "".join(looker.text.split())

@@ -10,7 +10,7 @@ from textual import events
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.prompt import MESSAGE_S, EchoLine
 
@@ -80,7 +80,7 @@ async def test_a_typed_command_is_sent_and_answered(size: tuple[int, int]) -> No
         await looker.press("enter")
         assert looker.lines == ["plc stop"]
         assert "… with the next scan" in looker.line(": plc stop")
-        await looker.show(picture(answers=[Answer(1, "plc stop", "")]))
+        await looker.show(picture(answers=[LineAnswer(1, "plc stop", "")]))
         assert "✓" in looker.line(": plc stop")
         assert looker.app.focused is not None
         assert looker.app.focused.id == "history", "the pane has the focus again"
@@ -94,7 +94,7 @@ async def test_up_and_down_walk_the_commands_of_toggles_too() -> None:
 
 async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
     async with looking(SMALL) as looker:
-        await looker.show(picture(answers=[Answer(1, "x [red]\x1b[1m", "found [/] \x07")]))
+        await looker.show(picture(answers=[LineAnswer(1, "x [red]\x1b[1m", "found [/] \x07")]))
         assert r": x [red]\x1b[1m  ✗ found [/] \x07" in looker.text
 
 
@@ -108,7 +108,7 @@ async def test_a_message_goes_after_ten_seconds_but_not_that_of_an_ended_engine(
         await looker.press("K")
         echo = looker.app.main.prompt._echo
         assert "with the next scan" in looker.text and ending(echo) is None, "it waits"
-        await looker.show(picture(answers=[Answer(1, "mark", "", "told " * 40)]))
+        await looker.show(picture(answers=[LineAnswer(1, "mark", "", "told " * 40)]))
         assert echo.size.height > 1
         ending(echo)._callback()  # as its time comes
         await looker.settle()

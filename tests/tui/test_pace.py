@@ -8,7 +8,7 @@ from textual import events
 
 from tests.tui.fakes import picture
 from tests.tui.looking import Looker, looking
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui import app
 from trcvtui.tui.widgets import line_view
 
@@ -67,7 +67,7 @@ async def test_a_line_that_waits_for_its_answer_and_what_is_no_bench_have_20_a_s
     async with looking() as looker:
         looker.app.submit("set TRCV_C_1 EN_R=1")
         assert clock.pictures(looker, 4) == 80
-        looker.driver.waiting.append(picture(answers=[Answer(1, "set TRCV_C_1 EN_R=1", "")]))
+        looker.driver.waiting.append(picture(answers=[LineAnswer(1, "set TRCV_C_1 EN_R=1", "")]))
         looker.app._tick()
         assert clock.pictures(looker, 4) == 32
         for kernel in ("tap", "replay", "capture"):

@@ -18,7 +18,7 @@ from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.replay.time_line import TimeLine
-from trcvtui.snapshots.replay import Position
+from trcvtui.snapshots.replay import ReplayPosition
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import MessageChosen
@@ -262,11 +262,11 @@ def test_the_bar_has_the_width_and_each_error_at_any_width() -> None:
     marks = bytearray(1000)
     marks[0] = marks[500] = marks[999] = 1
     for width in (1, 7, 78, 400, 2000):
-        drawn = bar(Position(2, 3, 0, 0, True, 2, "1x", 3, bytes(marks)), width)
+        drawn = bar(ReplayPosition(2, 3, 0, 0, True, 2, "1x", 3, bytes(marks)), width)
         assert len(drawn) == width and drawn.count("█") == 1
         if width > 7:
             assert drawn[0] == drawn[-1] == "!" and "!" in drawn[1:-1]
-    assert bar(Position(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"
+    assert bar(ReplayPosition(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"
 
 
 async def test_both_runs_are_seen_on_a_small_terminal(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from textual.events import MouseDown, MouseMove, MouseUp
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui import clipboard_and_files
 
 
@@ -57,7 +57,7 @@ async def test_dragged_rows_are_copied_as_they_stand(size: tuple[int, int], prog
 
 
 async def test_markup_and_wide_characters_come_as_they_are() -> None:
-    told = Answer(1, "mark", "", "[b]测量值[/b] and more")
+    told = LineAnswer(1, "mark", "", "[b]测量值[/b] and more")
     async with looking(SMALL, picture(data=TELEGRAM, answers=[told])) as looker:
         await looker.press("K")
         await looker.show(picture(answers=[told]))

@@ -12,7 +12,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.test_snapshots import FRAMES, READABLE, contrast
 from trcvtui.cli.main import main
 from trcvtui.cli.options import LOOKS
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen
@@ -242,7 +242,7 @@ def test_a_rule_ends_where_the_line_ends() -> None:
 
 @SIZES
 async def test_wide_characters_push_no_frame_out_of_its_place(size: tuple[int, int]) -> None:
-    answer = Answer(1, 'peer P1 send text "测量值🙂"', "对方没有连接 " * 9)
+    answer = LineAnswer(1, 'peer P1 send text "测量值🙂"', "对方没有连接 " * 9)
     wide = TELEGRAM[:14] + "温度测量".encode() + TELEGRAM[26:]
     async with looking(size, picture(data=wide, answers=[answer])) as looker:
         for strip in looker.app.screen._compositor.render_strips():

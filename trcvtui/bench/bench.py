@@ -267,7 +267,7 @@ class Bench:
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
 
     def _caught(self, owner: str, error: Exception) -> None:
-        self.containment.note(("session", owner), error)
+        self.containment.handle(("session", owner), error)
 
     def _of_a_session(self, note: LayerNote) -> None:
         self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
@@ -288,7 +288,7 @@ class Bench:
     def _write(self, note: Note) -> None:
         if isinstance(note, BenchNote | PeerSent):
             if self._is_replay and isinstance(note, BenchNote) and note.what == INTERNAL_ERROR:
-                self.containment.told(f"{note.subject}: {note.detail}")
+                self.containment.add_message(f"{note.subject}: {note.detail}")
             self.runtime.ledger.write(note)
         else:
             self._said(note.connect, EventKind(note.what), note.partner, note.why)
@@ -309,7 +309,7 @@ class Bench:
     def _report(self, error: BaseException) -> ExceptionNote:
         from trcvtui.bench.error_report import MOST_LINES, report_of  # read when first needed
 
-        lines = self.runtime.ledger.since(0, MOST_LINES)
+        lines = self.runtime.ledger.lines_since(0, MOST_LINES)
         return report_of(error, self.project, lines, self.reports)
 
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -393,15 +393,15 @@ class Bench:
             self._sim.advance(self.now)
         self.step_peers()
         if not self._program.is_over:
-            self.containment.serve(("program", "program"), self._program.go_on)
+            self.containment.attempt_unless_out(("program", "program"), self._program.go_on)
         self.runtime.scan(self.now)
         self._note_arrivals()
         if self._checks:
-            self.containment.serve(("check", "check"), self._check_data)
+            self.containment.attempt_unless_out(("check", "check"), self._check_data)
         self.step_peers()
 
     def _check_data(self) -> None:
-        for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
+        for out in self.runtime.due_edges if any(check.instance for check in self._checks.values()) else ():
             for check in self._checks.values() if out.outputs.done else ():
                 decl = self.project.instance(out.instance)
                 if check.instance == out.instance and decl is not None and decl.data is not None:
@@ -417,9 +417,9 @@ class Bench:
                 try:
                     each.step(now)
                     if contained.is_due is not None:
-                        contained.check(("peer", name))
+                        contained.raise_recorded(("peer", name))
                 except Exception as error:
-                    contained.note(("peer", name), error)
+                    contained.handle(("peer", name), error)
                     contained.attempt(("peer", name), self.peers[name].end)
                     contained.out.add(("peer", name))
 
@@ -489,7 +489,7 @@ class Bench:
         if act is None:
             return f"{type(command).__name__} lets scans pass"
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
-        self.containment.forget(("peer", getattr(command, "peer", "")))  # it is tried again
+        self.containment.restore_parts(("peer", getattr(command, "peer", "")))  # it is tried again
         wrong = self._outside(
             "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
         )
@@ -588,7 +588,7 @@ class Bench:
     def _let_sessions_in(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
             self._has_sessions = True
-            self.runtime.stand_on(self._plc_kernel())
+            self.runtime.use_kernel(self._plc_kernel())
 
     def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
         peer = self._new_peer(decl)
@@ -681,7 +681,7 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
             return commands.DeleteInstance(edit.name)
         case (InstanceDecl(), InstanceDecl()):
             return commands.ReplaceDeclaration(before, decl)
-    was, now = (each if isinstance(each, commands.Part) else None for each in (before, decl))
+    was, now = (each if isinstance(each, commands.PartDecl) else None for each in (before, decl))
     if now is None:
         return commands.RemoveDeclaration(was) if was is not None else None
     return commands.AddDeclaration(now) if was is None else commands.ReplaceDeclaration(was, now)

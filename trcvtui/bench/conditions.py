@@ -7,10 +7,10 @@ from typing import Protocol
 
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.table import shown_by
+from trcvtui.blocks.table import outcome_field
 from trcvtui.commands import words
 from trcvtui.commands.table import pin_text
-from trcvtui.plc.port_hints import port_away
+from trcvtui.plc.port_hints import describe_port_fault
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
@@ -62,12 +62,12 @@ def found(bench: Watched, condition: words.Condition) -> str:
 
 def _port_away(bench: Watched, instance: str) -> str:
     decl = bench.project.instance(instance)
-    return port_away(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
+    return describe_port_fault(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
 
 
 def pin_now(bench: Watched, instance: str, pin: str) -> PinValue:
     """Return the value of a pin, an input or an output, after the last finished scan."""
-    if shown_by(pin):
+    if outcome_field(pin):
         return bench.runtime.outputs(instance).pin(pin)
     # An instance that no scan has created yet has pins, and they are 0.
     return bench.runtime.inputs(instance).get(pin, 0)

@@ -16,7 +16,7 @@ from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.snapshots.doctor import DoctorSnapshot, Ends, Finding
 from trcvtui.wording import count
 
@@ -81,7 +81,7 @@ class BenchDoctor:
             self.snapshot = DoctorSnapshot(looks, scan, trouble=refused.problems[0].found)
             self._ended_ns = clock.now_ns()
 
-    def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[Answer]:
+    def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
         """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
         if judge is None:
             if is_wanted:
@@ -99,7 +99,7 @@ class BenchDoctor:
             return ()
         seen, project = self.snapshot, bench.project
         answers = [
-            Answer(number, line, *answer(asked, seen, project)) for number, line, asked in self._waiting
+            LineAnswer(number, line, *answer(asked, seen, project)) for number, line, asked in self._waiting
         ]
         self._waiting.clear()
         return answers
@@ -181,4 +181,4 @@ def finding_lines(one: Finding) -> list[str]:
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]
     lines += [f"  explains: {text}" for text in one.explains]
-    return lines + [f"  {mend.line}" for mend in one.mend]
+    return lines + [f"  {mend.display_line}" for mend in one.mend]

@@ -110,7 +110,7 @@ class SplitTest:
         out = runtime.outputs(name)
         if not out.busy or out.error:
             return f"{name} is not receiving: STATUS {out.status:04X}"
-        held = len(runtime.partial(name))
+        held = len(runtime.job_bytes(name))
         return f"the job of {name} already holds {held} bytes" if held else ""
 
     def _one(self, cut: int) -> Iterator[None]:
@@ -125,7 +125,7 @@ class SplitTest:
         while settled < SETTLE_SCANS and patience and self._state == RUNNING:
             yield
             self._look(seen)
-            partial = len(self._bench.runtime.partial(command.instance))
+            partial = len(self._bench.runtime.job_bytes(command.instance))
             if seen.received + partial >= len(command.payload):
                 settled += 1
             elif not self._bench.peers[command.peer].unsent:
@@ -134,7 +134,7 @@ class SplitTest:
             self._note(cut, seen)
 
     def _look(self, seen: _Seen) -> None:
-        for out in self._bench.runtime.called:
+        for out in self._bench.runtime.due_edges:
             if out.instance == self._command.instance:
                 seen.scans.append((out.outputs.status, out.outputs.error))
                 if out.outputs.done:
@@ -150,7 +150,7 @@ class SplitTest:
         self._append(SplitRow(cut, cut, seen.walk(), len(seen.frames), seen.lengths(), equal, same))
         self._runs += 1
         self._differing += not same
-        held = len(self._bench.runtime.partial(self._command.instance))
+        held = len(self._bench.runtime.job_bytes(self._command.instance))
         if held and self._runs < len(self._command.payload):
             name, size = self._command.instance, len(self._command.payload)
             self._fail(f"after a message of {size} bytes the job of {name} holds {held}: it waits for more")

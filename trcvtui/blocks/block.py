@@ -26,11 +26,11 @@ class JobBinding(Struct, frozen=True):
     instance: str
     priority: int
 
-    def claim(self) -> Claim:
+    def make_claim(self) -> Claim:
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
 
-class Binding(JobBinding, frozen=True):
+class ConnectBinding(JobBinding, frozen=True):
     """What an instance on a CONNECT is tied to; `address`: what stands at ADDR, for datagrams alone."""
 
     connection: Connection
@@ -42,7 +42,7 @@ class Binding(JobBinding, frozen=True):
         return row.datagrams or (row.single if is_single else row.shared)
 
 
-class Bound(Protocol):
+class AnyBinding(Protocol):
     """A binding of any kind: it knows which class of a block is made for it."""
 
     def class_of(self, row: BlockRow) -> str: ...
@@ -64,9 +64,9 @@ class Job(Protocol):
     def adhoc(self) -> bool: ...
 
     @property
-    def last_bytes(self) -> int | None: ...
+    def last_bytes_at(self) -> int | None: ...
 
-    def partial(self) -> bytes: ...
+    def partial_bytes(self) -> bytes: ...
 
 
 class NoJob:
@@ -75,13 +75,13 @@ class NoJob:
     running = False
     have = need = 0
     adhoc = False
-    last_bytes: int | None = None
+    last_bytes_at: int | None = None
 
-    def partial(self) -> bytes:
+    def partial_bytes(self) -> bytes:
         return b""
 
 
-class RunningJob(Job, Protocol):
+class StoppableJob(Job, Protocol):
     """A job that can be ended from outside."""
 
     def abandon(self, reason: str) -> None: ...
@@ -89,18 +89,18 @@ class RunningJob(Job, Protocol):
     def detach(self, reason: str) -> None: ...
 
 
-class JobOwner(Protocol):
+class HasJob(Protocol):
     @property
-    def job(self) -> RunningJob: ...
+    def job(self) -> StoppableJob: ...
 
 
 class JobBlock:
     """A block with a job. Its connection stays when the instance goes."""
 
-    def stop(self: JobOwner, reason: str) -> None:
+    def stop(self: HasJob, reason: str) -> None:
         self.job.abandon(reason)
 
-    def detach(self: JobOwner, reason: str) -> None:
+    def detach(self: HasJob, reason: str) -> None:
         self.job.detach(reason)
 
 
@@ -147,7 +147,7 @@ class Block(Protocol):
         """Detach the instance: deleted, or made anew by a download. The lock of a running job may stay."""
 
 
-def new_block(row: BlockRow, bound: Bound) -> Block:
+def new_block(row: BlockRow, bound: AnyBinding) -> Block:
     module, _, name = bound.class_of(row).partition(":")
     block: Block = getattr(import_module(module), name)(bound)
     return block

@@ -118,7 +118,7 @@ class Condition(StrEnum):
     INTERNAL_FAULT = "internal error"
 
 
-BUSY: Final = frozenset(
+BUSY_CONDITIONS: Final = frozenset(
     {
         Condition.JOB_BEGINS,
         Condition.STARTED,
@@ -128,7 +128,7 @@ BUSY: Final = frozenset(
         Condition.RECEIVING_PART,
     }
 )
-DONE: Final = frozenset(
+DONE_CONDITIONS: Final = frozenset(
     {
         Condition.LINK_DONE,
         Condition.FINISHED,
@@ -138,4 +138,4 @@ DONE: Final = frozenset(
     }
 )
 # RESETTING stands above the manual's "exception" heading: it is no error.
-ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])
+ERROR_CONDITIONS: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

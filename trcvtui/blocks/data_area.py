@@ -6,20 +6,20 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 
-class Elements(Enum):
+class ElementKind(Enum):
     BITS = auto()  # BOOL, ARRAY OF BOOL
     BYTES = auto()  # elements of 8 bits
     OTHER = auto()
 
 
-class TextLens(NamedTuple):
+class LeastTextLens(NamedTuple):
     """The smallest LEN but 0 of a variable that is one STRING or WSTRING, by direction."""
 
     sent: int = 0
     received: int = 0
 
 
-NO_TEXT: Final = TextLens()
+NO_TEXT_LENS: Final = LeastTextLens()
 
 
 class DataArea:
@@ -35,9 +35,9 @@ class DataArea:
         name: str,
         type_name: str,
         size: int,
-        elements: Elements = Elements.OTHER,
+        elements: ElementKind = ElementKind.OTHER,
         symbolic: bool = False,
-        text_lens: TextLens = NO_TEXT,
+        text_lens: LeastTextLens = NO_TEXT_LENS,
     ) -> None:
         self.name = name
         self.type_name = type_name
@@ -52,15 +52,15 @@ class DataArea:
         """Overwrite bytes from `offset`; what would stand after the end is left out."""
         room = max(0, self.size - offset)
         self.content[offset : offset + min(room, len(payload))] = payload[:room]
-        self._count(min(self.size, offset + len(payload)))
+        self._note_write(min(self.size, offset + len(payload)))
 
     def swap(self, content: bytearray) -> bytearray:
         """Take `content` of the same size as the new bytes and return the old ones, without a copy."""
         old, self.content = self.content, content
-        self._count(self.size)
+        self._note_write(self.size)
         return old
 
-    def _count(self, newest: int) -> None:
+    def _note_write(self, newest: int) -> None:
         self.generation += 1
         self.newest, self.longest = newest, max(newest, self.longest)
 
@@ -73,8 +73,8 @@ class DataArea:
         self,
         type_name: str,
         size: int,
-        elements: Elements = Elements.OTHER,
-        text_lens: TextLens = NO_TEXT,
+        elements: ElementKind = ElementKind.OTHER,
+        text_lens: LeastTextLens = NO_TEXT_LENS,
     ) -> None:
         """Take another type; bytes that both sizes have stay, new ones are 0."""
         self.type_name, self.size, self.elements, self.text_lens = type_name, size, elements, text_lens

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.net.connection.resources import Resources
 
 
@@ -91,7 +91,7 @@ class JobStarted(NamedTuple):
     adhoc: bool
 
 
-class JobMode(NamedTuple):
+class ModeChange(NamedTuple):
     """The receive job that runs goes on ad-hoc, or static."""
 
     instance: str
@@ -139,7 +139,7 @@ class SendEnded(NamedTuple):
     reason: str
 
 
-JobNote = JobStarted | JobMode | JobEnded | SendStarted | SendEnded | SerialNote
+JobNote = JobStarted | ModeChange | JobEnded | SendStarted | SendEnded | SerialNote
 
 
 class Environment(Struct):
@@ -148,7 +148,7 @@ class Environment(Struct):
     `write` puts a note into the ledger.
     """
 
-    rules: Rules
+    rules: VendorRules
     resources: Resources
     write: Callable[[JobNote], None]
     scan: int = 0

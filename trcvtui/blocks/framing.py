@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from msgspec import Struct
 
 
-class Ending(StrEnum):
+class FrameEnding(StrEnum):
     SUFFIX = "suffix"
     SIZE = "size reached"
     OVERRUN = "size reached without the suffix"
@@ -33,9 +33,9 @@ class Framing(Struct, frozen=True):
         mine = self.size, self.prefix, self.suffix, self.text
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
-    def ended_by(self, ending: Ending) -> str:
+    def ended_by(self, ending: FrameEnding) -> str:
         """Return in words what ended a frame: of a suffix only where there is one."""
-        is_full = ending is Ending.OVERRUN and not self.suffix
+        is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
 
@@ -43,7 +43,7 @@ class Frame(NamedTuple):
     """A frame: its bytes, prefix and suffix among them, and what ended it."""
 
     content: bytes
-    ending: Ending
+    ending: FrameEnding
 
 
 class FramerStep(NamedTuple):
@@ -54,9 +54,9 @@ class FramerStep(NamedTuple):
 
 
 # Rule: frames do not depend on how the stream was cut: each search begins where the call before has left off.
-# Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE.
+# Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE_BYTES.
 
-KEPT_NOISE: Final = 256
+KEPT_NOISE_BYTES: Final = 256
 
 
 class Framer:
@@ -80,81 +80,81 @@ class Framer:
         return bool(self._part)
 
     @property
-    def part(self) -> bytes:
+    def partial_frame(self) -> bytes:
         """Return a copy of the frame that is not complete yet."""
         return bytes(self._part)
 
     @property
-    def size(self) -> int:
+    def queued(self) -> int:
         """Return how many bytes of it are here."""
         return len(self._part)
 
-    def differs(self, framing: Framing) -> bool:
+    def framing_changed(self, framing: Framing) -> bool:
         """Return whether the part began under another framing; the timeout may change."""
         return self._framing is not None and bool(self._part) and not self._framing.cuts_like(framing)
 
-    def drop(self) -> bytes:
+    def flush(self) -> bytes:
         part = bytes(self._part)
         self._part.clear()
         self._has_prefix = False
         return part
 
-    def take(self, received: bytes, framing: Framing, now: int) -> FramerStep:
+    def feed(self, received: bytes, framing: Framing, now: int) -> FramerStep:
         """Take bytes until none is left or a frame is complete; without any, look at the gap."""
         self.had_false_start = False
         if not received:
-            return FramerStep(0, self._gap(framing, now))
+            return FramerStep(0, self._end_by_gap(framing, now))
         self._framing, self.last_byte = framing, now
-        used = 0 if self._has_prefix else self._seek(received, framing)
+        used = 0 if self._has_prefix else self._seek_prefix(received, framing)
         if not self._has_prefix:
             return FramerStep(used)
         before = len(self._part)
         self._part += received[used : used + framing.size - before]
         used += len(self._part) - before
-        found = self._end(before, framing)
+        found = self._find_end(before, framing)
         if found is None:
             return FramerStep(used)
         end, ending = found
         used -= len(self._part) - end
         del self._part[end:]
-        return FramerStep(used, Frame(self.drop(), ending))
+        return FramerStep(used, Frame(self.flush(), ending))
 
-    def _gap(self, framing: Framing, now: int) -> Frame | None:
+    def _end_by_gap(self, framing: Framing, now: int) -> Frame | None:
         if not self._part or not framing.timeout_ns or self.last_byte is None:
             return None
-        return Frame(self.drop(), Ending.GAP) if now - self.last_byte >= framing.timeout_ns else None
+        return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
-    def _seek(self, received: bytes, framing: Framing) -> int:
+    def _seek_prefix(self, received: bytes, framing: Framing) -> int:
         """Look for the prefix and return how many bytes that used up; its longest start is kept."""
         head = framing.prefix[: framing.size]  # a frame has no room for more of it
         before = len(self._part)
         joined = bytes(self._part) + received
         at = joined.find(head)
         self._has_prefix = at >= 0
-        start = at if self._has_prefix else len(joined) - _longest_start(joined, head)
+        start = at if self._has_prefix else len(joined) - _longest_prefix_start(joined, head)
         end = start + len(head) if self._has_prefix else len(joined)
         self.had_false_start = head[:1] in joined[:start] if head else False
         self.discarded += start
-        self.noise = (self.noise + joined[:start][-KEPT_NOISE:])[-KEPT_NOISE:]
+        self.noise = (self.noise + joined[:start][-KEPT_NOISE_BYTES:])[-KEPT_NOISE_BYTES:]
         self._part[:] = joined[start:end]
         return end - before
 
-    def _end(self, before: int, framing: Framing) -> tuple[int, Ending] | None:
+    def _find_end(self, before: int, framing: Framing) -> tuple[int, FrameEnding] | None:
         """Return where the frame ends: the suffix first, then the size; `before` bytes were looked at."""
         prefix, suffix = framing.prefix, framing.suffix
         at = self._part.find(suffix, max(len(prefix), before - len(suffix) + 1)) if suffix else -1
         zero = self._part.find(0, 0, at if at >= 0 else None) if framing.text else -1
         if zero >= 0:
-            return zero + 1, Ending.ZERO
+            return zero + 1, FrameEnding.ZERO
         if at >= 0:
-            return at + len(suffix), Ending.SUFFIX
+            return at + len(suffix), FrameEnding.SUFFIX
         if len(self._part) < framing.size:
             return None
         good = not suffix and not framing.text and len(prefix) <= framing.size
-        return framing.size, Ending.SIZE if good else Ending.OVERRUN
+        return framing.size, FrameEnding.SIZE if good else FrameEnding.OVERRUN
 
 
-def _longest_start(joined: bytes, head: bytes) -> int:
+def _longest_prefix_start(joined: bytes, head: bytes) -> int:
     """Return the length of the longest end of `joined` with which the prefix may begin."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
@@ -166,14 +166,14 @@ class FrameMarks(NamedTuple):
     size: int
     prefix: int
     suffix: int
-    ending: Ending
+    ending: FrameEnding
 
     @property
     def is_good(self) -> bool:
-        return self.ending in (Ending.SUFFIX, Ending.SIZE)
+        return self.ending in (FrameEnding.SUFFIX, FrameEnding.SIZE)
 
 
-class Tally(NamedTuple):
+class FrameTally(NamedTuple):
     """How many frames ended well, by a gap, without the suffix; how many parts were thrown away, and why."""
 
     good: int = 0
@@ -186,22 +186,22 @@ class Tally(NamedTuple):
     def frames(self) -> int:
         return self.good + self.gaps + self.overruns
 
-    def ended(self, ending: Ending) -> Tally:
-        if ending is Ending.GAP:
+    def count_ending(self, ending: FrameEnding) -> FrameTally:
+        if ending is FrameEnding.GAP:
             return self._replace(gaps=self.gaps + 1)
-        if ending is Ending.OVERRUN:
+        if ending is FrameEnding.OVERRUN:
             return self._replace(overruns=self.overruns + 1)
         return self._replace(good=self.good + 1)
 
-    def dropped(self, reason: str) -> Tally:
+    def count_dropped(self, reason: str) -> FrameTally:
         return self._replace(parts=self.parts + 1, reason=reason)
 
 
-NO_FRAMES = Tally()
+NO_FRAMES = FrameTally()
 
 
 def marks_of(frame: Frame, framing: Framing) -> FrameMarks:
     """Return where the marks of a frame lie; a frame that a gap ended may have but half a prefix."""
     size = len(frame.content)
-    suffix = len(framing.suffix) if frame.ending is Ending.SUFFIX else 0
+    suffix = len(framing.suffix) if frame.ending is FrameEnding.SUFFIX else 0
     return FrameMarks(size, min(size, len(framing.prefix)), suffix, frame.ending)

@@ -13,7 +13,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.net.results import Fault
 
 
-class Why(StrEnum):
+class CauseKind(StrEnum):
     """What kind of thing brought a STATUS about."""
 
     NOT_CALLED = "not called"
@@ -33,7 +33,7 @@ class Why(StrEnum):
 
 # What fails like a call and is none, though a plan can make it fail, or the kernel was asked before:
 # the call that took part, "" for none.
-TOOK_PART: Final = {
+UNDERLYING_CALLS: Final = {
     "budget": "",
     "description": "",
     "identity": "",
@@ -44,16 +44,16 @@ TOOK_PART: Final = {
 _ERRNO: Final = re.compile(r"E[A-Z0-9]+|EAI_[A-Z]+")
 
 # What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
-NO_KERNEL_CALLS: Final = {
-    "queue": (Why.RESOURCE, "the job queue is full"),
-    "buffer": (Why.RESOURCE, "no buffer is left"),
-    "budget": (Why.RESOURCE, "no connection is left"),
-    "description": (Why.PARAMETER, "the connection description is wrong"),
-    "identity": (Why.OWNER, "another CONNECT has this ID"),
-    "session": (Why.PARTNER, "the handshake failed"),
-    "address": (Why.PARAMETER, "the address cannot be used"),
-    "resolve": (Why.WAITING, "nobody has listened there yet"),
-    "attempt_limit": (Why.WAITING, "connect had no answer within the attempt's limit"),
+PSEUDO_CALL_CAUSES: Final = {
+    "queue": (CauseKind.RESOURCE, "the job queue is full"),
+    "buffer": (CauseKind.RESOURCE, "no buffer is left"),
+    "budget": (CauseKind.RESOURCE, "no connection is left"),
+    "description": (CauseKind.PARAMETER, "the connection description is wrong"),
+    "identity": (CauseKind.OWNER, "another CONNECT has this ID"),
+    "session": (CauseKind.PARTNER, "the handshake failed"),
+    "address": (CauseKind.PARAMETER, "the address cannot be used"),
+    "resolve": (CauseKind.WAITING, "nobody has listened there yet"),
+    "attempt_limit": (CauseKind.WAITING, "connect had no answer within the attempt's limit"),
 }
 
 
@@ -63,7 +63,7 @@ class Cause(Struct, frozen=True):
     `injected` is True where a fault plan and not the kernel answered. Empty fields do not apply.
     """
 
-    why: Why
+    why: CauseKind
     name: str
     pin: str = ""
     value: int | None = None
@@ -81,11 +81,11 @@ class Cause(Struct, frozen=True):
     is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 
     @property
-    def asked(self) -> str:
+    def underlying_call(self) -> str:
         """Return the call that took part, as `fault` names it; "" where none did."""
         if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
             return ""
-        return TOOK_PART.get(self.call, self.call)
+        return UNDERLYING_CALLS.get(self.call, self.call)
 
     @property
     def errno(self) -> str:
@@ -99,21 +99,23 @@ FULL: Final = Fault("send", "EAGAIN")  # what the kernel means when it takes no 
 
 
 NEXT_REQ: Final = Cause(
-    Why.WAITING, "the last job has ended; a rising edge of REQ starts the next", pin="REQ"
+    CauseKind.WAITING, "the last job has ended; a rising edge of REQ starts the next", pin="REQ"
 )
 
 
-def full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
+def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
     """Return the cause of a send of which the stack took no byte: `fault` is FULL, or what a plan said."""
     call, error, injected = fault.call, fault.error, fault.injected
-    return Cause(Why.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need)
+    return Cause(
+        CauseKind.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need
+    )
 
 
-def cause_of(fault: Fault, peer: str = "") -> Cause:
+def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
     """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
-    why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
+    why, name = PSEUDO_CALL_CAUSES.get(fault.call, (CauseKind.KERNEL, f"{fault.call} failed"))
     if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
-        why, name = Why.KERNEL, "nobody knows an address for the partner's name"
+        why, name = CauseKind.KERNEL, "nobody knows an address for the partner's name"
     return Cause(
         why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer or fault.peer,
         words=fault.words,
@@ -147,15 +149,15 @@ class Outcome(Struct, frozen=True, eq=False):
 
     @property
     def busy(self) -> bool:
-        return self.condition in conditions.BUSY or self.lamp is Lamp.BUSY
+        return self.condition in conditions.BUSY_CONDITIONS or self.lamp is Lamp.BUSY
 
     @property
     def done(self) -> bool:
-        return self.condition in conditions.DONE or self.lamp is Lamp.DONE
+        return self.condition in conditions.DONE_CONDITIONS or self.lamp is Lamp.DONE
 
     @property
     def error(self) -> bool:
-        return self.condition in conditions.ERROR
+        return self.condition in conditions.ERROR_CONDITIONS
 
 
-NOT_CALLED = Outcome(Condition.NOT_CALLED, Cause(Why.NOT_CALLED, "the block has not been called"))
+NOT_CALLED = Outcome(Condition.NOT_CALLED, Cause(CauseKind.NOT_CALLED, "the block has not been called"))

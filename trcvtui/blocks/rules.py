@@ -20,7 +20,7 @@ from trcvtui.net.connection.set_up import SetUpStage
 # (stage, errno) -> condition; an errno of "" is every other one of that stage.
 SetUpConditions = Mapping[tuple[SetUpStage, str], Condition]
 
-PLAIN_SET_UP: Final[SetUpConditions] = {
+PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
     (SetUpStage.SOCKET, ""): Condition.NO_SOCKET,
     (SetUpStage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
     (SetUpStage.REUSE, ""): Condition.REUSE_FAILED,
@@ -83,9 +83,9 @@ class StatusSequence(Struct, frozen=True):
     reset_closes: bool = False
     request_connects: bool = False
     faults_once: bool = False
-    set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
+    set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP_CONDITIONS)
 
-    def of_set_up(self, stage: SetUpStage, error: str) -> Condition:
+    def condition(self, stage: SetUpStage, error: str) -> Condition:
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
 
     def outlives_en_r(self, has_data: bool) -> bool:
@@ -93,7 +93,7 @@ class StatusSequence(Struct, frozen=True):
         return self.en_r_keeps_job or (self.first_data_keeps_job and has_data)
 
 
-class NotConnected(Enum):
+class NotConnectedRule(Enum):
     """How long "asked for data, not connected" shows."""
 
     PULSE = "pulse"
@@ -101,7 +101,7 @@ class NotConnected(Enum):
     NEVER = "never"
 
 
-class AreaRules(Struct, frozen=True):
+class DataAreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
     `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
@@ -122,21 +122,21 @@ class AreaRules(Struct, frozen=True):
     datagram_needs_len: bool = False
 
 
-class Rules(Struct, frozen=True):
+class VendorRules(Struct, frozen=True):
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]
     status_of: Mapping[str, Mapping[Condition, int]] = field(default_factory=dict)  # of a block, its own
     single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
     course: StatusSequence = field(default_factory=StatusSequence)
-    area: AreaRules = field(default_factory=AreaRules)
+    area: DataAreaRules = field(default_factory=DataAreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # block -> pin -> its name here
     types: Mapping[str, str] = field(default_factory=dict)  # pin -> IEC type, where it is another one
     also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
     receiving_part: Condition = Condition.RECEIVING  # the job has some bytes
     datagram_too_long: Condition = Condition.RECEIVE_FAILED
-    not_connected: NotConnected = NotConnected.PULSE
+    not_connected: NotConnectedRule = NotConnectedRule.PULSE
     short_frame_shown: bool = True
     reset_counts_as_close: bool = False
     com_rst_autoclear: bool = True
@@ -153,11 +153,11 @@ class Rules(Struct, frozen=True):
     queue: int = 64
     internal_fault: int = 0x8FFF  # STATUS of an instance that an error of this program has stopped
 
-    def typed(self, pin: Pin) -> Pin:
+    def with_iec_type(self, pin: Pin) -> Pin:
         """Return a pin with the IEC type that this vendor gives it."""
         return replace(pin, iec_type=self.types[pin.name]) if pin.name in self.types else pin
 
-    def word(self, block: str, condition: Condition) -> int:
+    def status_word(self, block: str, condition: Condition) -> int:
         if condition is Condition.INTERNAL_FAULT:
             return self.internal_fault
         own = self.status_of.get(block)

@@ -11,7 +11,7 @@ from msgspec import Struct
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
 
-_NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
+_BLOCK_NAMES_PATTERN: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
 
 class Reproducibility(StrEnum):
@@ -53,10 +53,10 @@ class StatusRow(Struct, frozen=True):
 
     def checks_of(self, block: str) -> tuple[str, ...]:
         """Return what to check at this block: a line that begins with other blocks' names is theirs."""
-        return tuple(line for line in self.checks if _is_of(line, block))
+        return tuple(line for line in self.checks if _is_for_block(line, block))
 
     def causes_of(self, block: str) -> tuple[str, ...]:
-        return tuple(line for line in self.causes if _is_of(line, block))
+        return tuple(line for line in self.causes if _is_for_block(line, block))
 
 
 def unreached_row(
@@ -76,7 +76,7 @@ def unreached_row(
     )
 
 
-def _is_of(line: str, block: str) -> bool:
-    named = [set(names.split(", ")) for names in _NAMED.findall(line)]
-    begins = _NAMED.match(line) is not None and named[0] <= BLOCKS.keys()
+def _is_for_block(line: str, block: str) -> bool:
+    named = [set(names.split(", ")) for names in _BLOCK_NAMES_PATTERN.findall(line)]
+    begins = _BLOCK_NAMES_PATTERN.match(line) is not None and named[0] <= BLOCKS.keys()
     return not begins or any(block in names for names in named)

@@ -14,7 +14,7 @@ from msgspec import Struct
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Direction, Pin
 
-MARKS: Final = ("prefix", "suffix")
+MARK_NAMES: Final = ("prefix", "suffix")
 
 
 class BlockRow(Struct, frozen=True):
@@ -53,18 +53,18 @@ class BlockRow(Struct, frozen=True):
     def outputs(self) -> tuple[Pin, ...]:
         return tuple([pin for pin in self.pins if pin.direction is Direction.OUT])
 
-    def _has(self, name: str) -> bool:
+    def _has_pin(self, name: str) -> bool:
         return any(pin.name == name for pin in self.pins)
 
     @property
     def sends(self) -> bool:
         """Return whether REQ sends DATA over a CONNECT or a UDP_CONFIG."""
-        return self._has("REQ") and self.data_pin == "DATA"
+        return self._has_pin("REQ") and self.data_pin == "DATA"
 
     @property
     def receives(self) -> bool:
         """Return whether EN_R receives into DATA from a CONNECT or a UDP_CONFIG."""
-        return self._has("EN_R")
+        return self._has_pin("EN_R")
 
     @property
     def sends_stream(self) -> bool:
@@ -85,15 +85,15 @@ class BlockRow(Struct, frozen=True):
         return bool(self.on_config)
 
     @property
-    def builds(self) -> bool:
+    def connects(self) -> bool:
         """Return whether it builds the CONNECT that it works on: such a stream can feed a ComBuffer.
 
         On a CONNECT of UDP it needs an ADDR.
         """
-        return self._has("CONT") and not self.speaks_udp
+        return self._has_pin("CONT") and not self.speaks_udp
 
     @property
-    def on_buffer(self) -> bool:
+    def has_buffer(self) -> bool:
         return bool(self.buffer_pin)
 
     @property
@@ -105,9 +105,9 @@ class BlockRow(Struct, frozen=True):
         return self.buffer_pin == "TxBuffer"
 
     @property
-    def marks(self) -> dict[str, str]:
+    def mark_pins(self) -> dict[str, str]:
         """Return the pins of prefix and suffix, and which is which; none for a block without."""
-        return dict(zip(self.pointers, MARKS, strict=False))
+        return dict(zip(self.pointers, MARK_NAMES, strict=False))
 
 
 # CONNECT and DATA are InOut too; they are named by the project file.
@@ -150,11 +150,11 @@ _RECEIVE_LAMPS: Final = (
 )
 
 
-def _req(text: str) -> tuple[Pin, ...]:
+def _req_and_lamps(text: str) -> tuple[Pin, ...]:
     return (Pin("REQ", Direction.IN, "BOOL", text, edge=True), *_LAMPS)
 
 
-def _receive_string(name: str, inside: str) -> BlockRow:
+def _receive_string_row(name: str, inside: str) -> BlockRow:
     done = _out("StringReceived", "BOOL", "done", "a text is in the string; TRUE for one scan")
     return BlockRow(
         name,
@@ -186,7 +186,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "TCON",
-        _req("rising edge builds the connection, which is then kept"),
+        _req_and_lamps("rising edge builds the connection, which is then kept"),
         shared=f"{_TCP}.separate_blocks:Tcon",
         single=f"{_SINGLE}.connect:SingleTcon",
         has_id=True,
@@ -194,7 +194,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "TDISCON",
-        _req("rising edge closes the connection"),
+        _req_and_lamps("rising edge closes the connection"),
         shared=f"{_TCP}.separate_blocks:Tdiscon",
         single=f"{_SINGLE}.connect:SingleTdiscon",
         has_id=True,
@@ -202,7 +202,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "T_RESET",
-        _req("rising edge resets an established connection"),
+        _req_and_lamps("rising edge resets an established connection"),
         shared=f"{_TCP}.separate_blocks:TReset",
         single=f"{_SINGLE}.connect:SingleTReset",
         has_id=True,
@@ -230,7 +230,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "T_DIAG",
-        _req("rising edge reads how the connection stands into RESULT (key data)"),
+        _req_and_lamps("rising edge reads how the connection stands into RESULT (key data)"),
         single=f"{_SINGLE}.connect:TDiag",
         data_pin="RESULT",
         has_id=True,
@@ -295,8 +295,8 @@ _ROWS: Final = (
         serial=f"{_SERIAL}.receiving:ReceiveByte",
         buffer_pin="RxBuffer",
     ),
-    _receive_string("ReceiveString", f"{_SERIAL}.receiving:ReceiveString"),
-    _receive_string("ReceiveString255", f"{_SERIAL}.receiving:ReceiveString255"),
+    _receive_string_row("ReceiveString", f"{_SERIAL}.receiving:ReceiveString"),
+    _receive_string_row("ReceiveString255", f"{_SERIAL}.receiving:ReceiveString255"),
     BlockRow(
         "SendData",
         (_EN, Pin("Length", Direction.IN, "UDINT", "bytes to send"), *_SEND_LAMPS),
@@ -325,11 +325,11 @@ _ROWS: Final = (
     ),
 )
 BLOCKS: Final[dict[str, BlockRow]] = {row.name: row for row in _ROWS}
-_NOTHING: Final = BlockRow("")
+_NO_BLOCK: Final = BlockRow("")
 
 
 def block_row(name: str | None) -> BlockRow:
-    return BLOCKS.get(name or "", _NOTHING)
+    return BLOCKS.get(name or "", _NO_BLOCK)
 
 
 def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
@@ -351,17 +351,17 @@ def pointer_pins() -> tuple[str, ...]:
 
 
 @lru_cache(256)
-def pin_named(name: str) -> Pin | None:
+def find_pin(name: str) -> Pin | None:
     return next((pin for row in BLOCKS.values() for pin in row.pins if pin.name == name), None)
 
 
-def shown_by(name: str) -> str:
+def outcome_field(name: str) -> str:
     """Return what an output shows, by its name in the outcome of a call; "" for what is no output."""
-    pin = pin_named(name)
+    pin = find_pin(name)
     return pin.shows if pin is not None else ""
 
 
 def is_time(name: str) -> bool:
     """Return whether a pin is a TIME, in whole milliseconds."""
-    pin = pin_named(name)
+    pin = find_pin(name)
     return pin is not None and pin.iec_type == "TIME"

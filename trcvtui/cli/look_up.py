@@ -37,13 +37,13 @@ def _status(args: Args) -> int:
     if args.all and args.dialect is not None:
         raise mistake("trcvtui status", "--all with --dialect", "one of the two")
     dialects = tuple(DIALECTS.values())
-    chosen = report.chosen_dialects(dialects, args.dialect)
+    chosen = report.select_dialects(dialects, args.dialect)
     code = None if args.code is None else report.parse_code(args.code)
     is_json = args.format == "json"
     wanted = code, args.block, report.parse_number(args.code or "")
-    found, others = report.explain(chosen if is_json else dialects, *wanted), list[str]()
+    found, others = report.find_explanations(chosen if is_json else dialects, *wanted), list[str]()
     if not is_json and not args.all:
-        found, others = report.of_one_dialect(found, args.dialect)
+        found, others = report.select_one_dialect(found, args.dialect)
     if code is None and not is_json:
         return print_text(report.as_table(found))
     from trcvtui.scenario.scenario_index import scenarios_of
@@ -51,8 +51,8 @@ def _status(args: Args) -> int:
     codes = None if code is None else {one.row.code for one in found}  # two: `10` may be a WORD, or a number
     if is_json:
         by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in chosen}
-        return print_text(report.as_json(report.with_scenarios(found, by_dialect)))
-    telling = report.with_telling(
+        return print_text(report.as_json(report.add_scenarios(found, by_dialect)))
+    telling = report.add_card_scenarios(
         found, lambda name, may_tell: scenarios_of(DIALECTS[name].scenario_folder, codes, may_tell)
     )
     asked = None if args.all or args.dialect is not None else dialects[0].name

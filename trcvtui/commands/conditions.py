@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from trcvtui.blocks.table import MARKS, block_row
+from trcvtui.blocks.table import MARK_NAMES, block_row
 from trcvtui.commands.patterns import parse_pattern
 from trcvtui.commands.tokens import (
     FORMS,
@@ -267,7 +267,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
         given = parse_payload(words, project)
         payload, text = given.content, given.text
     lengths = block_row(instance.block).mark_lengths
-    pin = lengths[MARKS.index(mark)] if lengths else ""  # a STRING tells its own length
+    pin = lengths[MARK_NAMES.index(mark)] if lengths else ""  # a STRING tells its own length
     room = min(decl.size, LONGEST) if pin else decl.size - 1
     if len(payload) > room:
         found = count(len(payload), "byte")
@@ -277,7 +277,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
 
 def _variable(instance: InstanceDecl, mark: str, words: Words) -> str:
     """Return the variable that holds a mark; raise UserError where the pointer is 0."""
-    number = MARKS.index(mark)
+    number = MARK_NAMES.index(mark)
     pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""
     if not name:

@@ -91,7 +91,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Return the keys of what a block works on, each with its kind."""
     row = block_row(block)
-    if row.on_buffer:
+    if row.has_buffer:
         return ((row.buffer_pin, "combuffer"),)
     link = "config" if row.speaks_udp and not (row.datagrams and "connect" in content) else "connect"
     addr = (("addr", "addr"),) if row.speaks_udp else ()
@@ -470,9 +470,9 @@ def _anew(edit: Edit, project: Project) -> list[str]:
     if edit.kind in (INSTANCE, "peer"):
         return [f"{edit.kind} {edit.name}"]
     has: dict[str, Callable[[InstanceDecl], bool]] = {
-        "connect": lambda i: i.connect == edit.name and not i.on_config and not block_row(i.block).on_buffer,
+        "connect": lambda i: i.connect == edit.name and not i.on_config and not block_row(i.block).has_buffer,
         "udp_config": lambda i: i.connect == edit.name and i.on_config,
-        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).on_buffer,
+        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).has_buffer,
         "addr": lambda i: i.addr == edit.name,
     }
     if edit.kind not in has:

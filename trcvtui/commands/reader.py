@@ -91,7 +91,7 @@ class _Link(NamedTuple):
 
 def _link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
     row = block_row(block)
-    if row.on_buffer:
+    if row.has_buffer:
         return _Link(_must(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
     connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
     if row.speaks_udp and not (row.datagrams and "connect" in given):
@@ -100,7 +100,7 @@ def _link(given: dict[str, str], block: str, words: Words, project: Project) -> 
     connect = _must(given, "connect", connects, "CONNECT", words)
     if row.speaks_udp:
         return _Link(connect, _must(given, "addr", addrs, "ADDR", words))
-    takes_addr = row.builds and project.dialect.describes_connects
+    takes_addr = row.connects and project.dialect.describes_connects
     return _Link(connect, _reference(given, "addr", addrs, "ADDR", words) if takes_addr else None)
 
 

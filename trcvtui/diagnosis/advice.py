@@ -15,7 +15,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
+from trcvtui.blocks.outcome import UNDERLYING_CALLS, Cause, CauseKind
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
@@ -385,8 +385,8 @@ def because(cause: Cause, block: str) -> str:
     text = cause.name
     if cause.call == "session":  # what came inside the connection
         text = SESSION.get(cause.error, f"{cause.name} ({cause.error})")
-    elif cause.call in TOOK_PART:  # it is no call
-        text += "" if cause.why is Why.PARAMETER and cause.detail else f" ({cause.error})"
+    elif cause.call in UNDERLYING_CALLS:  # it is no call
+        text += "" if cause.why is CauseKind.PARAMETER and cause.detail else f" ({cause.error})"
     elif cause.call and cause.call in text:
         text = f"{cause.call} gave {cause.error or AN_END}"
     elif cause.call:
@@ -411,7 +411,7 @@ def _numbers(cause: Cause, block: str) -> str:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
         if not cause.have and row.receives and row.speaks_udp:  # it is here whole, or not at all
             return f", at most {count(cause.need, 'byte')}"
-        if cause.why is Why.FRAME and cause.have != cause.need:
+        if cause.why is CauseKind.FRAME and cause.have != cause.need:
             return f", {count(cause.have, 'byte')}"
         where = "taken" if row.sends else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"

@@ -16,7 +16,7 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.conditions import BUSY, DONE, Condition
+from trcvtui.blocks.conditions import BUSY_CONDITIONS, DONE_CONDITIONS, Condition
 from trcvtui.blocks.environment import JobEnded, SendEnded
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.advice import advice_on
@@ -32,7 +32,9 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
-LINKED: Final = (BUSY | DONE | {Condition.CONNECTED, Condition.ESTABLISHED}) - {Condition.NOTHING_TO_RESET}
+LINKED: Final = (BUSY_CONDITIONS | DONE_CONDITIONS | {Condition.CONNECTED, Condition.ESTABLISHED}) - {
+    Condition.NOTHING_TO_RESET
+}
 BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
 UNCONNECTED_NS: Final = 10 * SECOND
 QUIET_NS: Final = SECOND  # a job with bytes waits so long at least, with one message ten times as long

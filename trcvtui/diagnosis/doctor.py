@@ -486,7 +486,7 @@ def _finding_texts(one: Finding) -> Iterator[str]:
     packets = ", ".join(map(str, one.packets))
     seen = filter(None, (f"packets {packets}" if packets else "", one.filter))
     yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one.filter else []
-    yield from (MARK + mend.line for mend in one.mend)
+    yield from (MARK + mend.display_line for mend in one.mend)
 
 
 def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:

@@ -43,7 +43,7 @@ def refusals(project: Project) -> tuple[Finding, ...]:
                 _raise(bench, "EN_R", alone)
                 alone = []
             bench.step()
-            news, seq = bench.runtime.ledger.stamped_since(seq), bench.runtime.ledger.last_seq
+            news, seq = bench.runtime.ledger.events_since(seq), bench.runtime.ledger.last_seq
             for scan, t_ns, event in news:
                 symptoms.take(scan, t_ns, event)
         found = symptoms.found(is_running=False)

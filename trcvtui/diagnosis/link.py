@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Why
+from trcvtui.blocks.outcome import CauseKind
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, as_sentence, do
 from trcvtui.history.records import NOT_BUILT, Failures
@@ -55,7 +55,7 @@ def condition_word(project: Project, name: str, shown: StatusEdge | InstanceSnap
     decl, cause = project.instance(name), shown.cause
     connect = project.connect(decl.connect) if decl is not None else None
     waits = shown.condition == Condition.ESTABLISHING and connect is not None and not connect.active
-    if waits and (cause.local or cause.why is not Why.WAITING):
+    if waits and (cause.local or cause.why is not CauseKind.WAITING):
         return LISTENING
     return project.dialect.label(shown.condition)
 

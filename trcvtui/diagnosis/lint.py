@@ -122,7 +122,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
         static="ADHOC=0 " if has_adhoc else "",
-        words={one: rules.word(decl.block, own) for one, own in shown.items() if own in known},
+        words={one: rules.status_word(decl.block, own) for one, own in shown.items() if own in known},
         is_secure=config is not None and config.session is not None and not config.is_message_oriented,
         ports=_ports(project),
     )
@@ -224,7 +224,7 @@ def _address(project: Project) -> Iterator[Finding]:
 def _status(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
     """Return the STATUS of a block for that, () where its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
-    return (f"{project.rules.word(block, condition):04X}",) if condition in known else ()
+    return (f"{project.rules.status_word(block, condition):04X}",) if condition in known else ()
 
 
 def _one_id_twice(project: Project) -> Iterator[Finding]:
@@ -267,8 +267,8 @@ def _of_opener(
     """Return what is said of the block that builds a CONNECT, with the STATUS that it shows for it."""
     for decl in project.instances:
         row = block_row(decl.block)
-        if decl.connect == config.name and (row.builds or row.runs_as is Condition.ESTABLISHING):
-            status = _status(project, decl.block, project.rules.course.of_set_up(*wrong))
+        if decl.connect == config.name and (row.connects or row.runs_as is Condition.ESTABLISHING):
+            status = _status(project, decl.block, project.rules.course.condition(*wrong))
             return replace(said, instance=decl.name, status=status)
     return replace(said, confidence=0.5)  # no block builds it
 
@@ -322,7 +322,7 @@ def _without_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
         holds = any(written.get((decl.name, "CONT"), ()))
         if "CONT" not in pins or not asks or holds or project.rules.course.request_connects:
             continue
-        name, word = decl.name, f"{project.rules.word(decl.block, Condition.NO_JOB):04X}"
+        name, word = decl.name, f"{project.rules.status_word(decl.block, Condition.NO_JOB):04X}"
         text = f"{asks[0]} is 1, and nothing sets CONT: {name} stays in {word}"
         mend = Remedy("CONT 1: it builds the connection", f"set {name} CONT=1", f"instance.{name}.CONT=true")
         cause = "not-connected-request"

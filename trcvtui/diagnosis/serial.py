@@ -14,7 +14,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, do
 from trcvtui.net.serial_line import TCP_URL_PREFIXES
-from trcvtui.plc.port_hints import port_away, port_hint
+from trcvtui.plc.port_hints import describe_port_fault, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
 from trcvtui.wording import count
@@ -47,11 +47,11 @@ WAITS: Final = frozenset(
 
 def waits_for_the_port(e: Evidence) -> str:
     """Return that the port is not there, for a block that waits for what comes or goes over it."""
-    return port_away(e.buffer) if e.condition in WAITS and not e.cause.pin else ""
+    return describe_port_fault(e.buffer) if e.condition in WAITS and not e.cause.pin else ""
 
 
 def port_trouble(e: Evidence) -> str:
-    away, hint = port_away(e.buffer), port_hint(e.buffer)
+    away, hint = describe_port_fault(e.buffer), port_hint(e.buffer)
     return hint if waits_for_the_port(e) else ": ".join(part for part in (away, hint) if part)
 
 
@@ -231,7 +231,7 @@ def dropping_buffer(f: FramedBlock) -> str:
 
 def port_is_away(f: FramedBlock) -> str:
     """A port that is not there looks like silence."""
-    return ": ".join(part for part in (port_away(f.now), port_hint(f.now)) if part)
+    return ": ".join(part for part in (describe_port_fault(f.now), port_hint(f.now)) if part)
 
 
 def lost_bytes(f: FramedBlock) -> str:

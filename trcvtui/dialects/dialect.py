@@ -8,7 +8,7 @@ from typing import Final
 from msgspec import Struct, field
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.blocks.status import StatusRow
 from trcvtui.errors import Problem
 from trcvtui.udt.literals import format_time, parse_duration
@@ -32,7 +32,7 @@ class Switch(Struct, frozen=True):
 
 
 # Every vendor's listeners have a queue. Linux cuts one that is longer than net.core.somaxconn without a word.
-BACKLOG: Final = Switch(
+BACKLOG_SWITCH: Final = Switch(
     "backlog",
     "count",
     128,
@@ -51,7 +51,7 @@ INTERNAL_FAULT: Final = Switch(
 )
 
 
-def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
+def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
     """Return what each block shows for each condition, as the rows say."""
     codes: dict[str, dict[Condition, int]] = {}
     for row in rows:
@@ -78,7 +78,7 @@ class Dialect(Struct, frozen=True):
     models: Mapping[str, int]
     default_model: str
     layout: str
-    answer: Callable[[Mapping[str, SwitchValue]], Rules]
+    answer: Callable[[Mapping[str, SwitchValue]], VendorRules]
     describes_connects: bool = False
     structures: tuple[str, ...] = ()
     folder: str = ""
@@ -99,8 +99,8 @@ class Dialect(Struct, frozen=True):
 
 # Rule: every mistake of a table is reported, each in one line; a value that cannot be read keeps its default.
 
-_TRUE: Final = ("true", "1")
-_FALSE: Final = ("false", "0")
+_TRUE_WORDS: Final = ("true", "1")
+_FALSE_WORDS: Final = ("false", "0")
 _LONGEST_COUNT: Final = 12  # digits; more are refused unread
 
 
@@ -120,15 +120,15 @@ def read_switches(
             expected = f"a switch of {dialect.name}: {', '.join(known)}"
             problems.append(Problem(f"{where}.{name}", "an unknown switch", expected))
             continue
-        value = _READ[known[name].kind](known[name], given)
+        value = _SWITCH_PARSERS[known[name].kind](known[name], given)
         if value is None:
-            problems.append(Problem(f"{where}.{name}", _shown(given), expected_of(known[name])))
+            problems.append(Problem(f"{where}.{name}", _format_given(given), describe_expected(known[name])))
         else:
             values[name] = value
     return values, problems
 
 
-def expected_of(switch: Switch) -> str:
+def describe_expected(switch: Switch) -> str:
     match switch.kind:
         case "choice":
             return " or ".join(switch.values)
@@ -147,7 +147,7 @@ def format_value(switch: Switch, value: SwitchValue) -> str:
     return str(value).lower() if switch.kind == "bool" else str(value)
 
 
-def _shown(given: object) -> str:
+def _format_given(given: object) -> str:
     if isinstance(given, bool):
         return str(given).lower()
     text = repr(given)
@@ -163,7 +163,7 @@ def _choice(switch: Switch, given: object) -> SwitchValue | None:
 
 def _bool(switch: Switch, given: object) -> SwitchValue | None:
     word = str(given).strip().lower() if isinstance(given, (bool, int, str)) else ""
-    return True if word in _TRUE else False if word in _FALSE else None
+    return True if word in _TRUE_WORDS else False if word in _FALSE_WORDS else None
 
 
 def _duration(switch: Switch, given: object) -> SwitchValue | None:
@@ -184,7 +184,7 @@ def _count(switch: Switch, given: object) -> SwitchValue | None:
     return given if switch.least <= given <= switch.most else None
 
 
-_READ: Final[dict[str, Callable[[Switch, object], SwitchValue | None]]] = {
+_SWITCH_PARSERS: Final[dict[str, Callable[[Switch, object], SwitchValue | None]]] = {
     "choice": _choice,
     "bool": _bool,
     "duration": _duration,

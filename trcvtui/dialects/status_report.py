@@ -15,7 +15,7 @@ from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
 from trcvtui.wording import in_columns
 
-CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
+CODE_PATTERN: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
 REACH_TEXT: Final = {
     Reproducibility.REAL: "by real traffic, also on this machine alone",
     Reproducibility.LOGIC: "by the pins alone: no network has a part in it",
@@ -23,8 +23,8 @@ REACH_TEXT: Final = {
     Reproducibility.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
     Reproducibility.NEVER: "by nothing on this bench",
 }
-MOST_TELLING: Final = 3
-NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual
+MOST_SCENARIOS: Final = 3
+NOTE_PREFIX: Final = "note-"  # so begins the name of a scenario for a note of the manual
 
 ScenariosByCode = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the files that show it
 NO_SCENARIOS: Final[ScenariosByCode] = {}
@@ -37,18 +37,18 @@ class Explanation(Struct, frozen=True):
     row: StatusRow
     scenarios: tuple[str, ...] = ()
 
-    def telling(self) -> tuple[str, ...]:
+    def select_scenarios(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
         After them, of an error: a few that play a note of the manual. Where there are none: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
-        notes = [file for file in self.scenarios if _plays_a_note(file) and file not in named]
-        return (*named, *notes[: MOST_TELLING if self.row.error else 0]) or self.scenarios[:MOST_TELLING]
+        notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]
+        return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
-    def may_tell(self, file: str) -> bool:
+    def may_select(self, file: str) -> bool:
         """Return whether a scenario of this name is told before any other, if it shows this code."""
-        return self._is_named_in(file) or (self.row.error and _plays_a_note(file))
+        return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
         return self._place_in(file) >= 0
@@ -57,13 +57,13 @@ class Explanation(Struct, frozen=True):
         return file.rpartition("/")[2].upper().find(self.row.word[3:])
 
 
-def _plays_a_note(file: str) -> bool:
-    return file.rpartition("/")[2].startswith(NOTE)
+def _is_note_scenario(file: str) -> bool:
+    return file.rpartition("/")[2].startswith(NOTE_PREFIX)
 
 
 def parse_code(text: str) -> int:
     """Return the code of `80C5`, `16#80C5`, `W#16#80C5` or `0x80c5`; raise UserError when it is none."""
-    found = CODE.fullmatch(text) if len(text) <= 32 else None
+    found = CODE_PATTERN.fullmatch(text) if len(text) <= 32 else None
     if found is None:
         raise mistake("CODE", f"'{text[:32]}'", "a STATUS word such as 80C5, 16#80C5, W#16#80C5 or 0x80c5")
     return int(found.group(1), 16)
@@ -75,7 +75,7 @@ def parse_number(text: str) -> int | None:
     return int(digits) if digits.isdecimal() and digits.isascii() and len(digits) <= 5 else None
 
 
-def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dialect, ...]:
+def select_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dialect, ...]:
     """Return the dialect of that name, or all of them; raise UserError for an unknown name."""
     chosen = tuple(d for d in dialects if name is None or d.name == name.casefold())
     if not chosen:
@@ -83,14 +83,14 @@ def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
     return chosen
 
 
-def explain(
+def find_explanations(
     dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
 ) -> list[Explanation]:
     """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError.
 
     `number` is the code as a decimal, if it may be one: so the blocks read it whose Error is a UINT.
     """
-    wanted = None if block is None else _known_block(dialects, block)
+    wanted = None if block is None else _find_block(dialects, block)
     decimal = code if number is None else number
     found = [
         Explanation(dialect.name, row)
@@ -111,7 +111,7 @@ def explain(
     return found
 
 
-def of_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
+def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
     """Return the rows of a dialect, and which others have some too; None: the first that has any.
 
     Raise UserError where the named one has none.
@@ -126,42 +126,42 @@ def of_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list
 
 def is_number(row: StatusRow) -> bool:
     """Return whether its blocks show the code as a number, Error, and not as a WORD."""
-    return all(block_row(block).on_buffer for block in row.blocks)
+    return all(block_row(block).has_buffer for block in row.blocks)
 
 
-def with_scenarios(
+def add_scenarios(
     found: Iterable[Explanation], by_dialect: Mapping[str, ScenariosByCode]
 ) -> list[Explanation]:
     """Return the rows with the scenarios that show them; `by_dialect` are those of the dialects by name."""
     return [
-        replace(one, scenarios=_showing(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
+        replace(one, scenarios=_look_up(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
 
 
-def with_telling(
+def add_card_scenarios(
     found: Iterable[Explanation], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> list[Explanation]:
     """Return the rows with as many scenarios as a card names; `scenarios_of` reads the files that it is told.
 
     Where some of those named for the code show it, no other is read: all of them take 100 ms.
     """
-    return [_told(one, scenarios_of) for one in found]
+    return [_with_card_scenarios(one, scenarios_of) for one in found]
 
 
-def _told(
+def _with_card_scenarios(
     one: Explanation, scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> Explanation:
-    scenarios = _showing(one.row, scenarios_of(one.dialect, one.may_tell))
+    scenarios = _look_up(one.row, scenarios_of(one.dialect, one.may_select))
     return replace(
-        one, scenarios=scenarios or _showing(one.row, scenarios_of(one.dialect, lambda file: True))
+        one, scenarios=scenarios or _look_up(one.row, scenarios_of(one.dialect, lambda file: True))
     )
 
 
-def _showing(row: StatusRow, by_code: ScenariosByCode) -> tuple[str, ...]:
+def _look_up(row: StatusRow, by_code: ScenariosByCode) -> tuple[str, ...]:
     return tuple(sorted({file for block in row.blocks for file in by_code.get((row.code, block), ())}))
 
 
-def _known_block(dialects: Sequence[Dialect], block: str) -> str:
+def _find_block(dialects: Sequence[Dialect], block: str) -> str:
     known = sorted({name for dialect in dialects for row in dialect.status for name in row.blocks})
     found = next((name for name in known if name.upper() == block.upper()), None)
     if found is None:
@@ -176,7 +176,7 @@ def as_json(found: Iterable[Explanation]) -> str:
     return json.dumps([_as_object(one) for one in found], indent=2)
 
 
-def reach_text(row: StatusRow) -> str:
+def describe_reach(row: StatusRow) -> str:
     """Return how a code can be brought about here, or why it cannot."""
     told = f"can be brought about {REACH_TEXT[row.reach]}"
     return f"{told}: {row.unreached}" if row.unreached else told
@@ -222,8 +222,8 @@ def _card(one: Explanation) -> str:
         "  look at",
         *(f"    - {check}" for check in row.checks),
         *([f"  not certain: {row.unsure}"] if row.unsure else []),
-        f"  {reach_text(row)}",
-        *(f"  to see it: trcvtui scenario {file}" for file in one.telling()),
+        f"  {describe_reach(row)}",
+        *(f"  to see it: trcvtui scenario {file}" for file in one.select_scenarios()),
         f"  source: {row.manual}",
     ]
     return "\n".join(lines)

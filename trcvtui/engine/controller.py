@@ -47,7 +47,7 @@ from trcvtui.project.tables import shown
 from trcvtui.scenario.player import Player, refuse_too_many_steps
 from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.scenario.scenario import load_scenario, start_steps
-from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.udt.command import constants_of
 from trcvtui.wording import count
@@ -95,9 +95,9 @@ def remark_on(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool
     """Return the remark on a command that was given after the last scan, mostly ""."""
     match command:
         case words.Pulse(name, "COM_RST"):
-            return _on_reset(runtime.instance(name), runtime)
+            return _on_reset(runtime.instance_snapshot(name), runtime)
         case words.Set(name, pins):
-            instance = runtime.instance(name)
+            instance = runtime.instance_snapshot(name)
             latched = LATCHED[: 1 if adhoc_at_once else None]
             said = [_on_latched(instance, *pin) for pin in pins if pin[0] in latched]
             if any(pin == RESET and value for pin, value in pins):
@@ -109,7 +109,7 @@ def remark_on(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool
 def _on_reset(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
     if instance is None:
         return ""
-    stands = runtime.link(instance.connect).state == CONNECTED
+    stands = runtime.link_snapshot(instance.connect).state == CONNECTED
     if not instance.pin("CONT") and (not stands or instance.condition == Condition.NO_JOB):
         return f"{NO_EFFECT}: CONT is 0, and the edge is not remembered"
     return (
@@ -179,7 +179,7 @@ class Controller:
         self._edits = ProjectEdits(bench.project)
         self._home_kernel = bench.kernel_name
         self._begun_with = 0  # so many additions stood on the bench before its first scan
-        self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
+        self._answers: deque[LineAnswer] = deque(maxlen=MOST_ANSWERS)
         self._bench_number = 0
         self._project = bench.project
         self._project_number = 0
@@ -201,7 +201,7 @@ class Controller:
         self._told, self._edit, self._asked = "", "", (number, line)
         self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
-        self._answers.append(Answer(number, line, wrong, self._told, self._edit))
+        self._answers.append(LineAnswer(number, line, wrong, self._told, self._edit))
 
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
@@ -480,7 +480,7 @@ class Controller:
 
     # -- pictures --------------------------------------------------------------------------------------
 
-    def take_answers(self) -> tuple[Answer, ...]:
+    def take_answers(self) -> tuple[LineAnswer, ...]:
         """Return what was answered since the last time."""
         answers = tuple(self._answers)
         self._answers.clear()
@@ -493,14 +493,14 @@ class Controller:
         since = request.since_seq if known else 0
         data_of, partial_of = (request.data, request.partial_of) if known else ((), ())
         self._answers.extend(self._doctor.go_on(self.files_judge, self.bench, request.doctor))
-        internal = self.bench.containment.take_newest()
+        internal = self.bench.containment.take_messages()
         if internal:
             self.complain(internal)
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1
         kept = self.trigger_watch.take_kept() if known else None
-        lines, last = ledger.since(since, min(most_lines, request.most_lines)), ledger.last_seq
+        lines, last = ledger.lines_since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
             last = kept.snapshot.ledger_seq
@@ -512,7 +512,7 @@ class Controller:
             lines=lines,
             lines_skipped=max(0, last - since - len(lines)),
             data=kept.data if kept else tuple((name, runtime.data(name, MOST_DATA)) for name in data_of),
-            partial=kept.partial if kept else tuple((name, runtime.partial(name)) for name in partial_of),
+            partial=kept.partial if kept else tuple((name, runtime.job_bytes(name)) for name in partial_of),
             peers=kept.peers if kept else self.bench.peer_snapshots(),
             answers=self.take_answers(),
             timing=timing,
@@ -549,7 +549,7 @@ class Controller:
 
     def complain(self, text: str) -> None:
         """Say what is wrong, asked by no line."""
-        self._answers.append(Answer(0, "", text))
+        self._answers.append(LineAnswer(0, "", text))
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger

@@ -20,7 +20,7 @@ from trcvtui import clock
 from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, unpacked
 from trcvtui.picture.protocol import MOST_TABS, REFUSED, may_say
 from trcvtui.picture.update_pipe import MOST_PICTURE, MessageReader, UpdatePipe
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 
 if TYPE_CHECKING:
     from trcvtui.engine.trigger_watch import KeptScan
@@ -45,7 +45,7 @@ class AttachedScreen:
         )
         self.request: UpdateRequest | None = None
         self.asked_at, self.make_ns = 0, FIRST_NS if number else 0  # what it took last to make a picture
-        self.answers: list[Answer] = []  # that are in no picture yet
+        self.answers: list[LineAnswer] = []  # that are in no picture yet
         self.kept: KeptScan | None = None  # the scan of a trigger that it has not been shown
         self.is_gone = False
 
@@ -80,7 +80,7 @@ class AttachedScreens:
                 if (message := screen.message()) is None:
                     break
                 if self._read_only and not isinstance(message, UpdateRequest) and not may_say(message[1]):
-                    self.hand_out([Answer(*message, REFUSED)])
+                    self.hand_out([LineAnswer(*message, REFUSED)])
                 else:
                     yield screen, message
                 if clock.now_ns() >= until:
@@ -93,7 +93,7 @@ class AttachedScreens:
                 self.all.remove(screen)
                 screen.channel.close()
 
-    def hand_out(self, answers: Iterable[Answer]) -> None:
+    def hand_out(self, answers: Iterable[LineAnswer]) -> None:
         for answer in answers:
             number, own = divmod(answer.number, MOST_NUMBER)
             for screen in self.all:

@@ -25,7 +25,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Facts
-from trcvtui.plc.ledger import InputEdge, Stamped
+from trcvtui.plc.ledger import InputEdge, StampedEvent
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
@@ -196,7 +196,7 @@ class KeptScan(Struct, frozen=True):
 
     fired: TriggerEvent
     snapshot: Snapshot
-    stamped: list[Stamped]
+    stamped: list[StampedEvent]
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
@@ -234,7 +234,7 @@ class TriggerWatch:
     def scanned(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
-        written = ledger.stamped_since(self._seq)
+        written = ledger.events_since(self._seq)
         self._seq = ledger.last_seq
         trigger = self._still_armed()
         if trigger is None:
@@ -269,9 +269,9 @@ class TriggerWatch:
         return KeptScan(
             fired,
             runtime.snapshot(bench.faults()),
-            runtime.ledger.stamped_since(0, BEFORE),
+            runtime.ledger.events_since(0, BEFORE),
             self._data(),
-            tuple((name, runtime.partial(name)) for name in names),
+            tuple((name, runtime.job_bytes(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),
             self.facts(tuple(names)),
         )

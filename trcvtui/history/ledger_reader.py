@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.history.stream_index import StreamIndex
-from trcvtui.plc.ledger import Stamped
+from trcvtui.plc.ledger import StampedEvent
 
 READER: Final = "reader", "history"
 LINES_A_STEP: Final = 64  # between two looks at the clock
@@ -26,7 +26,7 @@ class LedgerReader:
         self.lost: list[Callable[[int, int, int], None]] = []  # get seq, scan, time before a loss
         self._bench = bench
         self._has_failed = False
-        self._news: list[Stamped] = []
+        self._news: list[StampedEvent] = []
         self._read = 0  # of them
         self._seq = 0  # of the last of them
         self._at = 0, 0  # scan and time of the last line that was read
@@ -40,7 +40,7 @@ class LedgerReader:
             return self._read_on(until)
         except Exception as error:
             if not self._has_failed:
-                self._bench.containment.note(READER, error)
+                self._bench.containment.handle(READER, error)
             self._has_failed = True
             self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
             with suppress(Exception):
@@ -68,7 +68,7 @@ class LedgerReader:
 
     def _fetch(self) -> None:
         ledger, before = self._bench.runtime.ledger, self._seq
-        self._news, self._read, self._seq = ledger.stamped_since(before), 0, ledger.last_seq
+        self._news, self._read, self._seq = ledger.events_since(before), 0, ledger.last_seq
         first = self._seq - len(self._news) + 1
         if first > before + 1:
             self._tell_loss(first - 1)

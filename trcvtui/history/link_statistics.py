@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
-from trcvtui.blocks.outcome import Cause, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, cause_of_fault
 from trcvtui.history.records import (
     NOT_BUILT,
     Drop,
@@ -162,7 +162,7 @@ class LinkStatistics:
         if fault is None or fault.call != "session":
             said = None
         peer = event.peer or (said.peer if said else "")
-        cause = cause_of(fault, peer) if fault else Cause(Why.WAITING, str(event.what), peer=peer)
+        cause = cause_of_fault(fault, peer) if fault else Cause(CauseKind.WAITING, str(event.what), peer=peer)
         link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
         link.dropped = None
 

@@ -181,12 +181,12 @@ class MessageRows(KeptRows):
     """The rows of a bench; a keyframe tells of scans up to `after`, too."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
-        super().__init__(bench.runtime.received, reader.catch_up, after)
+        super().__init__(bench.runtime.received_ring, reader.catch_up, after)
         self._bench, self._streams = bench, streams
         self._asked: tuple[object, ...] = ()
         self._answer = MessagesDelta("", 0, 0, ())
         self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
-        instances = [bench.runtime.instance(declared.name) for declared in bench.project.instances]
+        instances = [bench.runtime.instance_snapshot(declared.name) for declared in bench.project.instances]
         self._status = {each.name: each.outputs.status for each in instances if each is not None}
         index = reader.index
         index.ends[True].append(self._job_ended)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from trcvtui.blocks.table import block_row, shown_by
+from trcvtui.blocks.table import block_row, outcome_field
 from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
 
 # -- one pin ----------------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ MOST_GAPS: Final = 200
 
 def lamp_of(pin: str) -> str:
     """Return which lamp a pin is: done, error or busy, whatever the block calls it; "" for no lamp."""
-    shows = shown_by(pin)
+    shows = outcome_field(pin)
     return shows if shows in LAMPS_SHOW else ""
 
 
@@ -285,7 +285,7 @@ class Waveform:
 
     def pin_that_shows(self, what: str) -> str | None:
         """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
-        return next((pin for pin in self.lanes if shown_by(pin) == what), None)
+        return next((pin for pin in self.lanes if outcome_field(pin) == what), None)
 
     @property
     def watched(self) -> list[str]:

@@ -21,7 +21,7 @@ from trcvtui.blocks.environment import (
     NoiseDropped,
     PartialFrameDropped,
 )
-from trcvtui.blocks.framing import Ending
+from trcvtui.blocks.framing import FrameEnding
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.records import NOW, POSITION, JobSpan, Pieces, RecvSpan, joined
 from trcvtui.net.events import BytesDropped, BytesReceived
@@ -34,7 +34,7 @@ MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many 
 MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as many as it has bytes
 WAITS: Final = "of a frame without its end, or not read yet"
 NOISE: Final = "noise before the prefix"
-UNUSUAL: Final = {str(Ending.GAP): "ended by a gap", str(Ending.OVERRUN): "size reached, no suffix"}
+UNUSUAL: Final = {str(FrameEnding.GAP): "ended by a gap", str(FrameEnding.OVERRUN): "size reached, no suffix"}
 
 
 class ReceivedStream:
@@ -181,7 +181,7 @@ class ReceivedStreams:
         """Return a stream that has room for one more span."""
         stream = self.streams[name]
         if len(stream.recvs) + len(stream.jobs) > stream.looked_at:
-            ring = self._bench.runtime.received(name)
+            ring = self._bench.runtime.received_ring(name)
             most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
             stream.forget(most, ring.begin if ring is not None else 0)
         return stream

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
-from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
+from trcvtui.blocks.environment import JobEnded, JobStarted, ModeChange
 from trcvtui.history.records import NOW, PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
-from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, Stamped
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StampedEvent
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
@@ -187,7 +187,7 @@ class StreamIndex:
             PeerSent: [self._message_sent],
             BytesReceived: [self._bytes_received],
             JobStarted: [self._job_started],
-            JobMode: [self._job_mode],
+            ModeChange: [self._job_mode],
             JobEnded: [self._job_ended],
             ConnectionChanged: [self._connection_noted],
         }
@@ -200,7 +200,7 @@ class StreamIndex:
 
     # -- what is written --------------------------------------------------------------------------------
 
-    def take(self, stamped: Iterable[Stamped]) -> None:
+    def take(self, stamped: Iterable[StampedEvent]) -> None:
         listeners = self.listeners
         for scan, t_ns, event in stamped:
             for listener in listeners.get(type(event), ()):

@@ -84,7 +84,7 @@ class StreamReader:
     def window(self, request: HistoryRequest) -> HistoryWindow:
         """Return the window; one outside is moved to what is kept."""
         self._catch_up()
-        ring = self._bench.runtime.received(request.connect)
+        ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:
             return HistoryWindow(request.connect, 0, 0)
         of = _Source(request.connect, ring, self.streams.streams[request.connect], request.scan)

@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.pins import Direction
-from trcvtui.blocks.table import shown_by
+from trcvtui.blocks.table import outcome_field
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
 from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
@@ -121,7 +121,7 @@ class WaveformRecorder:
             if note.what == DELETED:
                 record.add(PinChange(seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
             else:
-                dark = tuple((pin, 0) for pin in record.pins() if shown_by(pin))
+                dark = tuple((pin, 0) for pin in record.pins() if outcome_field(pin))
                 self._renewed[name], self._renewed_in = PinChange(seq, scan, t_ns, KnownPins(dark)), scan
 
     def _settle(self, scan: int) -> None:

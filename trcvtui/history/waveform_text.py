@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.table import pin_named, shown_by
+from trcvtui.blocks.table import find_pin, outcome_field
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window
@@ -56,7 +56,7 @@ def pin_of(name: str) -> str:
 
 def bits_of(name: str) -> int:
     """Return the bits of a pin that is a number, 0 of one that is not."""
-    pin = pin_named(name)
+    pin = find_pin(name)
     return 0 if pin is None or pin.is_bool else WIDTHS[pin.iec_type]
 
 
@@ -116,7 +116,7 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 
 def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
     pin, x = pin_of(name), 0
-    is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
+    is_word = outcome_field(pin) == "status" and not name.startswith(WATCH)
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
     for (kind, value), run in groupby(keys):
         width = sum(1 for _ in run)
@@ -145,7 +145,7 @@ def _edge_kind(line: Line | None) -> str:
     edge = line.event if line is not None else None
     if not isinstance(edge, StatusEdge):
         return ""
-    return edge.outputs.lit
+    return edge.outputs.lit_lamp
 
 
 def _lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:

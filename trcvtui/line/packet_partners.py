@@ -86,7 +86,7 @@ class ShadowBench:
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
             if self.network.wire.refuse_as_partner(connect) or is_ahead:
                 break
-            runtime.call_at_once(connect)
+            runtime.retry_now(connect)
             self.step()
         self.wake()
 
@@ -158,7 +158,7 @@ class ShadowBench:
         self.waiting = left + self.waiting
 
     def _see_holes(self, seq: int) -> None:
-        for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
+        for _, _, event in self.bench.runtime.ledger.events_since(seq):
             if not isinstance(event, BytesReceived) or event.connection not in self.holes:
                 continue
             holes, end = self.holes[event.connection], event.offset + event.size
@@ -251,7 +251,7 @@ class PlayedEnd:
         else:
             stream = wire.answer_as_partner(self.connect)
             if stream is None:
-                runtime.call_at_once(self.connect)
+                runtime.retry_now(self.connect)
                 return
         self._stream = stream
         self._shadows.wake()
@@ -366,7 +366,7 @@ class PlayedEnd:
     def due(self) -> int:
         """Return in which scan a shadow is over that its own end has ended."""
         runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
-        since = runtime.stands_since(self.connect)
+        since = runtime.connected_since(self.connect)
         now_ns, stream = self._shadows.network.now_ns, self._stream
         due = since + max(self._stood + task - 1, FIRST_JOB * task)
         is_late = since <= self._begun or (self._has_read and stream is not None and stream.pending_bytes > 0)

@@ -17,10 +17,10 @@ from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.snapshots.bench import Answer, EngineTiming, PeerSnapshot, TriggerEvent
+from trcvtui.snapshots.bench import EngineTiming, LineAnswer, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.snapshots.doctor import DoctorSnapshot
-from trcvtui.snapshots.replay import Position
+from trcvtui.snapshots.replay import ReplayPosition
 from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
@@ -76,7 +76,7 @@ class BenchUpdate(Struct, frozen=True):
     lines_skipped: int = 0
     data: tuple[tuple[str, bytes], ...] = ()
     partial: tuple[tuple[str, bytes], ...] = ()
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[LineAnswer, ...] = ()
     timing: EngineTiming = NO_TIMING
     holding: bool = False
     bench: int = 0
@@ -95,7 +95,7 @@ class BenchUpdate(Struct, frozen=True):
     is_recording: bool = False  # by the black box, so that `record stop` ends it
     recordings: tuple[tuple[str, LineRecording], ...] = ()  # of the ComBuffers that were asked for
     over: str = ""  # why nothing more comes from the line that is shown
-    position: Position | None = None  # of a replay in its recording
+    position: ReplayPosition | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED

@@ -66,13 +66,13 @@ class CallOrder:
         due = None if self.is_one_task else self._due_intervals(turn)
         asleep: set[str] = set()
         awake: set[str] = set()  # beside an instance that sleeps, another one on the same CONNECT
-        for place in self._in_order():
+        for place in self._ordered_places():
             instance, interval, connect = self._entries[place]
             if due is not None and interval not in due:
                 awake.add(connect)
                 continue
             try:
-                has_changed = instance.scan()
+                has_changed = instance.call_block()
                 if self._check is not None:
                     self._check(("instance", instance.name))
             except Exception as error:
@@ -91,17 +91,17 @@ class CallOrder:
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 
-    def on(self, connects: Iterable[str]) -> Iterator[Instance]:
+    def instances_on(self, connects: Iterable[str]) -> Iterator[Instance]:
         return (self._entries[place][0] for name in connects for place in self._places.get(name, ()))
 
-    def _in_order(self) -> list[int]:
+    def _ordered_places(self) -> list[int]:
         self._awake_since |= self.awake
         if self.awake != self._ordered:
             self._ordered = self.awake
             self._order = sorted([place for connect in self.awake for place in self._places.get(connect, ())])
         return self._order
 
-    def due(self, turn: int) -> Iterator[Instance]:
+    def due_instances(self, turn: int) -> Iterator[Instance]:
         """Return the instances that this turn calls, the sleeping ones among them."""
         due = self._due_intervals(turn)
         return (instance for instance, interval, _ in self._entries if interval in due)

@@ -54,26 +54,26 @@ class CreateInstance(Struct, frozen=True):
     place: int | None = None  # in the call order of all; None: the last
 
 
-Part = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
+PartDecl = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
 class AddDeclaration(Struct, frozen=True):
     """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
 
-    decl: Part
+    decl: PartDecl
 
 
 class ReplaceDeclaration(Struct, frozen=True):
     """Another declaration of the same name: what has it, or is called on it, begins anew; inputs stay."""
 
-    before: Part | InstanceDecl
-    decl: Part | InstanceDecl
+    before: PartDecl | InstanceDecl
+    decl: PartDecl | InstanceDecl
 
 
 class RemoveDeclaration(Struct, frozen=True):
     """A declaration is gone that no instance has."""
 
-    decl: Part
+    decl: PartDecl
 
 
 class DeleteInstance(Struct, frozen=True):

@@ -18,8 +18,8 @@ from trcvtui.plc.ledger import BenchNote
 T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"
 EXCEPTION: Final = "exception"  # the call of its entry in the journal
-RAISES: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
-MOST_TOLD: Final = 8
+EXCEPTIONS_VARIABLE: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
+MOST_REPORTED: Final = 8
 COMMAND: Final = "command", "command"
 RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
@@ -55,14 +55,14 @@ class Containment:
         self.is_due = is_due
         self._newest: list[str] = []
         self._record, self._report, self._tell, self._off_record = record, report, tell, off_record
-        self._raises = os.environ.get(RAISES) == "raise"
+        self._raises = os.environ.get(EXCEPTIONS_VARIABLE) == "raise"
 
-    def check(self, part: RunPart) -> None:
+    def raise_recorded(self, part: RunPart) -> None:
         """Raise RecordedException where the journal says that this part has failed here."""
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
-    def note(self, part: RunPart, error: Exception) -> ExceptionNote:
+    def handle(self, part: RunPart, error: Exception) -> ExceptionNote:
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:
@@ -72,38 +72,38 @@ class Containment:
         except UserError as differs:  # the recorded run has not raised here
             raise differs from RuntimeError(self._report(error).why)
         self._tell(BenchNote(part[1], INTERNAL_ERROR, raised[0]))
-        self.told(f"{' '.join(part)}: {raised[0]}")
+        self.add_message(f"{' '.join(part)}: {raised[0]}")
         return ExceptionNote(*raised)
 
-    def told(self, what: str) -> None:
+    def add_message(self, what: str) -> None:
         """Take what is to be said of an internal error, MOST_TOLD of them until somebody asks."""
-        if len(self._newest) < MOST_TOLD:
+        if len(self._newest) < MOST_REPORTED:
             self._newest.append(f"an internal error of {what}")
 
-    def take_newest(self) -> str:
+    def take_messages(self) -> str:
         """Return what was noted since this was asked, of all parts; "" for nothing."""
         newest, self._newest = self._newest, []
         return "; ".join(newest)
 
-    def aside(self, part: RunPart, do: Callable[[], object]) -> None:
+    def clean_up(self, part: RunPart, do: Callable[[], object]) -> None:
         """Clean up after an exception: the calls that this makes are no part of the run on record."""
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
         """Do it and return what it answers; None where it has raised, or is recorded to have."""
         try:
-            self.check(part)  # it has asked nothing before it raised: a command was not carried out
+            self.raise_recorded(part)  # it has asked nothing before it raised: a command was not carried out
             answer = do()
-            self.check(part)
+            self.raise_recorded(part)
             return answer
         except Exception as error:
-            self.note(part, error)
+            self.handle(part, error)
             self.out.add(part)
             return None
 
-    def serve(self, part: RunPart, do: Callable[[], T]) -> T | None:
+    def attempt_unless_out(self, part: RunPart, do: Callable[[], T]) -> T | None:
         return None if part in self.out else self.attempt(part, do)
 
-    def forget(self, *parts: RunPart) -> None:
+    def restore_parts(self, *parts: RunPart) -> None:
         """Put these parts into service again."""
         self.out.difference_update(parts)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks.block import Binding, Block, StoppedBlock, new_block
+from trcvtui.blocks.block import Block, ConnectBinding, StoppedBlock, new_block
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import NOT_CALLED, Cause, Outcome, Why
+from trcvtui.blocks.outcome import NOT_CALLED, Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs, PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
-from trcvtui.blocks.serial.receiving import Reception
+from trcvtui.blocks.serial.receiving import FrameReceiveJob
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.containment import INTERNAL_ERROR
@@ -19,7 +19,7 @@ from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_snapshot
 from trcvtui.project.project import InstanceDecl
 
-KNOWN_OUTCOMES: Final = 64
+MOST_KNOWN_OUTCOMES: Final = 64
 
 
 class Instance:
@@ -28,7 +28,7 @@ class Instance:
     def __init__(
         self,
         decl: InstanceDecl,
-        bound: Binding | UdpBinding | SerialBinding,
+        bound: ConnectBinding | UdpBinding | SerialBinding,
         note: Callable[[InputEdge], None],
     ) -> None:
         self.name = decl.name
@@ -52,22 +52,22 @@ class Instance:
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
         self._snapshot: InstanceSnapshot | None = None  # the last one
-        self.fresh()
+        self.reset()
 
-    def join(self, stream: StreamFeed | StreamDrain | None) -> None:
+    def set_stream(self, stream: StreamFeed | StreamDrain | None) -> None:
         """Let it feed or empty a ComBuffer from the next call on."""
         self._stream = stream
 
-    def fresh(self) -> None:
+    def reset(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block: Block = new_block(self._row, self._bound)
         self._block_would_read: Callable[[Inputs, bool], bool] | None
         self._block_would_read = getattr(self._block, "would_read", None)  # of a block that receives
-        if isinstance(self._bound, Binding) and self._block_would_read is not None:
+        if isinstance(self._bound, ConnectBinding) and self._block_would_read is not None:
             self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
-        self.edge = self._show(NOT_CALLED)
+        self.edge = self._make_edge(NOT_CALLED)
         self.called = self.has_failed = False
         self.asleep = False  # the next call would change nothing that anybody can see
         self.since_scan = self._env.scan
@@ -105,13 +105,13 @@ class Instance:
 
     # -- one call ------------------------------------------------------------------------------------
 
-    def scan(self) -> bool:
+    def call_block(self) -> bool:
         """Call the block once; return whether any output differs from the scan before."""
         if self.has_failed:
             return False
         if self._fading or self._blinking:
-            self._go_on_by_itself()
-        if self._stream is not None and self._stream.before(self._block.job):
+            self._update_pulses()
+        if self._stream is not None and self._stream.before_call(self._block.job):
             self._frozen = None
         if self._frozen is None:
             self._frozen = self._freeze()
@@ -124,19 +124,21 @@ class Instance:
             self._blinking or self._fading
         )
         if self._stream is not None:
-            self._stream.after(outcome, bool(self.inputs["EN_R" if self._row.receives else "REQ"]))
+            self._stream.after_call(outcome, bool(self.inputs["EN_R" if self._row.receives else "REQ"]))
             goes_on = goes_on or self._stream.keeps_awake
         self.asleep = outcome.stable and not goes_on
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False
-        return self.take(outcome) or first
+        return self.show(outcome) or first
 
     def fail(self, why: str) -> bool:
         """Show ERROR, and be called no more until `fresh`; return whether any output differs."""
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
-        return self.take(Outcome(Condition.INTERNAL_FAULT, Cause(Why.INTERNAL, INTERNAL_ERROR, detail=why)))
+        return self.show(
+            Outcome(Condition.INTERNAL_FAULT, Cause(CauseKind.INTERNAL, INTERNAL_ERROR, detail=why))
+        )
 
     def _would_read(self, waits: bool) -> bool:
         pins = self.inputs | dict.fromkeys(self._blinking, True)
@@ -146,10 +148,10 @@ class Instance:
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}
         if self._stream is not None:
-            values |= self._stream.overrides()
+            values |= self._stream.input_overrides()
         return Inputs(**values)  # type: ignore[arg-type]
 
-    def _go_on_by_itself(self) -> None:
+    def _update_pulses(self) -> None:
         for pin in self._fading:
             self._write(pin, False)
         self._fading = []
@@ -157,10 +159,10 @@ class Instance:
             if pin not in self._pulsed:
                 self._write(pin, not self.inputs[pin])
 
-    def take(self, outcome: Outcome) -> bool:
+    def show(self, outcome: Outcome) -> bool:
         """Show an outcome; return whether any output differs from the scan before."""
         before, self.outcome = self.outputs, outcome
-        self.edge = self.shown(outcome)
+        self.edge = self.get_edge(outcome)
         now = self.outputs
         if now.done:
             self.jobs_done += 1
@@ -183,14 +185,14 @@ class Instance:
         self._block.stop("PLC STOP")
         before = self.outputs
         self.outcome = NOT_CALLED
-        self.edge = self._show(NOT_CALLED)
+        self.edge = self._make_edge(NOT_CALLED)
         self.called = False
         self.since_scan = self._env.scan
         return self.outputs != before
 
     def detach(self, reason: str) -> None:
         """Drop the running job; its lock on the connection stays."""
-        if isinstance(self._bound, Binding):
+        if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.detach(reason)
 
@@ -198,15 +200,15 @@ class Instance:
     def outputs(self) -> Outputs:
         return self.edge.outputs
 
-    def shown(self, outcome: Outcome) -> StatusEdge:
+    def get_edge(self, outcome: Outcome) -> StatusEdge:
         """Return what an outcome looks like, made once for outcomes that come again."""
-        return self._known.get(outcome) or self._show(outcome)
+        return self._known.get(outcome) or self._make_edge(outcome)
 
-    def _show(self, outcome: Outcome) -> StatusEdge:
-        if len(self._known) >= KNOWN_OUTCOMES:
+    def _make_edge(self, outcome: Outcome) -> StatusEdge:
+        if len(self._known) >= MOST_KNOWN_OUTCOMES:
             self._known.clear()
         outputs = Outputs(
-            self._env.rules.word(self.block_name, outcome.condition),
+            self._env.rules.status_word(self.block_name, outcome.condition),
             outcome.busy or outcome.condition in self._env.rules.also_busy,
             outcome.done,
             outcome.error,
@@ -220,12 +222,12 @@ class Instance:
 
     # -- for readers -----------------------------------------------------------------------------------
 
-    def partial(self) -> bytes:
-        return self._block.job.partial()
+    def job_bytes(self) -> bytes:
+        return self._block.job.partial_bytes()
 
     def framer(self) -> FramerSnapshot | None:
         job, bound = self._block.job, self._bound
-        if not isinstance(job, Reception) or not isinstance(bound, SerialBinding):
+        if not isinstance(job, FrameReceiveJob) or not isinstance(bound, SerialBinding):
             return None
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 
@@ -247,7 +249,7 @@ class Instance:
             job.have,
             job.need if job.running else 0,
             job.adhoc,
-            job.last_bytes,
+            job.last_bytes_at,
             self.jobs_done,
             self.errors,
             done_scan,

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 
 from msgspec import Struct
 
-from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted, SendEnded, SendStarted, SerialNote
+from trcvtui.blocks.environment import JobEnded, JobStarted, ModeChange, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.table import shown_by
+from trcvtui.blocks.table import outcome_field
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 
 KEPT_LINES: Final = 20_000
@@ -37,11 +37,11 @@ class Outputs(NamedTuple):
 
     def pin(self, name: str) -> PinValue:
         """Return the value of an output pin; what a block does not have is 0."""
-        value: PinValue | None = getattr(self, shown_by(name))
+        value: PinValue | None = getattr(self, outcome_field(name))
         return 0 if value is None else value
 
     @property
-    def lit(self) -> str:
+    def lit_lamp(self) -> str:
         """Return which lamp is lit: error before done before busy, "" for none."""
         return "error" if self.error else "done" if self.done else "busy" if self.busy else ""
 
@@ -101,7 +101,7 @@ Event = (
     StatusEdge
     | InputEdge
     | JobStarted
-    | JobMode
+    | ModeChange
     | JobEnded
     | SendStarted
     | SendEnded
@@ -124,14 +124,14 @@ class Line(NamedTuple):
     event: Event
 
 
-Stamped = tuple[int, int, Event]  # scan, time in ns; cheaper than a line
+StampedEvent = tuple[int, int, Event]  # scan, time in ns; cheaper than a line
 
 
 class Ledger:
     """A bounded list of lines, the oldest dropped first. `scan` and `t_ns` stamp what is written."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
-        self._ring: deque[Stamped] = deque(maxlen=keep)
+        self._ring: deque[StampedEvent] = deque(maxlen=keep)
         self.last_seq = 0
         self.scan = 0
         self.t_ns = 0
@@ -151,14 +151,14 @@ class Ledger:
         self.last_seq += len(events)
         self._ring.extend([(scan, t_ns, event) for event in events])
 
-    def since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
+    def lines_since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
-        items = self.stamped_since(seq, most)
+        items = self.events_since(seq, most)
         first = self.last_seq - len(items) + 1
         new = tuple.__new__  # the quickest way
         return tuple([new(Line, (seq, *item)) for seq, item in enumerate(items, first)])
 
-    def stamped_since(self, seq: int, most: int = KEPT_LINES) -> list[Stamped]:
+    def events_since(self, seq: int, most: int = KEPT_LINES) -> list[StampedEvent]:
         """Return what was written after `seq`, oldest first; the newest `most` of it."""
         fresh = min(self.last_seq - seq, len(self._ring), most)
         return list(islice(reversed(self._ring), max(0, fresh)))[::-1]

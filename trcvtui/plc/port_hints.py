@@ -8,21 +8,21 @@ from trcvtui.plc.snapshot import ComBufferSnapshot
 
 # Rule: what to do goes by the errno; where the table has none, the system's own words are told.
 
-RIGHTS: Final = (
+NO_RIGHTS_HINT: Final = (
     "this user may not open it; on Linux its group may, most often dialout (`ls -l` of the port shows it): "
     "sudo usermod -aG dialout $USER, then log in again"
 )
-GONE: Final = "the device is gone, or what is connected to the port: is the cable plugged in?"
-USED: Final = "another program has it open"
-HINTS: Final = {
-    "EACCES": RIGHTS,
-    "EPERM": RIGHTS,
+GONE_HINT: Final = "the device is gone, or what is connected to the port: is the cable plugged in?"
+IN_USE_HINT: Final = "another program has it open"
+PORT_HINTS: Final = {
+    "EACCES": NO_RIGHTS_HINT,
+    "EPERM": NO_RIGHTS_HINT,
     "ENOENT": "there is no such device: is it plugged in, and is this its name?",
-    "ENODEV": GONE,
-    "ENXIO": GONE,
-    "EIO": GONE,
-    "EBUSY": USED,
-    "EAGAIN": USED,
+    "ENODEV": GONE_HINT,
+    "ENXIO": GONE_HINT,
+    "EIO": GONE_HINT,
+    "EBUSY": IN_USE_HINT,
+    "EAGAIN": IN_USE_HINT,
     "ENOTTY": "that is no serial port",
     "EINPROGRESS": "nobody has answered yet",
     "ECONNREFUSED": "the host is there, but nobody listens on that TCP port",
@@ -36,7 +36,7 @@ HINTS: Final = {
 }
 
 
-def port_away(buffer: ComBufferSnapshot | None) -> str:
+def describe_port_fault(buffer: ComBufferSnapshot | None) -> str:
     """Return which port is not there and which call said so, "" where nothing is known to be wrong."""
     if buffer is None or buffer.is_up or buffer.fault is None:
         return ""
@@ -48,4 +48,4 @@ def port_away(buffer: ComBufferSnapshot | None) -> str:
 def port_hint(buffer: ComBufferSnapshot | None) -> str:
     if buffer is None or buffer.is_up or buffer.fault is None:
         return ""
-    return HINTS.get(buffer.fault.error) or buffer.fault.words
+    return PORT_HINTS.get(buffer.fault.error) or buffer.fault.words

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
+from trcvtui.blocks.data_area import NO_TEXT_LENS, DataArea, ElementKind, LeastTextLens
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import LineRecording, SerialBinding
@@ -39,7 +39,7 @@ from trcvtui.plc.commands import (
     DeleteInstance,
     DownloadInstance,
     FeedBuffer,
-    Part,
+    PartDecl,
     PulseInput,
     RemoveDeclaration,
     ReplaceDeclaration,
@@ -65,31 +65,31 @@ from trcvtui.plc.snapshot import (
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
 
-LEAST: Final = 2  # STEP 7 help: LEN of a TRCV into a STRING, and into a WSTRING
-LEAST_WIDE: Final = 5
+LEAST_STRING_LEN: Final = 2  # STEP 7 help: LEN of a TRCV into a STRING, and into a WSTRING
+LEAST_WSTRING_LEN: Final = 5
 
 
-def elements_of(type_: Type) -> Elements:
+def element_kind_of(type_: Type) -> ElementKind:
     """Return it for a variable's type; a STRUCT is something else, whatever stands in it."""
     while isinstance(type_, Array):
         type_ = type_.element
     if not isinstance(type_, Elementary):
-        return Elements.OTHER
+        return ElementKind.OTHER
     if type_.kind is ValueKind.BOOL:
-        return Elements.BITS
-    return Elements.BYTES if type_.size == 1 else Elements.OTHER
+        return ElementKind.BITS
+    return ElementKind.BYTES if type_.size == 1 else ElementKind.OTHER
 
 
-def text_lens_of(type_: Type, size: int) -> TextLens:
+def text_lens_of(type_: Type, size: int) -> LeastTextLens:
     """Return the smallest LEN of a variable that is one text: all of its `size` bytes, or the header's."""
     if not isinstance(type_, StringType):
-        return NO_TEXT
-    return TextLens(sent=size, received=LEAST_WIDE if type_.wide else LEAST)
+        return NO_TEXT_LENS
+    return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
 
 
-def area_of(decl: DataDecl) -> DataArea:
+def make_data_area(decl: DataDecl) -> DataArea:
     texts = text_lens_of(decl.type, decl.size)
-    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, texts)
+    return DataArea(decl.name, decl.type_name, decl.size, element_kind_of(decl.type), decl.optimized, texts)
 
 
 T = TypeVar("T")
@@ -119,13 +119,13 @@ class Runtime:
         self._kernel = kernel
         self._resources = resources
         resources.work.set_interval(self.interval_ns)
-        resources.work.said = self._work_waits
+        resources.work.said = self._report_wait
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._resolve_peer = resolve_peer
-        self._data = {d.name: area_of(d) for d in project.data}
+        self._data = {d.name: make_data_area(d) for d in project.data}
         self._connections = {config.name: self._connection(config) for config in project.connects}
-        self._ports = {config.name: self._port(config) for config in project.udp_configs}
+        self._ports = {config.name: self._make_udp_endpoint(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
         self._lines = SerialLines(
             project.combuffers, self._env, self.ledger.write, ports, containment, self._stop_all_on
@@ -135,35 +135,35 @@ class Runtime:
         self._written: set[str] = set()  # the variables that a command has written since the last snapshot
         self._pausing: set[str] = set()  # the CONNECTs that wait for their next attempt
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
-        self._connection_snapshots = {n: self.link(n) for n in (*self._connections, *self._ports)}
+        self._connection_snapshots = {n: self.link_snapshot(n) for n in (*self._connections, *self._ports)}
         self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
         kind = UdpEndpoint if config.is_datagram else Connection
-        return kind(config, self._kernel, self._resources, policy, self._resolve, journal)
+        return kind(config, self._kernel, self._resources, policy, self._resolve_port, journal)
 
-    def _port(self, config: UdpConfig) -> UdpEndpoint:
+    def _make_udp_endpoint(self, config: UdpConfig) -> UdpEndpoint:
         policy, journal = self._project.rules.policy, self.ledger.write
-        return UdpEndpoint(config, self._kernel, self._resources, policy, self._resolve, journal)
+        return UdpEndpoint(config, self._kernel, self._resources, policy, self._resolve_port, journal)
 
     def _instance(self, decl: InstanceDecl) -> Instance:
         instance = Instance(decl, self._binding(decl), self.ledger.write)
-        self._lines.join(instance, self._connections, self._project.rules)
+        self._lines.attach(instance, self._connections, self._project.rules)
         return instance
 
-    def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding | SerialBinding:
+    def _binding(self, decl: InstanceDecl) -> ConnectBinding | UdpBinding | SerialBinding:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         priority = task.priority if task else 1
         row = block_row(decl.block)
-        if row.on_buffer:
+        if row.has_buffer:
             return self._lines.binding(self._env, decl, self._data, priority)
         common: dict[str, Any] = {"env": self._env, "data": data, "instance": decl.name, "priority": priority}
-        addr = self._addrs[decl.addr] if decl.addr is not None and (row.builds or row.speaks_udp) else None
+        addr = self._addrs[decl.addr] if decl.addr is not None and (row.connects or row.speaks_udp) else None
         if addr is not None and decl.on_config:
             return UdpBinding(**common, port=self._ports[decl.connect], address=addr)
-        return Binding(**common, connection=self._connections[decl.connect], address=addr)
+        return ConnectBinding(**common, connection=self._connections[decl.connect], address=addr)
 
     def _new_call_order(self) -> CallOrder:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
@@ -171,10 +171,10 @@ class Runtime:
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
         links = (*self._connections, *self._ports, *self._lines.names)
-        check = self._containment.check if self._containment.is_due is not None else None
+        check = self._containment.raise_recorded if self._containment.is_due is not None else None
         return CallOrder(entries, self.interval_ns, links, self._fail, check)
 
-    def _resolve(self, reference: str) -> int | None:
+    def _resolve_port(self, reference: str) -> int | None:
         name = reference.removeprefix("@")
         is_own = name in self._connections or name in self._ports
         return self.listening_port(name) if is_own else self._resolve_peer(name)
@@ -184,7 +184,7 @@ class Runtime:
     def submit(self, command: Command) -> None:
         self._commands.append(command)
 
-    def stand_on(self, kernel: ReadyKernel) -> None:
+    def use_kernel(self, kernel: ReadyKernel) -> None:
         """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
         self._kernel = kernel
 
@@ -207,23 +207,23 @@ class Runtime:
         end = self._connections[connect].set_up.listening_end
         return end.port if end else None
 
-    def stands_since(self, connect: str) -> int:
+    def connected_since(self, connect: str) -> int:
         """Return in which scan the newest connection of a CONNECT has come to stand; 0: in none."""
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
-    def call_at_once(self, connect: str) -> None:
+    def retry_now(self, connect: str) -> None:
         """End the pause of a CONNECT before its next attempt."""
         connection = self._connections.get(connect)
         if connection is not None:
             connection.retry_at = None
 
     @property
-    def called(self) -> tuple[StatusEdge, ...]:
+    def due_edges(self) -> tuple[StatusEdge, ...]:
         """Return what the instances show that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
-        return tuple(instance.edge for instance in self._call_order.due(self._env.scan - 1))
+        return tuple(instance.edge for instance in self._call_order.due_instances(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
@@ -243,19 +243,19 @@ class Runtime:
         """Return a copy of some bytes of a global variable, as far as it goes."""
         return bytes(self._data[name].content[start:stop])
 
-    def received(self, name: str) -> ReceivedRing | None:
+    def received_ring(self, name: str) -> ReceivedRing | None:
         """Return the newest bytes that a CONNECT, UDP_CONFIG, ComBuffer has received; by `sent_ring_name`: sent."""
         return self._resources.received.get(name)
 
-    def partial(self, instance: str) -> bytes:
+    def job_bytes(self, instance: str) -> bytes:
         known = self._instances.get(instance)
-        return known.partial() if known else b""
+        return known.job_bytes() if known else b""
 
     def recording(self, combuffer: str) -> LineRecording:
         """Return what has come over the line of a ComBuffer, with its times."""
         return self._lines.recording(combuffer, self._env.now, self.interval_ns)
 
-    def sent(self, connect: str) -> SentBytes | None:
+    def sent_bytes(self, connect: str) -> SentBytes | None:
         """Return what a CONNECT's present connection has sent, None without a connection."""
         connection = self._connections[connect]
         if connection.state is not State.CONNECTED:
@@ -285,12 +285,12 @@ class Runtime:
         """Count scans that change nothing, as if they had passed."""
         self._env.scan += scans
 
-    def sample(self) -> None:
+    def sample_stack(self) -> None:
         """Ask what the stack says of each connection: for a recording."""
         for connection in self._connections.values():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
-        self._lines.ask_errors()
+        self._lines.poll_errors()
 
     # -- one scan ------------------------------------------------------------------------------------------
 
@@ -305,7 +305,7 @@ class Runtime:
         self._write_outputs()
         self._service_communication()
 
-    def _work_waits(self, connect: str, what: EventKind, partner: str, why: str) -> None:
+    def _report_wait(self, connect: str, what: EventKind, partner: str, why: str) -> None:
         connection = self._connections.get(connect)
         incarnation = connection.incarnation if connection else 0
         self.ledger.write(ConnectionChanged(connect, incarnation, what, peer=partner, detail=why))
@@ -341,12 +341,12 @@ class Runtime:
     def _service_communication(self) -> None:
         resources, ready = self._resources, self._ready_handles
         resources.queue.clear()
-        self._lines.move(self._env.now)
+        self._lines.send_waiting(self._env.now)
         if ready is None or ready:
             for name in self._connections if ready is None else self._ready_listeners(ready):
-                self._serve(name, self._connections[name].serve_listener)
+                self._run_safely(name, self._connections[name].serve_listener)
         for name in tuple(resources.unsettled) if resources.unsettled else ():
-            self._serve(name, self._connections[name].check_dead_link)
+            self._run_safely(name, self._connections[name].check_dead_link)
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
@@ -358,13 +358,13 @@ class Runtime:
 
     # -- what an internal error has stopped ----------------------------------------------------------------
 
-    def _serve(self, name: str, do: Callable[[], bool]) -> None:
+    def _run_safely(self, name: str, do: Callable[[], bool]) -> None:
         if (part := ("CONNECT", name)) in self._containment.out:
             return
         is_changed = self._containment.attempt(part, do)
         if is_changed is None:
             self._stop_all_on(part)
-            self._containment.aside(part, self._connections[name].abandon)
+            self._containment.clean_up(part, self._connections[name].abandon)
         if is_changed:
             self._call_order.wake((name,))
 
@@ -377,7 +377,7 @@ class Runtime:
                 self._stopped.append(instance)
 
     def _fail(self, instance: Instance, error: Exception) -> bool:
-        return self._stop_instance(instance, *self._containment.note(("instance", instance.name), error))
+        return self._stop_instance(instance, *self._containment.handle(("instance", instance.name), error))
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
         """Let an instance show ERROR and hold nothing; close its connection where no other works on it.
@@ -385,18 +385,18 @@ class Runtime:
         One that is in no known state is closed for all: the others build it anew.
         """
         name, connect = instance.name, instance.decl.connect
-        self._containment.aside(("instance", name), partial(instance.detach, INTERNAL_ERROR))
+        self._containment.clean_up(("instance", name), partial(instance.detach, INTERNAL_ERROR))
         is_changed = instance.fail(why)
         link = self._connections.get(connect) or self._ports.get(connect)
         if link is not None:
             for direction in link.directions:
                 direction.release_instance(name)
-            if in_connection or not any(map(self._works, self._call_order.on((connect,)))):
-                self._containment.aside(("CONNECT", connect), link.abandon)
+            if in_connection or not any(map(self._is_working, self._call_order.instances_on((connect,)))):
+                self._containment.clean_up(("CONNECT", connect), link.abandon)
         return is_changed
 
     @staticmethod
-    def _works(instance: Instance) -> bool:
+    def _is_working(instance: Instance) -> bool:
         row, pins = block_row(instance.block_name), instance.inputs
         always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING
         asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
@@ -427,23 +427,23 @@ class Runtime:
             case ReplaceDeclaration(before, declared_anew):
                 self._redeclare(before, declared_anew)
             case RemoveDeclaration(withdrawn):
-                self._withdraw(withdrawn)
+                self._remove_declaration(withdrawn)
             case DeleteInstance(name):
                 self._delete(name)
             case DownloadInstance(name):
                 self._download(name)
             case FeedBuffer(name, payload):
-                self._lines.pull(name) if payload is None else self._lines.arrive(name, payload)
+                self._lines.pull_cable(name) if payload is None else self._lines.inject_bytes(name, payload)
             case ResizeData(data):
-                kind = elements_of(data.type), text_lens_of(data.type, data.size)
+                kind = element_kind_of(data.type), text_lens_of(data.type, data.size)
                 self._data[data.name].resize(data.type_name, data.size, *kind)
                 self._written.add(data.name)
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl, place: int | None) -> None:
         instance = self._instance(decl)
-        self._instances = _with(self._instances, decl.name, instance, place)
-        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.snapshot(), place)
+        self._instances = _insert(self._instances, decl.name, instance, place)
+        self._instance_snapshots = _insert(self._instance_snapshots, decl.name, instance.snapshot(), place)
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
@@ -452,24 +452,24 @@ class Runtime:
             case ComBufferDecl():
                 self._lines.declare(decl)
                 for name in {decl.source, decl.line} & self._instances.keys():
-                    self._lines.join(self._instances[name], self._connections, self._project.rules)
+                    self._lines.attach(self._instances[name], self._connections, self._project.rules)
             case DataDecl(name):
-                data = self._data[name] = area_of(decl)
+                data = self._data[name] = make_data_area(decl)
                 self._data_snapshots[name] = data_snapshot(data)
             case ConnectConfig(name):
                 self._connections[name] = self._connection(decl)
-                self._connection_snapshots[name] = self.link(name)
+                self._connection_snapshots[name] = self.link_snapshot(name)
             case UdpConfig(name):
-                self._ports[name] = self._port(decl)
-                self._connection_snapshots[name] = self.link(name)
+                self._ports[name] = self._make_udp_endpoint(decl)
+                self._connection_snapshots[name] = self.link_snapshot(name)
             case AddrParam(name):
                 self._addrs[name] = RemoteAddress(decl)
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "declared"))
 
-    def _redeclare(self, before: Part | InstanceDecl, decl: Part | InstanceDecl) -> None:
+    def _redeclare(self, before: PartDecl | InstanceDecl, decl: PartDecl | InstanceDecl) -> None:
         name, ends = decl.name, set[str]()
-        self._containment.forget(("CONNECT", name), ("line", name))
+        self._containment.restore_parts(("CONNECT", name), ("line", name))
         match decl:
             case DataDecl():
                 if (before.type_name, before.size) != (decl.type_name, decl.size):  # type: ignore[union-attr]
@@ -480,7 +480,7 @@ class Runtime:
                 self._connections[name] = self._connection(decl)
             case UdpConfig():
                 self._ports[name].stop()
-                self._ports[name] = self._port(decl)
+                self._ports[name] = self._make_udp_endpoint(decl)
             case AddrParam():
                 self._addrs[name] = RemoteAddress(decl)
             case ComBufferDecl():
@@ -492,14 +492,14 @@ class Runtime:
         if isinstance(before, ComBufferDecl):
             ends |= {before.source, before.line}
         if not isinstance(decl, DataDecl):
-            for instance in [i for i in self._instances.values() if i.name in ends or _has(i.decl, decl)]:
-                self._bind_anew(instance, before)
+            for instance in [i for i in self._instances.values() if i.name in ends or _uses(i.decl, decl)]:
+                self._rebind(instance, before)
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "declared anew"))
 
-    def _bind_anew(self, instance: Instance, before: Part | InstanceDecl) -> None:
+    def _rebind(self, instance: Instance, before: PartDecl | InstanceDecl) -> None:
         decl, kept = instance.decl, dict(instance.inputs)
-        self._containment.forget(("CONNECT", decl.connect))
+        self._containment.restore_parts(("CONNECT", decl.connect))
         if isinstance(before, InstanceDecl):
             given = dict(before.inputs)
             kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
@@ -509,7 +509,7 @@ class Runtime:
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
         self._instance_snapshots[decl.name] = fresh.snapshot()
 
-    def _withdraw(self, decl: Part) -> None:
+    def _remove_declaration(self, decl: PartDecl) -> None:
         name = decl.name
         match decl:
             case DataDecl():
@@ -539,9 +539,9 @@ class Runtime:
     def _download(self, name: str) -> None:
         self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
         instance = self._instances[name]
-        self._containment.forget(("instance", name), ("CONNECT", instance.decl.connect))
+        self._containment.restore_parts(("instance", name), ("CONNECT", instance.decl.connect))
         self._containment.attempt(("instance", name), partial(instance.detach, "instance downloaded"))
-        instance.fresh()
+        instance.reset()
 
     def _stop(self) -> None:
         if not self.running:
@@ -562,7 +562,7 @@ class Runtime:
         self._containment.out.clear()
         self.ledger.write(BenchNote("PLC", "RUN"))
         for instance in self._instances.values():
-            self._containment.attempt(("instance", instance.name), instance.fresh)
+            self._containment.attempt(("instance", instance.name), instance.reset)
 
     def close(self) -> None:
         """Free every socket; the run is over."""
@@ -574,7 +574,7 @@ class Runtime:
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
         """Return the PLC after its last scan; parts that have not changed are the same objects as before."""
-        self._renew()
+        self._renew_snapshots()
         return Snapshot(
             scan=self._env.scan,
             t_ns=self._env.now,
@@ -593,18 +593,18 @@ class Runtime:
             combuffers=self._lines.snapshots(),
         )
 
-    def instance(self, name: str) -> InstanceSnapshot | None:
+    def instance_snapshot(self, name: str) -> InstanceSnapshot | None:
         """Return an instance as it is now; None: it is not created yet."""
         found = self._instances.get(name)
         return found.snapshot() if found is not None else None
 
-    def link(self, name: str) -> ConnectionSnapshot:
+    def link_snapshot(self, name: str) -> ConnectionSnapshot:
         """Return a CONNECT or UDP_CONFIG as it is now."""
         return connection_snapshot(self._ports.get(name) or self._connections[name], self._env.now)
 
-    def _renew(self) -> None:
+    def _renew_snapshots(self) -> None:
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
-        for instance in self._call_order.on(awake):
+        for instance in self._call_order.instances_on(awake):
             self._instance_snapshots[instance.name] = instance.snapshot()
             if instance.data is not None:
                 self._written.add(instance.data.name)
@@ -615,23 +615,23 @@ class Runtime:
         # The time to the next attempt runs on also where nobody is left to make it.
         for name in awake | self._pausing:
             if name in self._connection_snapshots:
-                fresh = self.link(name)
+                fresh = self.link_snapshot(name)
                 if fresh != self._connection_snapshots[name]:
                     self._connection_snapshots[name] = fresh
                 (self._pausing.discard if fresh.retry_in_ns is None else self._pausing.add)(name)
 
 
-def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:
+def _uses(instance: InstanceDecl, decl: PartDecl | InstanceDecl) -> bool:
     if isinstance(decl, AddrParam):
         return instance.addr == decl.name
     if instance.connect != decl.name:
         return False
     if isinstance(decl, ComBufferDecl):
-        return block_row(instance.block).on_buffer
-    return isinstance(decl, UdpConfig) == instance.on_config and not block_row(instance.block).on_buffer
+        return block_row(instance.block).has_buffer
+    return isinstance(decl, UdpConfig) == instance.on_config and not block_row(instance.block).has_buffer
 
 
-def _with(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:
+def _insert(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:
     kept = list(entries.items())
     kept.insert(len(kept) if place is None else place, (name, entry))
     return dict(kept)

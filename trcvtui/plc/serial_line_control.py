@@ -22,9 +22,9 @@ from trcvtui.net.serial_line import PortOpening, SerialPort
 # A port that is not there, or vanishes, is looked for again every RETRY_NS; a frame that was half here ends.
 
 RETRY_NS: Final = 1_000_000_000
-MOST_A_SCAN: Final = 4096
-SLOW: Final = "port opens slowly"
-UNANSWERED: Final = Fault("open", "EINPROGRESS", words="nobody has answered yet")
+MOST_READ_BYTES: Final = 4096
+SLOW_OPEN_NOTE: Final = "port opens slowly"
+NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="nobody has answered yet")
 
 
 class PortFeed:
@@ -44,23 +44,23 @@ class PortFeed:
         self._told: Fault | None = None
         self._opening_since: int | None = None
 
-    def arrive(self, payload: bytes) -> None:
+    def inject_bytes(self, payload: bytes) -> None:
         """Let bytes come as if over the line."""
         if not self._port.simulate_arrival(payload):
             self._rx.put(payload)
 
-    def ask_errors(self) -> None:
+    def poll_errors(self) -> None:
         """Ask what the driver has counted: for a recording."""
         if self.is_open:
             self._port.line_errors()
 
     def receive(self, now: int) -> None:
         """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
-        if not self._is_there(now):
+        if not self._ensure_open(now):
             return
-        got = self._port.read(MOST_A_SCAN)
+        got = self._port.read(MOST_READ_BYTES)
         if isinstance(got, Fault):
-            self._lost(got, now)
+            self._handle_loss(got, now)
         elif got:
             self._rx.put(got)
 
@@ -68,26 +68,26 @@ class PortFeed:
         """Hand on what waits, `most` bytes of it (0: all); while the port is away it waits on."""
         if self.tx is None or not self.is_open or not self.tx.count:
             return
-        payload = self.tx.look()
+        payload = self.tx.peek()
         taken = self._port.write(payload[:most] if most else payload)
         if isinstance(taken, Fault):
-            self._lost(taken, now)
+            self._handle_loss(taken, now)
         else:
-            self.tx.take(taken)
+            self.tx.read(taken)
 
     def close(self) -> None:
         self._port.close()
         self.is_open, self._retry_at, self._opening_since = False, None, None
         self.fault = None
 
-    def _is_there(self, now: int) -> bool:
+    def _ensure_open(self, now: int) -> bool:
         if self.is_open:
             return True
         if self._retry_at is not None and now < self._retry_at:
             return False
         wrong = self._port.open()
         if isinstance(wrong, PortOpening):
-            self._wait(now)
+            self._check_slow_open(now)
             return False
         self._opening_since = None
         if wrong is None:
@@ -95,36 +95,36 @@ class PortFeed:
             self._note("port open", "")
             return True
         self._retry_at = now + RETRY_NS
-        self._tell("port not there", wrong)
+        self._report_once("port not there", wrong)
         return False
 
-    def _wait(self, now: int) -> None:
+    def _check_slow_open(self, now: int) -> None:
         if self._opening_since is None:
             self._opening_since = now
         elif now - self._opening_since >= RETRY_NS:
-            self._tell(SLOW, UNANSWERED)
+            self._report_once(SLOW_OPEN_NOTE, NO_ANSWER_FAULT)
 
-    def _tell(self, what: str, fault: Fault) -> None:
+    def _report_once(self, what: str, fault: Fault) -> None:
         self.fault = fault
         if fault != self._told:
             self._told = fault
-            self._note(what, UNANSWERED.words if fault is UNANSWERED else _worded(fault))
+            self._note(what, NO_ANSWER_FAULT.words if fault is NO_ANSWER_FAULT else _format_fault(fault))
 
-    def _lost(self, fault: Fault, now: int) -> None:
+    def _handle_loss(self, fault: Fault, now: int) -> None:
         self.close()
         self._retry_at = now + RETRY_NS
-        self._rx.end("port gone")
+        self._rx.mark_end("port gone")
         self.fault = fault
-        self._note("port gone", _worded(fault))
+        self._note("port gone", _format_fault(fault))
 
 
-def _worded(fault: Fault) -> str:
+def _format_fault(fault: Fault) -> str:
     return f"{fault}: {fault.words}" if fault.words else str(fault)
 
 
 # Rule: bytes wait as long as there is no connection; when one ends, those that it should have carried go.
 
-READY: Final = (Condition.CONNECTED, Condition.SENT)  # what the last call showed, where REQ may rise
+READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # what the last call showed, where REQ may rise
 
 
 class StreamDrain:
@@ -143,47 +143,47 @@ class StreamDrain:
         self._size = 0  # of what REQ sends in this call
         self._ready = False
 
-    def before(self, job: Job) -> bool:
+    def before_call(self, job: Job) -> bool:
         """Put the next bytes into DATA where a call may send them; return whether the inputs change by it."""
         was_asked, self._size = bool(self._size), 0
-        self.watch()
+        self.check_connection()
         if self._ready and self._data is not None and self._incarnation is not None and not job.running:
             room = min(self._data.size, self._per_call or self._data.size)
-            payload = self._buffer.take(room)
+            payload = self._buffer.read(room)
             if payload:
                 self._data.write(0, payload)
                 self._size = len(payload)
         return was_asked or bool(self._size)
 
-    def overrides(self) -> dict[str, int]:
+    def input_overrides(self) -> dict[str, int]:
         """Return the inputs that the program writes."""
         return {"req": True, "len": self._size} if self._size else {}
 
-    def after(self, outcome: Outcome, asked: bool) -> None:
+    def after_call(self, outcome: Outcome, asked: bool) -> None:
         """See whether the next call may send; a REQ of somebody else must have fallen before."""
-        self._ready = outcome.condition in READY and not asked
+        self._ready = outcome.condition in READY_TO_SEND and not asked
 
-    def follow(self, earlier: StreamDrain) -> None:
+    def continue_from(self, earlier: StreamDrain) -> None:
         """Go on where a deleted TSEND_C of the same name has left the ComBuffer."""
         if earlier._connection is self._connection:
             self._incarnation = earlier._incarnation
         else:
             earlier.detach()
 
-    def left(self) -> None:
+    def note_deleted(self) -> None:
         """The TSEND_C is deleted; what waits may still go over its connection."""
 
     def detach(self) -> None:
         """Turn to another connection: what waited for this one goes with it."""
         if self._incarnation is not None:
-            self._buffer.empty("connection closed")
+            self._buffer.discard_all("connection closed")
             self._incarnation = None
 
     def stop(self) -> None:
         """PLC STOP: the connection is closed."""
         self._incarnation, self._size, self._ready = None, 0, False
 
-    def watch(self) -> None:
+    def check_connection(self) -> None:
         """Empty the ComBuffer when the connection that its bytes were for is gone."""
         connection = self._connection
         is_up = connection.state is State.CONNECTED
@@ -222,57 +222,57 @@ class StreamFeed:
         """Return whether the next call may differ though the block says nothing."""
         return self.is_held
 
-    def before(self, job: Job) -> bool:
+    def before_call(self, job: Job) -> bool:
         """Decide, before a call, whether it is held; return whether that is new."""
         before, room = self.is_held, self._data.size if self._data is not None else 0
         is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
         self.is_held = is_full and (before or not job.have)
         if self.is_held != before:
-            self._buffer.hold(self.is_held)
+            self._buffer.note_held(self.is_held)
         return self.is_held != before
 
-    def overrides(self) -> dict[str, int]:
+    def input_overrides(self) -> dict[str, int]:
         """Return the inputs that the program writes."""
         return {"en_r": False} if self.is_held else {}
 
-    def after(self, outcome: Outcome, asked: bool) -> None:
+    def after_call(self, outcome: Outcome, asked: bool) -> None:
         """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
-            self._buffer.end("EN_R fell")
+            self._buffer.mark_end("EN_R fell")
         self._was_asked = asked
         size = outcome.rcvd_len
         if outcome.done and size and self._data is not None:
             if self._incarnation not in (None, connection.incarnation):
-                self._close()
+                self._end_stream()
             if self._incarnation is None:
-                self._buffer.empty("of an earlier connection")
+                self._buffer.discard_all("of an earlier connection")
             self._incarnation = connection.incarnation
             self._buffer.put(bytes(memoryview(self._data.content)[:size]))
-        self.watch()
+        self.check_connection()
 
-    def follow(self, earlier: StreamFeed) -> None:
+    def continue_from(self, earlier: StreamFeed) -> None:
         """Go on where a deleted TRCV_C of the same name has left the ComBuffer."""
         if earlier._connection is self._connection:
             self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
         else:
             earlier.detach()
 
-    def left(self) -> None:
+    def note_deleted(self) -> None:
         """The TRCV_C is deleted: nobody holds the line any more."""
         if self.is_held:
             self.is_held = False
-            self._buffer.hold(False)
+            self._buffer.note_held(False)
 
-    def watch(self) -> None:
+    def check_connection(self) -> None:
         """See whether the connection that the last bytes came over is still the same."""
         if self._incarnation is not None and not self._is_same(self._connection):
-            self._close()
+            self._end_stream()
 
     def detach(self) -> None:
         """Turn to another connection: what came over this one has ended."""
         if self._incarnation is not None:
-            self._close()
+            self._end_stream()
 
     def stop(self) -> None:
         """PLC STOP: the connection is closed, nobody has read the rest."""
@@ -281,6 +281,6 @@ class StreamFeed:
     def _is_same(self, connection: Connection) -> bool:
         return connection.state is State.CONNECTED and connection.incarnation == self._incarnation
 
-    def _close(self) -> None:
+    def _end_stream(self) -> None:
         self._incarnation = None
-        self._buffer.end("connection closed")
+        self._buffer.mark_end("connection closed")

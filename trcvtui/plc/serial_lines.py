@@ -14,8 +14,8 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, SerialNote
-from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, LineRecording, SerialBinding
+from trcvtui.blocks.rules import VendorRules
+from trcvtui.blocks.serial.com_buffer import COM_BUFFER_SIZE, ComBuffer, LineRecording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import TCP_URL_PREFIXES, SerialPortFactory
@@ -26,10 +26,10 @@ from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
-STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
-CABLE: Final = "cable"
+TCP_SOURCE: Final = "tcp"  # what a recording says of a source that is a TRCV_C
+CABLE_SOURCE: Final = "cable"
 StreamEnd = StreamFeed | StreamDrain
-QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
+TCP_QUEUE_BYTES: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
 
 
 class SerialLines:
@@ -58,12 +58,12 @@ class SerialLines:
         return self._env.now
 
     def declare(self, decl: ComBufferDecl) -> None:
-        size = decl.size or (QUEUE if decl.is_fed else ROOM)
+        size = decl.size or (TCP_QUEUE_BYTES if decl.is_fed else COM_BUFFER_SIZE)
         received = self._env.resources.received.open_ring(decl.name, decl.history)
         buffer = ComBuffer(decl.name, size, self._write, self._time, received)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
-            note = partial(_noted, self._write, f"{decl.name} {decl.serial.port}")
+            note = partial(_write_note, self._write, f"{decl.name} {decl.serial.port}")
             self._ports[decl.name] = PortFeed(self._new_port(decl.name, decl.serial), buffer, note)
         for other in self._decls.values():
             if other.line in self._ports:
@@ -80,13 +80,13 @@ class SerialLines:
         del self._decls[name], self._buffers[name]
 
     def _forget(self, name: str) -> None:
-        self._buffers[name].empty("declared anew")
+        self._buffers[name].discard_all("declared anew")
         port = self._ports.pop(name, None)
         if port is not None:
             port.close()
         decl = self._decls[name]
         for instance in {decl.source, decl.line} & self._streams.keys():
-            self._streams.pop(instance).left()
+            self._streams.pop(instance).note_deleted()
             self._orphans.discard(instance)
 
     @property
@@ -102,36 +102,36 @@ class SerialLines:
         bound, prefix, suffix = (*areas, None, None)[:3]
         return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
-    def join(self, instance: Instance, connections: Mapping[str, Connection], rules: Rules) -> None:
+    def attach(self, instance: Instance, connections: Mapping[str, Connection], rules: VendorRules) -> None:
         """Let a TRCV_C feed, or a TSEND_C empty, the ComBuffer that names it."""
         connection = connections.get(instance.decl.connect)
         for buffer in self._decls.values() if connection is not None else ():
             if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
                 assert connection is not None
                 stream = self._stream(buffer, instance, connection, rules)
-                self._follow_on(instance.name, stream)
-                instance.join(stream)
+                self._continue_stream(instance.name, stream)
+                instance.set_stream(stream)
                 return
 
     def detach(self, name: str) -> None:
         """An instance is deleted: what is in its ComBuffer is still of its connection."""
         if name in self._streams:
-            self._streams[name].left()
+            self._streams[name].note_deleted()
             self._orphans.add(name)
 
-    def _follow_on(self, name: str, stream: StreamEnd) -> None:
+    def _continue_stream(self, name: str, stream: StreamEnd) -> None:
         match self._streams.get(name), stream:
             case (StreamFeed() as earlier, StreamFeed()):
-                stream.follow(earlier)
+                stream.continue_from(earlier)
             case (StreamDrain() as before, StreamDrain()):
-                stream.follow(before)
+                stream.continue_from(before)
             case (other, _) if other is not None:
                 other.detach()
         self._streams[name] = stream
         self._orphans.discard(name)
 
     def _stream(
-        self, decl: ComBufferDecl, instance: Instance, connection: Connection, rules: Rules
+        self, decl: ComBufferDecl, instance: Instance, connection: Connection, rules: VendorRules
     ) -> StreamEnd:
         buffer = self._buffers[decl.name]
         if decl.line == instance.name:
@@ -145,28 +145,28 @@ class SerialLines:
             return LineRecording("", ())
         decl = self._decls[name]
         is_stream = decl.is_fed or (decl.serial is not None and decl.serial.port.startswith(TCP_URL_PREFIXES))
-        source = CABLE if decl.source in self._decls else STREAM if is_stream else decl.source
-        return self._buffers[name].recorded.kept(source, until, tick)
+        source = CABLE_SOURCE if decl.source in self._decls else TCP_SOURCE if is_stream else decl.source
+        return self._buffers[name].recorded.make_recording(source, until, tick)
 
-    def arrive(self, name: str, payload: bytes) -> None:
-        self._ports[name].arrive(payload) if name in self._ports else self._buffers[name].put(payload)
+    def inject_bytes(self, name: str, payload: bytes) -> None:
+        self._ports[name].inject_bytes(payload) if name in self._ports else self._buffers[name].put(payload)
 
-    def pull(self, name: str) -> None:
+    def pull_cable(self, name: str) -> None:
         """Pull the cable: what has come is there, the frame that is half here will have no end."""
-        self._buffers[name].end("line broken")
+        self._buffers[name].mark_end("line broken")
 
-    def ask_errors(self) -> None:
+    def poll_errors(self) -> None:
         """Ask what the drivers of the open ports have counted: for a recording."""
         for feed in self._ports.values():
-            feed.ask_errors()
+            feed.poll_errors()
 
     def receive(self, now: int) -> None:
         for name, port in self._ports.items():
-            self._serve(name, partial(port.receive, now))
+            self._run_safely(name, partial(port.receive, now))
         for name in self._orphans:
-            self._serve(name, self._streams[name].watch)
+            self._run_safely(name, self._streams[name].check_connection)
 
-    def _serve(self, name: str, do: Callable[[], object]) -> None:
+    def _run_safely(self, name: str, do: Callable[[], object]) -> None:
         """Work for one line; where that raises, its port is closed, and it is served no more."""
         part = "line", name
         if part not in self._containment.out:
@@ -174,22 +174,22 @@ class SerialLines:
             if part in self._containment.out:
                 self._failed(part)
                 if name in self._ports:
-                    self._containment.aside(part, self._ports[name].close)
+                    self._containment.clean_up(part, self._ports[name].close)
 
-    def move(self, now: int) -> None:
+    def send_waiting(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
         if not self._decls:
             return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
         for name, decl in self._decls.items():
             if decl.line in self._ports:
-                self._serve(decl.line, partial(self._ports[decl.line].send, decl.per_cycle, now))
+                self._run_safely(decl.line, partial(self._ports[decl.line].send, decl.per_cycle, now))
             elif decl.is_written and not decl.line:  # a TSEND_C takes the bytes of its own
-                self._serve(name, partial(self._cross, name, decl.per_cycle, receivers.get(name)))
+                self._run_safely(name, partial(self._move_bytes, name, decl.per_cycle, receivers.get(name)))
 
-    def _cross(self, name: str, most: int, receiver: str | None) -> None:
+    def _move_bytes(self, name: str, most: int, receiver: str | None) -> None:
         """Let bytes of a written ComBuffer go out, `most` of them (0: all), into the one at the other end."""
-        gone = self._buffers[name].take(most or self._buffers[name].count)
+        gone = self._buffers[name].read(most or self._buffers[name].count)
         if gone and receiver is not None:
             self._buffers[receiver].put(gone)
 
@@ -197,7 +197,7 @@ class SerialLines:
         """Empty all of them and close the ports: PLC STOP."""
         self.close()
         for buffer in self._buffers.values():
-            buffer.empty("PLC STOP")
+            buffer.discard_all("PLC STOP")
         for stream in self._streams.values():
             stream.stop()
 
@@ -217,5 +217,5 @@ class SerialLines:
         return ComBufferSnapshot(*fill, feed.is_open, decl.line, serial.port, feed.fault)
 
 
-def _noted(write: Callable[[BenchNote], None], subject: str, what: str, detail: str) -> None:
+def _write_note(write: Callable[[BenchNote], None], subject: str, what: str, detail: str) -> None:
     write(BenchNote(subject, what, detail))

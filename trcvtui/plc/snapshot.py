@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from msgspec import Struct, field
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.framing import FrameMarks, Framing, Tally
+from trcvtui.blocks.framing import FrameMarks, FrameTally, Framing
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
-from trcvtui.blocks.serial.receiving import MILLISECOND, Reception, text_of
+from trcvtui.blocks.serial.receiving import MILLISECOND_NS, FrameReceiveJob, string_bytes
 from trcvtui.blocks.table import block_row as block_row
 from trcvtui.blocks.table import buffer_pins as buffer_pins
 from trcvtui.blocks.table import is_time as is_time
@@ -66,11 +66,11 @@ class FramerSnapshot(Struct, frozen=True):
     is_text: bool
     discarded: int
     noise: bytes
-    tally: Tally
+    tally: FrameTally
     last: FrameMarks | None
 
     @property
-    def ended_by(self) -> str:
+    def ending_text(self) -> str:
         """Return in words what ended the newest frame."""
         framing = Framing(self.size, suffix=self.suffix or b"")
         return framing.ended_by(self.last.ending) if self.last is not None else ""
@@ -236,22 +236,22 @@ def data_snapshot(data: DataArea) -> DataSnapshot:
 
 
 def framer_snapshot(
-    block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, PinValue]
+    block: str, bound: SerialBinding, job: FrameReceiveJob, inputs: Mapping[str, PinValue]
 ) -> FramerSnapshot:
     is_text = "SizeReceiveData" not in inputs
     if is_text:
-        prefix, suffix = _text(bound.prefix), _text(bound.suffix)
+        prefix, suffix = _read_string(bound.prefix), _read_string(bound.suffix)
         room = bound.data.size - 1 if bound.data is not None else 0
         size = min(room, 255 if block.endswith("255") else 80)
     else:
-        prefix = _pointed(bound.prefix, int(inputs["LenPrefix"]))
-        suffix = _pointed(bound.suffix, int(inputs["LenSuffix"]))
+        prefix = _read_pointer(bound.prefix, int(inputs["LenPrefix"]))
+        suffix = _read_pointer(bound.suffix, int(inputs["LenSuffix"]))
         size = int(inputs["SizeReceiveData"])
     return FramerSnapshot(
         prefix,
         suffix,
         size,
-        int(inputs["Timeout"]) * MILLISECOND,
+        int(inputs["Timeout"]) * MILLISECOND_NS,
         is_text,
         job.framer.discarded,
         job.framer.noise,
@@ -260,9 +260,9 @@ def framer_snapshot(
     )
 
 
-def _text(area: DataArea | None) -> bytes | None:
-    return text_of(area) if area is not None else None
+def _read_string(area: DataArea | None) -> bytes | None:
+    return string_bytes(area) if area is not None else None
 
 
-def _pointed(area: DataArea | None, length: int) -> bytes | None:
+def _read_pointer(area: DataArea | None, length: int) -> bytes | None:
     return bytes(memoryview(area.content)[:length]) if area is not None else None

@@ -13,7 +13,7 @@ from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Transport, field_name, read_spec
 from trcvtui.net.layer import Credentials, tls_credentials_of
 from trcvtui.project.descriptions import UNSAFE
-from trcvtui.system_types import UNVERIFIED
+from trcvtui.system_types import UNVERIFIED_NOTE
 from trcvtui.udt.literals import quoted
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
@@ -206,7 +206,7 @@ def description_view(config: ConnectConfig, listens: str = "") -> DescriptionVie
     security = security_of(config)
     return DescriptionView(
         structure=description.structure.name,
-        says=_says(config, listens) + ("" if description.structure.is_verified else f"; {UNVERIFIED}"),
+        says=_says(config, listens) + ("" if description.structure.is_verified else f"; {UNVERIFIED_NOTE}"),
         rows=rows(description, remarks),
         flaw=flaw.text if flaw is not None else "",
         warning=WARNING if security is not None and security.is_unsafe else "",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.errors import UserError
 from trcvtui.files import whole_name
 from trcvtui.net.connection.config import TADDR_PARAM, AddrParam, ConnectConfig, parse_address
@@ -463,7 +463,7 @@ def _has_name(description: Description) -> bool:
 def config_fields(
     written: WrittenDescription,
     bench: BenchKeys,
-    rules: Rules,
+    rules: VendorRules,
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
@@ -527,7 +527,7 @@ def _remote_address(
 
 
 def _session(
-    description: Description, says: LinkSpec, bench: BenchKeys, rules: Rules, certificates: Certificates
+    description: Description, says: LinkSpec, bench: BenchKeys, rules: VendorRules, certificates: Certificates
 ) -> LayerSettings | DescriptionFlaw | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)

@@ -98,7 +98,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 def first_block(project: Project) -> str:
     """Return the block that the form begins with: on an empty bench one that receives from anybody."""
     blocks = project.dialect.blocks
-    receivers = [block for block in blocks if (row := block_row(block)).builds and row.receives]
+    receivers = [block for block in blocks if (row := block_row(block)).connects and row.receives]
     return receivers[0] if receivers and not project.instances else blocks[0]
 
 

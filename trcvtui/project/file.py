@@ -74,7 +74,7 @@ def all_names(
     or empty one. `ports`: ComBuffers with a port. `udp_end`: what may receive datagrams; a CONNECT can be
     of UDP, where it is a description.
     """
-    builders = [(name, row) for name, block in blocks if (row := block_row(block)).builds]
+    builders = [(name, row) for name, block in blocks if (row := block_row(block)).connects]
     found = {
         "stream_in": tuple([name for name, row in builders if row.receives]),
         "stream_out": tuple([name for name, row in builders if row.sends]),

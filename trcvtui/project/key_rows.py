@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from msgspec import Struct, field
 
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.net.results import Endpoint
@@ -27,7 +27,7 @@ class Context(Struct, frozen=True):
     """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
 
     dialect: Dialect
-    rules: Rules
+    rules: VendorRules
     layout: LayoutRules
     base: Path = Path()
     types: TypeSet | None = NO_TYPES

@@ -369,14 +369,14 @@ def _is_serial(table: Table, around: Context) -> bool | Refusal:
 
 def _sources(project: Project, block: str) -> tuple[str, ...]:
     rows = [(each.name, block_row(each.block)) for each in project.instances]
-    streams = [name for name, row in rows if row.builds and row.receives]
+    streams = [name for name, row in rows if row.connects and row.receives]
     return (SIMULATED, SERIAL, *streams, *names_of("combuffer", project))
 
 
 def _lines(project: Project, block: str) -> tuple[str, ...]:
     ports = [each.name for each in project.combuffers if each.serial is not None]
     rows = [(each.name, block_row(each.block)) for each in project.instances]
-    return ("", *ports, *(name for name, row in rows if row.builds and row.sends))
+    return ("", *ports, *(name for name, row in rows if row.connects and row.sends))
 
 
 _COMBUFFER: Final = TableRow(
@@ -526,7 +526,7 @@ def _buffer_key(pin: str) -> Key:
 
 def _on_connect(project: Project, block: str) -> bool:
     row = block_row(block)
-    return not row.on_buffer and (bool(row.datagrams) or not row.speaks_udp)
+    return not row.has_buffer and (bool(row.datagrams) or not row.speaks_udp)
 
 
 def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
@@ -545,7 +545,7 @@ def _mark_key(pin: str) -> Key:
 
 
 def _inputs_hint(project: Project, block: str) -> str:
-    if not block_row(block).on_buffer:
+    if not block_row(block).has_buffer:
         return "such as CONT=1 EN_R=1"
     names = [pin.name for pin in project.pins(block) if pin.direction is not Direction.OUT]
     shown_ = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
@@ -564,7 +564,7 @@ def _read_inputs(values: Values) -> None:
     if block is not None and block not in around.blocks:
         table.unknown("block", block, around.blocks, "block")
     # Without its block nobody knows which pins it has: the other names are checked all the same.
-    pins = tuple(map(around.rules.typed, row.pins)) if block in around.blocks else ()
+    pins = tuple(map(around.rules.with_iec_type, row.pins)) if block in around.blocks else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
     outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
     for key in table.rest():
@@ -611,7 +611,7 @@ _INSTANCE: Final = TableRow(
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
         replace(_ADDR_OF_INSTANCE, writes=lambda i: None, ask=Hint(
             "of a UDP block", _new_or("addr"), free("addr"), lambda project, block:
-            block_row(block).speaks_udp or (block_row(block).builds and bool(project.addrs)))),
+            block_row(block).speaks_udp or (block_row(block).connects and bool(project.addrs)))),
         Key("data", TEXT, "The variable at its DATA; without it the pin is open.", "data",
             ask=Hint("a DATA variable", _new_or("data"), free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),

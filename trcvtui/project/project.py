@@ -13,7 +13,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Pin, PinValue
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
@@ -247,7 +247,7 @@ class Project(Struct, frozen=True, eq=False):
     model: str
     connection_limit: int
     options: Mapping[str, SwitchValue]
-    rules: Rules
+    rules: VendorRules
     layout: LayoutRules
     types: TypeSet
     tasks: tuple[Task, ...] = (Task(),)
@@ -282,7 +282,7 @@ class Project(Struct, frozen=True, eq=False):
         return tuple(
             [
                 replace(pin, label=labels.get(pin.name, pin.label), text=pin.text.replace("DONE", done))
-                for pin in map(self.rules.typed, block_row(block).pins)
+                for pin in map(self.rules.with_iec_type, block_row(block).pins)
                 if pin.name not in self.rules.lacks
             ]
         )

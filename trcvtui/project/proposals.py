@@ -39,12 +39,12 @@ def _in_the_way(row: BlockRow, other: BlockRow) -> bool:
     """Return whether a block wants what another one works on for itself: not for the other direction."""
     if row.id_alone:
         return False  # it works on what another one has built
-    if row.on_buffer:
+    if row.has_buffer:
         is_user = row.reads_buffer or row.writes_buffer
         return is_user and (other.reads_buffer or other.writes_buffer)
     same_way = (row.receives and other.receives) or (row.sends and other.sends)
-    return same_way or (_opens(row) and _opens(other) and not (row.builds and other.builds))
+    return same_way or (_opens(row) and _opens(other) and not (row.connects and other.connects))
 
 
 def _opens(row: BlockRow) -> bool:
-    return row.builds or (row.has_id and not row.id_alone)  # TCON
+    return row.connects or (row.has_id and not row.id_alone)  # TCON

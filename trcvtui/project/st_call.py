@@ -88,7 +88,7 @@ def _guarded(decl: InstanceDecl, call: str) -> str:
 
 
 def _has_en(project: Project, decl: InstanceDecl) -> bool:
-    return _row(decl).on_buffer and any(pin.name == EN for pin in project.pins(decl.block))
+    return _row(decl).has_buffer and any(pin.name == EN for pin in project.pins(decl.block))
 
 
 def st_variables(project: Project, names: Iterable[str], form: CallForm = WHOLE) -> str:
@@ -133,7 +133,7 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm)
 
 
 def _link(project: Project, decl: InstanceDecl) -> str:
-    if not _row(decl).on_buffer:
+    if not _row(decl).has_buffer:
         return decl.connect
     others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
     taken, name = {other.casefold() for other in others}, decl.connect
@@ -189,7 +189,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
     if not _has_db(project, form):
         yield f"{decl.name} : {decl.block};"
     yield from _records(project, decl)
-    if _row(decl).on_buffer:
+    if _row(decl).has_buffer:
         yield f"{_link(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
@@ -206,7 +206,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
     """Return the type as the manual declares it: Error is an enumeration, and shows its number."""
-    return "ComError_t" if _row(decl).on_buffer and pin.name == "Error" else pin.iec_type
+    return "ComError_t" if _row(decl).has_buffer and pin.name == "Error" else pin.iec_type
 
 
 def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:

@@ -153,7 +153,7 @@ class RunRecorder:
     def _take(self, bench: RecordedBench) -> None:
         bench.tell_outputs()
         if bench.now >= self._sample_at:
-            bench.containment.serve(("reader", "samples"), bench.runtime.sample)
+            bench.containment.attempt_unless_out(("reader", "samples"), bench.runtime.sample_stack)
             self._sample_at = bench.now + SAMPLE_NS
             with suppress(OSError):
                 self.size = os.stat(self.file).st_size

@@ -253,7 +253,7 @@ class _RunFacts:
         try:
             while pass_scan() and self._bench.runtime.scans < MOST_SCANS:
                 if ledger.last_seq != seq:
-                    news, seq = ledger.stamped_since(seq), ledger.last_seq
+                    news, seq = ledger.events_since(seq), ledger.last_seq
                     for scan, t_ns, event in news:
                         self._take(scan, t_ns, event)
         except UserError:
@@ -373,7 +373,7 @@ class _RunFacts:
                 if connect in blocks and not self._is_refused(cause, blocks[connect]):
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
                     trouble = self._trouble(cause, blocks[connect], connect, scan, since * SECOND)
-                    shown = self._bench.runtime.instance(blocks[connect])
+                    shown = self._bench.runtime.instance_snapshot(blocks[connect])
                     if cause == "plc-not-reading" and shown is not None and shown.pin("EN_R"):
                         trouble = replace(trouble, mend=(NOT_CALLED,))
                     self._found[cause, connect], self._times[cause, connect] = trouble, seconds

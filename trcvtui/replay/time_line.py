@@ -32,7 +32,7 @@ from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
 from trcvtui.replay.what_if import Change, WhatIf
 from trcvtui.snapshots.bench import EngineTiming
-from trcvtui.snapshots.replay import BESIDE, CANNOT, Position
+from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF, ReplayPosition
 from trcvtui.udt.literals import parse_time
 
 MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
@@ -71,7 +71,7 @@ class WhatIfRun:
     def wave(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
         """Return what is new of an instance up to a scan, after its change `number`."""
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
-        asked = name.removeprefix(BESIDE)
+        asked = name.removeprefix(WHAT_IF)
         news = waves.news(asked, number, (ledger.scan, ledger.t_ns))
         known = up_to(news, scan, t_ns) if news is not None else None
         return replace(known, instance=name) if known is not None else None
@@ -89,7 +89,7 @@ class ReplayController(Controller):
         self.run = run
         self._move = move
         self.holding = True
-        self.position: Position | None = None
+        self.position: ReplayPosition | None = None
         self.beside: WhatIfRun | None = None
         self.messages: AllMessages | TimedRows | None = None
         self.fired = ""  # the trigger that fired in the last scan
@@ -132,17 +132,17 @@ class ReplayController(Controller):
             return ""
         if verb in LOOKS or (verb == "framing" and len(rest.split()) == 1):
             return super()._carry_out(line)
-        return CANNOT
+        return CANNOT_CHANGE_TEXT
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
-        waves = super()._wave_news(tuple(each for each in asked if not each[0].startswith(BESIDE)), known)
+        waves = super()._wave_news(tuple(each for each in asked if not each[0].startswith(WHAT_IF)), known)
         beside, ledger = self.beside, self.bench.runtime.ledger
         if beside is None:
             return waves
         others = (
             beside.wave(name, number if known else 0, ledger.scan, ledger.t_ns)
             for name, number in asked
-            if name.startswith(BESIDE)
+            if name.startswith(WHAT_IF)
         )
         return (*waves, *(other for other in others if other is not None))
 
@@ -404,7 +404,7 @@ class TimeLine:
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.begun_ns = self._capture.first_ns if self._capture else controller.run.begins.wall_ns
-        controller.position = Position(
+        controller.position = ReplayPosition(
             controller.at,
             survey.last,
             self.survey.time_of(controller.at),

@@ -255,7 +255,7 @@ class _PageParts:
         size = "" if shown.rcvd_len is None or not shown.done else str(shown.rcvd_len)
         status = f"16#{shown.status:04X} {self._project.dialect.label(edge.condition)}"
         why = because(edge.cause, edge.block)
-        return str(told.at.scan), stamp(told.at.t_ns), status, shown.lit.upper(), size, why
+        return str(told.at.scan), stamp(told.at.t_ns), status, shown.lit_lamp.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:
         """Yield the frames, and in one word each how many between them are left out."""

@@ -14,7 +14,7 @@ from typing import Final, Generic, NamedTuple, TypeVar, cast
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.diagnosis.advice import Advice, because
 from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import evidence_now
@@ -38,7 +38,7 @@ MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that i
 _NUMBERS: Final = re.compile(r"[\d.]+")
 COLUMNS: Final = 1000  # of the time line, at most
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
-NOT_SEEN: Final = Cause(Why.SEQUENCE, "")
+NOT_SEEN: Final = Cause(CauseKind.SEQUENCE, "")
 LIT: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
 
 
@@ -160,7 +160,7 @@ class RunNotes:
             self.late.add(f"{ledger.scan} ({self.bench.late_ns / 1e6:.1f} ms)")
         if ledger.last_seq == self._seq:
             return
-        news = ledger.stamped_since(self._seq)
+        news = ledger.events_since(self._seq)
         missed, self._seq = ledger.last_seq - self._seq - len(news), ledger.last_seq
         if missed:
             self.lost += missed
@@ -170,7 +170,7 @@ class RunNotes:
         for scan, t_ns, event in news:
             self._take(ScanStamp(scan, t_ns), event)
         for name in self._receiving:
-            self._of(name).part = self.bench.runtime.partial(name)[:MOST_BYTES]
+            self._of(name).part = self.bench.runtime.job_bytes(name)[:MOST_BYTES]
         self._receiving.clear()
         for told in self._fresh:
             self._explain(told)
@@ -240,7 +240,7 @@ class RunNotes:
     def _edge(self, told: EdgeNote) -> None:
         notes = self._of(told.edge.instance)
         notes.edges.add(told)
-        notes.lane.mark(told.at.t_ns, LIT[told.edge.outputs.lit])
+        notes.lane.mark(told.at.t_ns, LIT[told.edge.outputs.lit_lamp])
         if told.edge.outputs.error:
             notes.error_edges.add((notes.edges.count, told))
             self._fresh.append(told)
@@ -300,7 +300,7 @@ class RunNotes:
             return Advice("", ())
         decl = project.data_decl(instance.data) if instance.data is not None else None
         content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
-        data = DataBytes(decl, content, runtime.partial(name))
+        data = DataBytes(decl, content, runtime.job_bytes(name))
         reads = "read DATA with"
         return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
 

@@ -93,7 +93,7 @@ def record(
         bench.reports = bench.reports if is_kept else None
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
-    told = bench.containment.take_newest()
+    told = bench.containment.take_messages()
     lines = recorder.lines() if is_kept else [recorder.trouble] * bool(recorder.trouble)
     _say("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
     return 1 if recorder.trouble else 0

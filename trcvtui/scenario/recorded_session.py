@@ -244,7 +244,7 @@ class Session:
         """Return the partners that are no peers of this bench, as far back as the ledger goes."""
         ledger = self._bench.runtime.ledger
         ours, calls = set(), []
-        for _, _, event in ledger.stamped_since(0):
+        for _, _, event in ledger.events_since(0):
             if isinstance(event, BenchNote) and event.what == "connected":
                 ours.add(event.end)
             elif isinstance(event, ConnectionChanged) and event.what is EventKind.CONNECTED:
@@ -343,7 +343,7 @@ class Session:
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
-        if not edge.outputs.done or not block_row(edge.block).on_buffer or self._frames >= MOST_FRAMES:
+        if not edge.outputs.done or not block_row(edge.block).has_buffer or self._frames >= MOST_FRAMES:
             return
         decl = self._bench.project.instance(edge.instance)
         if decl is None:

@@ -69,7 +69,7 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
     """Return a cause as an object of JSON: what took no part is null."""
     return {
         "text": _because(cause, block),
-        "call": cause.asked or None,
+        "call": cause.underlying_call or None,
         "errno": cause.errno or None,
         "peer": cause.peer or None,
         "injected": cause.injected,
@@ -104,7 +104,7 @@ def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Deli
 
 def _delivery(bench: Bench, instance: str) -> Delivery | None:
     decl = bench.project.instance(instance)
-    sent = bench.runtime.sent(decl.connect) if decl is not None else None
+    sent = bench.runtime.sent_bytes(decl.connect) if decl is not None else None
     if sent is None:
         return None
     read = [
@@ -198,7 +198,7 @@ class Runner:
         )
 
     def _internal(self, step: words.Step) -> Failure | None:
-        found = self._bench.containment.take_newest()
+        found = self._bench.containment.take_messages()
         return Failure(step.number, step.line, found) if found else None
 
     def _scan(self) -> None:

@@ -142,7 +142,7 @@ class StepRunner:
                 self._do(step, command)
 
     def scanned(self) -> None:
-        for edge in self.bench.runtime.called:
+        for edge in self.bench.runtime.due_edges:
             self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 
 
-class Answer(Struct, frozen=True):
+class LineAnswer(Struct, frozen=True):
     """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done".
 
     `edit`: the line, with what it was given, where it has changed the program and not inputs alone.

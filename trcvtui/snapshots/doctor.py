@@ -19,7 +19,7 @@ class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
     tried: bool = False
 
     @property
-    def line(self) -> str:
+    def display_line(self) -> str:
         label = "mend" if self.tried else "mend, as advice"
         return f"{label}: {self.text}" + (f"  [{self.command}]" if self.command else "")
 

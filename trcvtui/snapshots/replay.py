@@ -6,11 +6,11 @@ from typing import Final
 
 from msgspec import Struct
 
-CANNOT: Final = "a recording cannot be changed: W tries another value"
-BESIDE: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
+CANNOT_CHANGE_TEXT: Final = "a recording cannot be changed: W tries another value"
+WHAT_IF: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
 
 
-class Position(Struct, frozen=True):
+class ReplayPosition(Struct, frozen=True):
     """Where a replay stands in its recording. `last_scan` is known for sure once the recording `is_read`.
 
     `wanted` is the scan that it goes to, times are ns of the run; `marks` has 1 for each piece of the run in

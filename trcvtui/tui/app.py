@@ -244,7 +244,7 @@ class BenchApp(TerminalApp):
     def _refuse(self) -> None:
         text = REFUSED
         if self._is_replay:
-            from trcvtui.snapshots.replay import CANNOT as text
+            from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT as text
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:

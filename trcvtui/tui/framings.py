@@ -35,7 +35,7 @@ def buffer_for(view_model: ViewModel) -> str:
 def framed_by(buffer: str, view_model: ViewModel) -> str:
     """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
     readers = [
-        i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).marks
+        i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).mark_pins
     ]
     return view_model.selected if view_model.selected in readers else next(iter(readers), "")
 

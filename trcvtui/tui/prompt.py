@@ -11,7 +11,7 @@ from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Row, hidden_keys, row
@@ -232,7 +232,7 @@ class Prompt(Vertical):
         self.remember(line)
         self._echo.say(line, error, told=told)
 
-    def answered(self, answers: dict[int, Answer]) -> None:
+    def answered(self, answers: dict[int, LineAnswer]) -> None:
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)

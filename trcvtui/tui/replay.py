@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.replay import CANNOT, Position
+from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, ReplayPosition
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -49,7 +49,7 @@ HERE, PARTS, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
 STYLES: Final = {HERE: "key", PARTS: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
 
 
-def bar(position: Position, width: int) -> str:
+def bar(position: ReplayPosition, width: int) -> str:
     """Return the whole recording in one line: where it stands, what has passed, where ERRORs come."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
@@ -121,11 +121,11 @@ class ReplayKeys(KeyLine):
         super().show_keys(tuple(some), holding)
 
 
-def _said(position: Position) -> tuple[str, ...]:
+def _said(position: ReplayPosition) -> tuple[str, ...]:
     return (position.what_if or position.beside)[:MOST_SAID]
 
 
-def _words(position: Position, holding: bool) -> Iterator[Part]:
+def _words(position: ReplayPosition, holding: bool) -> Iterator[Part]:
     more = "" if position.is_read else "+"
     yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
     if position.first:
@@ -241,6 +241,6 @@ class ReplayScreen(MainScreen):
         self.action_line()
 
     def action_change(self) -> None:
-        self.prompt.complain(CANNOT)
+        self.prompt.complain(CANNOT_CHANGE_TEXT)
 
     action_undo = action_change

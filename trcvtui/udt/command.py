@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
 from trcvtui.files import is_folder
-from trcvtui.system_types import UNVERIFIED
+from trcvtui.system_types import UNVERIFIED_NOTE
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
@@ -197,7 +197,7 @@ class TypeChoice(NamedTuple):
     def rules(self) -> tuple[LayoutRules, list[str]]:
         """Return the rules, and notes: the type's source decided on the layout, offsets are not verified."""
         choice, name, sender = self.choice, self.name, self.types.sender(self.name)
-        unsure = [f"{name}: {each}: {UNVERIFIED}" for each in unverified_in(self.type)]
+        unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
             return choice.rules(), unsure
         if own := self.types.layout(name):

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
-from trcvtui.system_types import UNSURE_HANDLES
+from trcvtui.system_types import UNSURE_HANDLE_TYPES
 from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP
 from trcvtui.udt.constants import Constants
@@ -287,7 +287,7 @@ class Resolver:
             return BUILTIN_TYPES[key], 0
         elif user in self.system_users and key in system_types():
             self.used_system[key] = reference.name
-            if reference.name.upper() in UNSURE_HANDLES:
+            if reference.name.upper() in UNSURE_HANDLE_TYPES:
                 self.notes.setdefault(user, {})[f"{reference.name}: 16 bits are not verified"] = None
             return system_types()[key], 0
         else:

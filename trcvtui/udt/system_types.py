@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from functools import cache
 
-from trcvtui.system_types import ENUMERATIONS, HANDLES, STRUCTURES, FieldType, Structure
+from trcvtui.system_types import ENUMERATIONS, HANDLE_TYPES, STRUCTURES, FieldType, Structure
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -23,7 +23,7 @@ from trcvtui.udt.types import (
 @cache
 def system_types() -> Mapping[str, Type]:
     """Return the types by casefolded name."""
-    types: dict[str, Type] = {name.casefold(): ELEMENTARY["UINT"] for name in HANDLES}
+    types: dict[str, Type] = {name.casefold(): ELEMENTARY["UINT"] for name in HANDLE_TYPES}
     for name, values in ENUMERATIONS.items():
         types[name.casefold()] = Enumeration(name, ELEMENTARY["USINT"], tuple(values.items()))
     for structure in STRUCTURES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from trcvtui.blocks.serial.com_buffer import LineRecording, Recorder
+from trcvtui.blocks.serial.com_buffer import LineRecorder, LineRecording
 
 MILLISECOND = 1_000_000
 SCAN_NS = 10 * MILLISECOND
@@ -12,11 +12,11 @@ SCAN_NS = 10 * MILLISECOND
 
 def recorded(chunks: Iterable[tuple[int, bytes]], source: str = "serial") -> LineRecording:
     """Return a recording of (milliseconds before it, bytes); the line is quiet for a second after it."""
-    recorder, now = Recorder(), 0
+    recorder, now = LineRecorder(), 0
     for pause, payload in chunks:
         now += pause * MILLISECOND
         recorder.add(payload, now)
-    return recorder.kept(source, now + 1000 * MILLISECOND, SCAN_NS)
+    return recorder.make_recording(source, now + 1000 * MILLISECOND, SCAN_NS)
 
 
 def every(pause: int, frames: Iterable[bytes], source: str = "serial") -> LineRecording:

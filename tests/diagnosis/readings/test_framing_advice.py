@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.diagnosis.readings.framing_recordings import cut_up, every, recorded
 from trcvtui.blocks.framing import Framing
-from trcvtui.blocks.serial.com_buffer import MOST_BYTES, Recorder
+from trcvtui.blocks.serial.com_buffer import MOST_RECORDED_BYTES, LineRecorder
 from trcvtui.diagnosis.readings.framing_advice import MOST_PROPOSALS, advise
 from trcvtui.diagnosis.readings.proposal import MOST_BYTES_SHOWN, MOST_SHOWN, CutKind
 from trcvtui.diagnosis.readings.trial import LengthField, cut
@@ -225,7 +225,7 @@ def test_bytes_of_one_frame_that_come_scan_by_scan_are_within_the_gap() -> None:
     assert (best.title, gap.title, gap.frames) == ("fixed size 30", "a gap of T#155ms", 8)
 
 
-@pytest.mark.parametrize("size", [40, 1000, MOST_BYTES])
+@pytest.mark.parametrize("size", [40, 1000, MOST_RECORDED_BYTES])
 def test_in_noise_nothing_fits_and_that_is_said(size: int) -> None:
     noise = numbers(size, size)
     advice = advise(cut_up(noise, [50] * (size // 50)))
@@ -239,11 +239,11 @@ def test_too_few_bytes_are_too_few(size: int) -> None:
 
 
 def test_bytes_of_two_connections_are_never_one_frame() -> None:
-    recorder = Recorder()
+    recorder = LineRecorder()
     for number in range(6):
         recorder.add(CODES[number] + CODES[0][: number % 3], number * 10**9)
-        recorder.end()
-    best = advise(recorder.kept("tcp", 10**10, 10**7)).proposals[0]
+        recorder.end_connection()
+    best = advise(recorder.make_recording("tcp", 10**10, 10**7)).proposals[0]
     assert best.title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
     assert (best.frames, best.broken, best.left) == (6, 4, 2)
     assert best.evidence[-1] == (
@@ -253,10 +253,10 @@ def test_bytes_of_two_connections_are_never_one_frame() -> None:
 
 
 def test_a_recording_that_began_in_a_frame_is_read_from_the_first_pause_on() -> None:
-    recorder = Recorder()
+    recorder = LineRecorder()
     for number in range(40):
         recorder.add(numbers(number, 2000), number * 10**9)
-    recording = recorder.kept("serial", 10**11, 10**7)
+    recording = recorder.make_recording("serial", 10**11, 10**7)
     assert recording.dropped == 80_000 - recording.size > 0
     best = advise(recording).proposals[0]
     assert (best.title, best.left) == ("fixed size 2000", 0)
@@ -351,12 +351,12 @@ def test_whatever_was_recorded_each_proposal_is_what_the_framer_cuts(
 
 
 def test_a_recorder_keeps_the_newest_bytes_and_counts_the_others() -> None:
-    recorder = Recorder()
+    recorder = LineRecorder()
     for number in range(100):
         recorder.add(bytes([number]) * 1000, number)
-    recording = recorder.kept("serial", 100, 1)
+    recording = recorder.make_recording("serial", 100, 1)
     assert recording.size == 65_000
     assert (recording.chunks[0].payload[0], recording.chunks[-1].payload[0]) == (35, 99)
     assert recording.dropped == 35_000
     recorder.add(numbers(1, 100_000), 101)
-    assert recorder.kept("serial", 101, 1).size == MOST_BYTES
+    assert recorder.make_recording("serial", 101, 1).size == MOST_RECORDED_BYTES

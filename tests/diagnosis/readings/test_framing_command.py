@@ -11,7 +11,7 @@ from tests import golden
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.bench import Answer, EngineTiming
+from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 PLAIN = """
@@ -59,7 +59,7 @@ def plain(tmp_path: Path) -> Controller:
     return desk(file)
 
 
-def say(console: Controller, line: str) -> Answer:
+def say(console: Controller, line: str) -> LineAnswer:
     console.take(1, line)
     return console.picture(UpdateRequest(), EngineTiming(), 0).answers[-1]
 

@@ -337,7 +337,7 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
     receiver = SimpleNamespace(name="R", data="rx", sends=False, jobs_done=jobs_done)
     snapshot, declared = SimpleNamespace(instances=[receiver]), SimpleNamespace(name="rx")
     view_model = SimpleNamespace(
-        data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
+        data=data, job_bytes=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
     )
     return LabBytes(cast(ViewModel, view_model))
 

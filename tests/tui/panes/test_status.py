@@ -20,7 +20,7 @@ from tests.tui.fakes import (
 )
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.plc.ledger import BenchNote, Line
 
 
@@ -51,7 +51,7 @@ async def test_an_active_connect_tells_its_attempts(size: tuple[int, int]) -> No
 
 @BOTH
 async def test_an_injected_error_is_called_injected(size: tuple[int, int]) -> None:
-    cause = Cause(Why.KERNEL, "bind failed", call="bind", error="EADDRINUSE", injected=True)
+    cause = Cause(CauseKind.KERNEL, "bind failed", call="bind", error="EADDRINUSE", injected=True)
     wrong = replace(
         showing(receiving(0, 0), 0x8083, error=True),
         condition=str(Condition.BIND_FAILED),

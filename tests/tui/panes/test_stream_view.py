@@ -203,7 +203,7 @@ async def test_the_stream_follows_the_newest_byte_until_something_is_selected() 
 async def test_16_mib_scroll_from_end_to_end() -> None:
     async with on_a_bench(SMALL) as looker:
         looker.connect()
-        ring = looker.bench.console.bench.runtime.received("C1")
+        ring = looker.bench.console.bench.runtime.received_ring("C1")
         assert ring is not None
         ring.most, content = 16 * 1024 * 1024, random.Random(1).randbytes(65_536)
         for _ in range(300):

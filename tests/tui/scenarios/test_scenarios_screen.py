@@ -13,7 +13,7 @@ from tests.tui.fakes import FakeDriver, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, screen_text
 from tests.tui.scenario_stage import HERE, scenarios
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")
@@ -170,7 +170,7 @@ async def test_what_the_engine_refuses_is_said_whole() -> None:
     error = "scenarios/frame.toml: peer P1: local: found Address already in use, expected an end that is free"
     async with looking_at_scenarios(SMALL) as (app, driver, pilot):
         await pilot.press("slash", *"frame", "enter", "enter", "y")
-        driver.waiting.append(picture(answers=[Answer(1, driver.lines[-1], error)]))
+        driver.waiting.append(picture(answers=[LineAnswer(1, driver.lines[-1], error)]))
         await follow(app, pilot)
         assert f"✗ {error}" in " ".join(screen_text(app).split())
         sent = len(driver.lines)

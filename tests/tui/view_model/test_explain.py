@@ -13,7 +13,7 @@ from tests.tui.fakes import bench_project, connecting, picture, receiving, showi
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.snapshots.bench import TriggerEvent
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
@@ -86,7 +86,7 @@ async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:
 
 
 async def test_words_from_outside_are_never_markup() -> None:
-    cause = Cause(Why.PARTNER, "the partner reset", peer="[red]x\x1b[31m", have=1, need=8)
+    cause = Cause(CauseKind.PARTNER, "the partner reset", peer="[red]x\x1b[31m", have=1, need=8)
     lost = replace(showing(receiving(), 0x80AA), need=0, condition=str(Condition.RECEIVE_FAILED), cause=cause)
     async with looking(WIDE, picture(lost, connecting())) as looker:
         await looker.press("3", "M")

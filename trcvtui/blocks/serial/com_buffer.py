@@ -15,13 +15,13 @@ from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, Lin
 from trcvtui.blocks.table import BlockRow
 from trcvtui.net.received_ring import ReceivedRing
 
-# Bound: the newest MOST_BYTES in MOST_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
+# Bound: the newest MOST_BYTES in MOST_RECORDED_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
 
-MOST_BYTES: Final = 65_536
-MOST_CHUNKS: Final = 8192
+MOST_RECORDED_BYTES: Final = 65_536
+MOST_RECORDED_CHUNKS: Final = 8192
 
 
-class Chunk(NamedTuple):
+class LineChunk(NamedTuple):
     """Bytes that came in one scan, at `t_ns` of the run. `begins`: they are the first of a connection."""
 
     t_ns: int
@@ -38,7 +38,7 @@ class LineRecording:
     """
 
     source: str
-    chunks: tuple[Chunk, ...]
+    chunks: tuple[LineChunk, ...]
     until_ns: int = 0
     tick_ns: int = 0
     dropped: int = 0
@@ -47,9 +47,9 @@ class LineRecording:
     def size(self) -> int:
         return sum([len(chunk.payload) for chunk in self.chunks])
 
-    def first(self, most: int) -> LineRecording:
+    def first_part(self, most: int) -> LineRecording:
         """Return the first chunks of it, `most` bytes of them; a chunk may be cut."""
-        kept: list[Chunk] = []
+        kept: list[LineChunk] = []
         room = most
         for chunk in self.chunks:
             kept.append(chunk._replace(payload=chunk.payload[:room]))
@@ -59,41 +59,41 @@ class LineRecording:
         return self
 
 
-class Recorder:
+class LineRecorder:
     """One line's recording. Bytes that had no room in the ComBuffer are in it too: the line has had them."""
 
     def __init__(self) -> None:
-        self._chunks: deque[Chunk] = deque()
+        self._chunks: deque[LineChunk] = deque()
         self._size = 0
         self._dropped = 0
         self._is_new = True
 
     def add(self, payload: bytes, now: int) -> None:
-        payload = payload[-MOST_BYTES:]
+        payload = payload[-MOST_RECORDED_BYTES:]
         if not payload:
             return
         last = self._chunks[-1] if self._chunks else None
         if last is not None and last.t_ns == now and not self._is_new:
             self._chunks[-1] = last._replace(payload=last.payload + payload)
         else:
-            self._chunks.append(Chunk(now, payload, self._is_new))
+            self._chunks.append(LineChunk(now, payload, self._is_new))
         self._is_new = False
         self._size += len(payload)
-        while self._size > MOST_BYTES or len(self._chunks) > MOST_CHUNKS:
-            self._shorten()
+        while self._size > MOST_RECORDED_BYTES or len(self._chunks) > MOST_RECORDED_CHUNKS:
+            self._drop_oldest()
 
-    def end(self) -> None:
+    def end_connection(self) -> None:
         """What comes next is of another connection."""
         self._is_new = True
 
-    def kept(self, source: str, until: int, tick: int) -> LineRecording:
+    def make_recording(self, source: str, until: int, tick: int) -> LineRecording:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
-    def _shorten(self) -> None:
+    def _drop_oldest(self) -> None:
         """Drop the oldest chunk whole, so that what stays begins where a chunk did; the only one is cut."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
-            over = self._size - MOST_BYTES
+            over = self._size - MOST_RECORDED_BYTES
             self._chunks[0] = last._replace(payload=last.payload[over:])
         else:
             over = len(self._chunks.popleft().payload)
@@ -104,8 +104,8 @@ class Recorder:
 # Rule: the end of a connection has its place among the bytes; nobody reads over it without being told.
 # Bound: never more than `size` bytes; what has no room is dropped and counted.
 
-ROOM: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
-MOST_ENDS: Final = 64
+COM_BUFFER_SIZE: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
+MOST_CONNECTION_ENDS: Final = 64
 
 
 class ComBuffer:
@@ -122,7 +122,7 @@ class ComBuffer:
         now: Callable[[], int],
         received: ReceivedRing,
     ) -> None:
-        self.recorded = Recorder()
+        self.recorded = LineRecorder()
         self.received = received
         self._now = now
         self.name = name
@@ -132,7 +132,7 @@ class ComBuffer:
         self.ends = 0  # how many ends of connections the readers have met
         self.end_reason = ""
         self._bytes = bytearray()
-        self._ends: deque[tuple[int, str]] = deque(maxlen=MOST_ENDS)
+        self._ends: deque[tuple[int, str]] = deque(maxlen=MOST_CONNECTION_ENDS)
         self._write = write
 
     @property
@@ -161,29 +161,29 @@ class ComBuffer:
             self._write(BytesArrived(self.name, self.tail, taken, position))
             self._bytes += payload[:taken]
         if taken < len(payload):
-            self._lose(len(payload) - taken, "the ComBuffer is full", position + taken)
+            self._note_lost(len(payload) - taken, "the ComBuffer is full", position + taken)
         return taken
 
-    def end(self, reason: str) -> None:
+    def mark_end(self, reason: str) -> None:
         """Mark the end of a connection after the last byte."""
-        self.recorded.end()
+        self.recorded.end_connection()
         if not self._ends or self._ends[-1] != (self.tail, reason):
             self._ends.append((self.tail, reason))
 
-    def empty(self, reason: str) -> None:
+    def discard_all(self, reason: str) -> None:
         """Take all bytes out unread (ClearComBuffer, a new connection)."""
         if self._bytes:
-            self._lose(len(self._bytes), reason)
+            self._note_lost(len(self._bytes), reason)
             self.head += len(self._bytes)
             self._bytes.clear()
 
-    def hold(self, is_held: bool) -> None:
+    def note_held(self, is_held: bool) -> None:
         """Tell the ledger that the line waits, or goes on."""
         self._write(LineHeld(self.name, is_held))
 
     # -- the reader's side ------------------------------------------------------------------------------
 
-    def look(self) -> bytes:
+    def peek(self) -> bytes:
         """Return a copy of the bytes that wait, up to the end of their connection."""
         while self._ends and self._ends[0][0] <= self.head:
             self.end_reason = self._ends.popleft()[1]
@@ -191,14 +191,14 @@ class ComBuffer:
         size = self._ends[0][0] - self.head if self._ends else len(self._bytes)
         return bytes(self._bytes[:size])
 
-    def take(self, size: int) -> bytes:
+    def read(self, size: int) -> bytes:
         """Take bytes out, as many as there are at most."""
         taken = bytes(self._bytes[:size])
         del self._bytes[:size]
         self.head += len(taken)
         return taken
 
-    def _lose(self, size: int, reason: str, position: int = -1) -> None:
+    def _note_lost(self, size: int, reason: str, position: int = -1) -> None:
         self.lost += size
         self._write(BytesLost(self.name, self.tail, size, reason, position))
 

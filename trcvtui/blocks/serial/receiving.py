@@ -11,24 +11,24 @@ from trcvtui.blocks.block import JobBlock, JoblessBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
-from trcvtui.blocks.framing import NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
-from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
+from trcvtui.blocks.framing import NO_FRAMES, Frame, FrameEnding, FrameMarks, Framer, Framing, marks_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 
 # Rule: Error, RxTimeout and the length stay until the next frame begins.
 
-FRAMES: Final[Mapping[Ending, Condition]] = {
-    Ending.SUFFIX: Condition.FRAME_RECEIVED,
-    Ending.SIZE: Condition.FRAME_RECEIVED,
-    Ending.GAP: Condition.FRAME_GAP,
-    Ending.OVERRUN: Condition.DATA_OVERRUN,
+FRAME_CONDITIONS: Final[Mapping[FrameEnding, Condition]] = {
+    FrameEnding.SUFFIX: Condition.FRAME_RECEIVED,
+    FrameEnding.SIZE: Condition.FRAME_RECEIVED,
+    FrameEnding.GAP: Condition.FRAME_GAP,
+    FrameEnding.OVERRUN: Condition.DATA_OVERRUN,
 }
-AWAITED: Final = Outcome(Condition.FRAME_AWAITED, Cause(Why.WAITING, "no frame has begun"))
-RESET: Final = Outcome(Condition.FRAME_AWAITED, Cause(Why.INPUT, "Reset is 1", pin="Reset", value=1))
+NO_FRAME_OUTCOME: Final = Outcome(Condition.FRAME_AWAITED, Cause(CauseKind.WAITING, "no frame has begun"))
+RESET: Final = Outcome(Condition.FRAME_AWAITED, Cause(CauseKind.INPUT, "Reset is 1", pin="Reset", value=1))
 
 
-class Reception:
+class FrameReceiveJob:
     """The frames of one instance, and the job of its block. `deliver` puts a frame into the data."""
 
     adhoc = False
@@ -37,7 +37,7 @@ class Reception:
         self,
         bound: SerialBinding,
         deliver: Callable[[bytes], None],
-        conditions: Mapping[Ending, Condition] = FRAMES,
+        conditions: Mapping[FrameEnding, Condition] = FRAME_CONDITIONS,
     ) -> None:
         self.need = 0
         self.framer = Framer()
@@ -50,7 +50,7 @@ class Reception:
         self._conditions = conditions
         self._target: tuple[str, int] | None = None  # the data of the part
         self._ends = bound.buffer.ends
-        self._idle = AWAITED
+        self._idle = NO_FRAME_OUTCOME
 
     # -- the job, for readers ----------------------------------------------------------------------------
 
@@ -60,46 +60,46 @@ class Reception:
 
     @property
     def have(self) -> int:
-        return self.framer.size
+        return self.framer.queued
 
     @property
-    def last_bytes(self) -> int | None:
+    def last_bytes_at(self) -> int | None:
         """Return when the newest byte was taken, in ns."""
         return self.framer.last_byte
 
-    def partial(self) -> bytes:
-        return self.framer.part
+    def partial_bytes(self) -> bytes:
+        return self.framer.partial_frame
 
     # -- one call ----------------------------------------------------------------------------------------
 
     def call(self, framing: Framing, target: tuple[str, int]) -> Outcome:
         """Take what is there, up to the end of one frame."""
-        received = self._buffer.look()
+        received = self._buffer.peek()
         if self._buffer.ends != self._ends:
             self._ends = self._buffer.ends
             self.abandon(self._buffer.end_reason)
-            self._idle = self._idle if self._idle.condition is not Condition.FRAME_PART else AWAITED
-        if self.framer.differs(framing) or (self.framer.busy and target != self._target):
+            self._idle = self._idle if self._idle.condition is not Condition.FRAME_PART else NO_FRAME_OUTCOME
+        if self.framer.framing_changed(framing) or (self.framer.busy and target != self._target):
             return self.refuse(
-                Condition.PARAMETER_CHANGED, Cause(Why.PARAMETER, "an input changed while busy")
+                Condition.PARAMETER_CHANGED, Cause(CauseKind.PARAMETER, "an input changed while busy")
             )
         self.need, self._target = framing.size, target
         noise = self.framer.discarded
-        used, frame = self.framer.take(received, framing, self._env.now)
-        self._buffer.take(used)
+        used, frame = self.framer.feed(received, framing, self._env.now)
+        self._buffer.read(used)
         if self.framer.discarded > noise:
             total = self.framer.discarded
-            stop = self._buffer.head - self.framer.size - (len(frame.content) if frame is not None else 0)
+            stop = self._buffer.head - self.framer.queued - (len(frame.content) if frame is not None else 0)
             size = total - noise
             self._env.write(NoiseDropped(self._instance, self._buffer.name, size, total, stop - size))
         if frame is not None:
-            return self._complete(frame, framing)
-        return self._waiting()
+            return self._deliver_frame(frame, framing)
+        return self._waiting_outcome()
 
     def reset(self) -> Outcome:
         """Throw the part away; the ComBuffer keeps its bytes."""
         self.abandon("Reset")
-        self._idle = AWAITED
+        self._idle = NO_FRAME_OUTCOME
         return RESET
 
     def refuse(self, condition: Condition, cause: Cause) -> Outcome:
@@ -110,85 +110,89 @@ class Reception:
 
     def abandon(self, reason: str) -> None:
         """Throw the part away, and tell the ledger."""
-        part = self.framer.drop()
+        part = self.framer.flush()
         if part:
             self._note_dropped(part, reason)
 
     detach = abandon
 
-    def _waiting(self) -> Outcome:
+    def _waiting_outcome(self) -> Outcome:
         if self.framer.busy:
-            have = Cause(Why.BYTES, "the frame has no end yet", have=self.framer.size, need=self.need)
+            have = Cause(CauseKind.BYTES, "the frame has no end yet", have=self.framer.queued, need=self.need)
             if self._idle.cause != have:
                 self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
         elif self._idle.condition is Condition.FRAME_PART or self.framer.had_false_start:
-            self._idle = AWAITED  # the start of a prefix has cleared what the last frame left
+            self._idle = NO_FRAME_OUTCOME  # the start of a prefix has cleared what the last frame left
         return self._idle
 
     def _note_dropped(self, part: bytes, reason: str) -> None:
-        self.tally, size = self.tally.dropped(reason), len(part)
+        self.tally, size = self.tally.count_dropped(reason), len(part)
         place = self._buffer.head - size
         self._env.write(PartialFrameDropped(self._instance, self._buffer.name, place, size, reason))
 
-    def _complete(self, frame: Frame, framing: Framing) -> Outcome:
+    def _deliver_frame(self, frame: Frame, framing: Framing) -> Outcome:
         size, ending = len(frame.content), frame.ending
         if ending not in self._conditions:  # no frame at all
-            return self._spoilt(frame)
-        self.last, self.tally = marks_of(frame, framing), self.tally.ended(ending)
+            return self._discard_spoilt(frame)
+        self.last, self.tally = marks_of(frame, framing), self.tally.count_ending(ending)
         place = self._buffer.head - size
         more = self.last.prefix, self.last.suffix, self.tally.frames
         self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending), *more))
         self._deliver(frame.content)
-        cause = Cause(Why.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
-        is_gap = ending is Ending.GAP
+        cause = Cause(CauseKind.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
+        is_gap = ending is FrameEnding.GAP
         shown = Outcome(self._conditions[ending], cause, size, lamp=Lamp.DONE, rx_timeout=is_gap)
         self._idle = replace(shown, lamp=None)
         return shown
 
-    def _spoilt(self, frame: Frame) -> Outcome:
+    def _discard_spoilt(self, frame: Frame) -> Outcome:
         """Throw away what a byte 00 has ended: a STRING cannot hold it."""
         size, reason = len(frame.content), str(frame.ending)
         self._note_dropped(frame.content, reason)
-        self._idle = Outcome(Condition.ZERO_CHARACTER, Cause(Why.BYTES, reason, have=size, need=self.need))
+        self._idle = Outcome(
+            Condition.ZERO_CHARACTER, Cause(CauseKind.BYTES, reason, have=size, need=self.need)
+        )
         return self._idle
 
 
-MILLISECOND = 1_000_000
+MILLISECOND_NS = 1_000_000
 
 
 class ReceiveData(JobBlock):
     def __init__(self, bound: SerialBinding) -> None:
-        self.job = Reception(bound, self._deliver)
+        self.job = FrameReceiveJob(bound, self._deliver)
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in this order: reset, pins, bytes."""
         if inputs.reset:
             return self.job.reset()
-        wrong = self._wrong(inputs)
+        wrong = self._find_input_error(inputs)
         if wrong is not None:
             return self.job.refuse(*wrong)
         assert self._data is not None
         framing = Framing(
             inputs.sizereceivedata,
-            _pointed(self._prefix, inputs.lenprefix),
-            _pointed(self._suffix, inputs.lensuffix),
-            inputs.timeout * MILLISECOND,
+            _read_pointer(self._prefix, inputs.lenprefix),
+            _read_pointer(self._suffix, inputs.lensuffix),
+            inputs.timeout * MILLISECOND_NS,
         )
         return self.job.call(framing, self._data.shape)
 
-    def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
+    def _find_input_error(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
         """Return the first of errors 21, 22 and 20 that the inputs have."""
         if self._data is None:
             return Condition.NULL_RECEIVE_POINTER, Cause(
-                Why.PARAMETER, "pReceiveData is 0", pin="pReceiveData"
+                CauseKind.PARAMETER, "pReceiveData is 0", pin="pReceiveData"
             )
         size, room = inputs.sizereceivedata, self._data.size
         if not 0 < size <= room:
-            cause = Cause(Why.PARAMETER, "the size is not greater than 0", pin="SizeReceiveData", value=size)
+            cause = Cause(
+                CauseKind.PARAMETER, "the size is not greater than 0", pin="SizeReceiveData", value=size
+            )
             if size > 0:
                 name = "the variable is smaller"
-                cause = Cause(Why.PARAMETER, name, pin="SizeReceiveData", have=room, need=size)
+                cause = Cause(CauseKind.PARAMETER, name, pin="SizeReceiveData", have=room, need=size)
             return Condition.RECEIVE_LENGTH_WRONG, cause
         for name, area, length in (
             ("pPrefix", self._prefix, inputs.lenprefix),
@@ -196,7 +200,7 @@ class ReceiveData(JobBlock):
         ):
             room = area.size if area is not None else 0
             if length > room:
-                cause = Cause(Why.PARAMETER, f"{name} points to less", pin=name, have=room, need=length)
+                cause = Cause(CauseKind.PARAMETER, f"{name} points to less", pin=name, have=room, need=length)
                 return Condition.NULL_POINTER, cause
         return None
 
@@ -206,14 +210,14 @@ class ReceiveData(JobBlock):
         self._data.write(0, content)
 
 
-def _pointed(area: DataArea | None, length: int) -> bytes:
+def _read_pointer(area: DataArea | None, length: int) -> bytes:
     return bytes(area.content[:length]) if area is not None else b""
 
 
-TEXTS: Final = {
-    Ending.SUFFIX: Condition.FRAME_RECEIVED,
-    Ending.GAP: Condition.FRAME_GAP,
-    Ending.OVERRUN: Condition.STRING_OVERRUN,
+STRING_CONDITIONS: Final = {
+    FrameEnding.SUFFIX: Condition.FRAME_RECEIVED,
+    FrameEnding.GAP: Condition.FRAME_GAP,
+    FrameEnding.OVERRUN: Condition.STRING_OVERRUN,
 }
 
 
@@ -221,18 +225,18 @@ class ReceiveString(JobBlock):
     longest = 80
 
     def __init__(self, bound: SerialBinding) -> None:
-        self.job = Reception(bound, self._deliver, TEXTS)
+        self.job = FrameReceiveJob(bound, self._deliver, STRING_CONDITIONS)
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
     def call(self, inputs: Inputs) -> Outcome:
         if inputs.reset:
             return self.job.reset()
         if self._data is None or self._data.size < 2:
-            cause = Cause(Why.PARAMETER, "ReceivedString is no STRING", pin="ReceivedString")
+            cause = Cause(CauseKind.PARAMETER, "ReceivedString is no STRING", pin="ReceivedString")
             return self.job.refuse(Condition.NULL_RECEIVE_POINTER, cause)
         longest = min(self.longest, self._data.size - 1)  # one byte is the 00 after the text
-        timeout = inputs.timeout * MILLISECOND
-        framing = Framing(longest, text_of(self._prefix), text_of(self._suffix), timeout, text=True)
+        timeout = inputs.timeout * MILLISECOND_NS
+        framing = Framing(longest, string_bytes(self._prefix), string_bytes(self._suffix), timeout, text=True)
         return self.job.call(framing, self._data.shape)
 
     def _deliver(self, content: bytes) -> None:
@@ -246,13 +250,13 @@ class ReceiveString255(ReceiveString):
     longest = 255
 
 
-def text_of(area: DataArea | None) -> bytes:
+def string_bytes(area: DataArea | None) -> bytes:
     """Return the characters of a STRING, up to its byte 00; of no STRING: none."""
     return bytes(area.content).partition(b"\0")[0] if area is not None else b""
 
 
-EMPTY: Final = Cause(Why.WAITING, "no byte waits")
-TAKEN: Final = Cause(Why.BYTES, "a byte was taken", have=1, need=1)
+NO_BYTE_CAUSE: Final = Cause(CauseKind.WAITING, "no byte waits")
+BYTE_TAKEN_CAUSE: Final = Cause(CauseKind.BYTES, "a byte was taken", have=1, need=1)
 
 
 class ReceiveByte(JoblessBlock):
@@ -261,11 +265,11 @@ class ReceiveByte(JoblessBlock):
     def __init__(self, bound: SerialBinding) -> None:
         super().__init__()
         self._buffer = bound.buffer
-        self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY)
+        self._empty = Outcome(Condition.BUFFER_EMPTY, NO_BYTE_CAUSE)
 
     def call(self, inputs: Inputs) -> Outcome:
-        if not self._buffer.look():
+        if not self._buffer.peek():
             return self._empty
-        byte = self._buffer.take(1)[0]
-        self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY, byte=byte)
-        return Outcome(Condition.FRAME_RECEIVED, TAKEN, lamp=Lamp.DONE, byte=byte)
+        byte = self._buffer.read(1)[0]
+        self._empty = Outcome(Condition.BUFFER_EMPTY, NO_BYTE_CAUSE, byte=byte)
+        return Outcome(Condition.FRAME_RECEIVED, BYTE_TAKEN_CAUSE, lamp=Lamp.DONE, byte=byte)

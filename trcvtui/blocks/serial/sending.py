@@ -6,15 +6,15 @@ from typing import Final
 
 from trcvtui.blocks.block import JoblessBlock, NoJob
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Outcome, Why
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
-from trcvtui.blocks.serial.receiving import text_of
+from trcvtui.blocks.serial.receiving import string_bytes
 
 # Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. What has
 # no room yet goes at the next calls (Busy); no prefix and no suffix is added.
 
-NOT_CALLED: Final = Cause(Why.INPUT, "EN is 0", pin="EN", value=0)
+EN_IS_0: Final = Cause(CauseKind.INPUT, "EN is 0", pin="EN", value=0)
 
 
 class SendBlock(NoJob):
@@ -24,7 +24,7 @@ class SendBlock(NoJob):
         self._env = bound.env
         self._buffer = bound.buffer
         self._data = bound.data
-        self._idle = Outcome(Condition.NO_JOB, NOT_CALLED)
+        self._idle = Outcome(Condition.NO_JOB, EN_IS_0)
         self._begun: tuple[int, object] | None = None  # length and data of what is being sent
 
     @property
@@ -34,7 +34,7 @@ class SendBlock(NoJob):
     def call(self, inputs: Inputs) -> Outcome:
         if not inputs.en:
             return self._idle
-        return self._keep(self._send(inputs))
+        return self._remember_outcome(self._send(inputs))
 
     def stop(self, reason: str) -> None:
         """Forget the rest; what is in the ComBuffer goes its way."""
@@ -52,29 +52,31 @@ class SendBlock(NoJob):
             return payload
         asked = len(payload), self._data.shape if self._data is not None else None
         if self.running and asked != self._begun:
-            return Outcome(Condition.PARAMETER_CHANGED, Cause(Why.PARAMETER, "an input changed while busy"))
+            return Outcome(
+                Condition.PARAMETER_CHANGED, Cause(CauseKind.PARAMETER, "an input changed while busy")
+            )
         if len(payload) > self._buffer.size:
             have, need = self._buffer.size, len(payload)
-            cause = Cause(Why.PARAMETER, "the ComBuffer is smaller", have=have, need=need)
+            cause = Cause(CauseKind.PARAMETER, "the ComBuffer is smaller", have=have, need=need)
             return Outcome(Condition.SEND_OVERRUN, cause)
         if not self.running:
             self.have, self.need, self._begun = 0, len(payload), asked
-        return self._go_on(payload)
+        return self._put_rest(payload)
 
-    def _go_on(self, payload: bytes) -> Outcome:
+    def _put_rest(self, payload: bytes) -> Outcome:
         room = payload[self.have : self.have + self._buffer.free]
         if room:
             self._buffer.put(room, is_received=False)
             self.have += len(room)
-            self.last_bytes = self._env.now
+            self.last_bytes_at = self._env.now
         is_all = self.have == self.need
-        cause = Cause(Why.BYTES, "in the ComBuffer", have=self.have, need=self.need)
+        cause = Cause(CauseKind.BYTES, "in the ComBuffer", have=self.have, need=self.need)
         return Outcome(Condition.SENT if is_all else Condition.SENDING, cause)
 
-    def _keep(self, shown: Outcome) -> Outcome:
+    def _remember_outcome(self, shown: Outcome) -> Outcome:
         self.running = shown.busy
         is_over = shown.condition is Condition.SENT
-        self._idle = Outcome(Condition.NO_JOB, NOT_CALLED) if is_over else shown
+        self._idle = Outcome(Condition.NO_JOB, EN_IS_0) if is_over else shown
         return shown
 
 
@@ -86,7 +88,7 @@ class SendData(SendBlock):
         have = self._data.size if self._data is not None else 0
         if self._data is None or inputs.length > have:
             name = "pSendData points to less"
-            cause = Cause(Why.PARAMETER, name, pin="pSendData", have=have, need=inputs.length)
+            cause = Cause(CauseKind.PARAMETER, name, pin="pSendData", have=have, need=inputs.length)
             return Outcome(Condition.NULL_POINTER, cause)
         return bytes(self._data.content[: inputs.length])
 
@@ -96,8 +98,10 @@ class SendString(SendBlock):
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
         if self._data is None:
-            return Outcome(Condition.NULL_POINTER, Cause(Why.PARAMETER, "no SendString", pin="SendString"))
-        return text_of(self._data)
+            return Outcome(
+                Condition.NULL_POINTER, Cause(CauseKind.PARAMETER, "no SendString", pin="SendString")
+            )
+        return string_bytes(self._data)
 
 
 class SendByte(SendBlock):
@@ -107,8 +111,8 @@ class SendByte(SendBlock):
         return bytes([inputs.sendbyte])
 
 
-IDLE: Final = Outcome(Condition.NO_JOB, NOT_CALLED)
-EMPTIED: Final = Outcome(Condition.BUFFER_EMPTY, Cause(Why.INPUT, "EN is 1", pin="EN", value=1))
+EN_IS_0_OUTCOME: Final = Outcome(Condition.NO_JOB, EN_IS_0)
+EMPTIED_OUTCOME: Final = Outcome(Condition.BUFFER_EMPTY, Cause(CauseKind.INPUT, "EN is 1", pin="EN", value=1))
 
 
 class ClearComBuffer(JoblessBlock):
@@ -121,6 +125,6 @@ class ClearComBuffer(JoblessBlock):
     def call(self, inputs: Inputs) -> Outcome:
         """Empty the buffer while EN is 1; what a block has taken of a frame stays with the block."""
         if not inputs.en:
-            return IDLE
-        self._buffer.empty(f"{type(self).__name__}")
-        return EMPTIED
+            return EN_IS_0_OUTCOME
+        self._buffer.discard_all(f"{type(self).__name__}")
+        return EMPTIED_OUTCOME

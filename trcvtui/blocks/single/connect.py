@@ -8,13 +8,13 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding, NoJob, RunningJob, ScriptBlock
+from trcvtui.blocks.block import ConnectBinding, NoJob, ScriptBlock, StoppableJob
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import StatusSequence
-from trcvtui.blocks.tcp.connection_control import established, set_up_failed, show_disconnect, show_reset
-from trcvtui.blocks.tcp.job_checks import changed, in_use, rival_of
+from trcvtui.blocks.tcp.connection_control import disconnect, established_cause, reset, set_up_failed
+from trcvtui.blocks.tcp.job_checks import changed_outcome, find_rival, in_use_cause
 from trcvtui.blocks.tcp.no_connection import loss_cause
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, State
 from trcvtui.net.connection.description import Description
@@ -22,30 +22,30 @@ from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 
-IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
-REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
-NO_ENDPOINT: Final = Cause(Why.INPUT, "REQ rose where no such connection is", pin="REQ", value=1)
+IDLE: Final = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+REQ_ROSE: Final = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
+NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose where no such connection is", pin="REQ", value=1)
 
 
-def no_socket(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
+def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
     """Return why nothing moves on a UDP_CONFIG: what failed when its socket was to be made, if anything."""
-    return _no_socket(port.failure, pin, asked)
+    return _cached_no_socket_outcome(port.failure, pin, asked)
 
 
 @lru_cache(64)
-def _no_socket(fault: Fault | None, pin: str, asked: str) -> Outcome:
+def _cached_no_socket_outcome(fault: Fault | None, pin: str, asked: str) -> Outcome:
     if fault is None:
-        return Outcome(Condition.NOT_CONNECTED, Cause(Why.INPUT, asked, pin=pin, value=1))
-    return Outcome(Condition.NOT_CONNECTED, replace(cause_of(fault), detail=asked))
+        return Outcome(Condition.NOT_CONNECTED, Cause(CauseKind.INPUT, asked, pin=pin, value=1))
+    return Outcome(Condition.NOT_CONNECTED, replace(cause_of_fault(fault), detail=asked))
 
 
 @lru_cache(1024)
-def shown_as(condition: Condition, outcome: Outcome) -> Outcome:
+def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
     """Return the same outcome under another condition; "started" is for one scan, whatever it waits for."""
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
-def end_of_job(loss: ConnectionLoss, job: RunningJob, course: StatusSequence, failed: Condition) -> Outcome:
+def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
     """End a job whose connection is gone; a connection that we have closed is no longer up."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
@@ -54,18 +54,18 @@ def end_of_job(loss: ConnectionLoss, job: RunningJob, course: StatusSequence, fa
     return Outcome(condition, cause)
 
 
-IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)
-STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
+ENDPOINT_IS_THERE: Final = Cause(CauseKind.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)
+STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
 class SingleTcon:
     """One TCON instance. What it has once established it builds again after each loss."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
         self._env = bound.env
         self._connection = bound.connection
-        self._claim = bound.claim()
+        self._claim = bound.make_claim()
         self._req = False
         self._is_building = False
         self._incarnation = 0  # the newest one that it has seen
@@ -77,11 +77,11 @@ class SingleTcon:
         if self._connection.state is State.CLOSED:
             self._keeps = False
         if self._is_building:
-            return self._go_on()
+            return self._advance()
         if rose:
             return self._begin()
         if self._keeps:
-            return self._look_after()
+            return self._maintain_connection()
         return IDLE
 
     def stop(self, reason: str) -> None:
@@ -91,57 +91,59 @@ class SingleTcon:
         self._connection.keeping.give_back(self._claim)
 
     def _begin(self) -> Outcome:
-        rival = rival_of(self._env, self._connection, self._claim)
+        rival = find_rival(self._env, self._connection, self._claim)
         if rival is not None:
-            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+            return Outcome(Condition.CONNECT_IN_USE, in_use_cause(rival, self._claim))
         if self._connection.set_up.is_closing:
-            return Outcome(Condition.NOT_NOW, STILL_CLOSED)
+            return Outcome(Condition.NOT_NOW, STILL_CLOSING)
         if self._connection.state is not State.CLOSED:
-            return self._refused()
+            return self._refuse()
         fault = self._connection.open(self._env.now)
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         self._is_building = True
         self._connection.keeping.hold(self._claim)
         return Outcome(Condition.STARTED, REQ_ROSE)
 
-    def _refused(self) -> Outcome:
+    def _refuse(self) -> Outcome:
         failed = self._connection.set_up.check_description()
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
-        return Outcome(Condition.ENDPOINT_THERE, IS_THERE)
+        return Outcome(Condition.ENDPOINT_THERE, ENDPOINT_IS_THERE)
 
-    def _go_on(self) -> Outcome:
+    def _advance(self) -> Outcome:
         if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT
-            self._end()
+            self._end_job()
             self._connection.disconnect()
-            return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
+            return Outcome(
+                Condition.RESET_IN_JOB, Cause(CauseKind.OTHER_BLOCK, "closed before it was established")
+            )
         failed = self._connection.step(self._env.scan, self._env.now)
         if failed is not None:
             if self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT:
                 return _BUILDING
-            self._end()
+            self._end_job()
             shown = set_up_failed(self._connection, failed, self._env.rules.course)
             self._connection.disconnect()
             return shown
         if not self._connection.is_up:
             return _BUILDING
-        self._end()
+        self._end_job()
         self._keeps, self._incarnation = True, self._connection.incarnation
-        return Outcome(Condition.FINISHED, established(self._connection))
+        return Outcome(Condition.FINISHED, established_cause(self._connection))
 
-    def _end(self) -> None:
+    def _end_job(self) -> None:
         self._is_building = False
         self._connection.keeping.give_back(self._claim)
 
-    def _look_after(self) -> Outcome:
+    def _maintain_connection(self) -> Outcome:
         """Build a lost connection again; a partner who refuses us has let this attempt fail."""
         loss = self._connection.find_loss(self._incarnation) or self._connection.check_loss()
         course = self._env.rules.course
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
             self._keeps = False
             self._connection.disconnect()
-            return Outcome(course.of_set_up(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
+            return Outcome(course.condition(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
         if self._connection.is_up:
             self._incarnation = self._connection.incarnation
         else:
@@ -149,41 +151,42 @@ class SingleTcon:
         return _KEEPING if self._connection.is_up else _REBUILDING
 
 
-_BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))
-_KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has not risen", pin="REQ"))
+_BUILDING = Outcome(Condition.RUNNING, Cause(CauseKind.WAITING, "no partner yet"))
+_KEEPING = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "established; REQ has not risen", pin="REQ"))
 _REBUILDING = Outcome(
-    Condition.NO_JOB, Cause(Why.WAITING, "it builds the lost connection again; REQ has not risen", pin="REQ")
+    Condition.NO_JOB,
+    Cause(CauseKind.WAITING, "it builds the lost connection again; REQ has not risen", pin="REQ"),
 )
 
-STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
+STILL_BUILDING: Final = Cause(CauseKind.OTHER_BLOCK, "the connection is still being built")
 
 
 class SingleScriptBlock(ScriptBlock):
     """An instruction without bytes: 7000, then from an edge of REQ on 7001, 7002, 0000 with DONE."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._connection = bound.connection
 
     def call(self, inputs: Inputs) -> Outcome:
         rose, self._req = inputs.req and not self._req, inputs.req
         if self._script:
-            return self._go_on()
+            return self._advance()
         return self._begin() if rose else IDLE
 
     def _begin(self) -> Outcome:
         self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
         return Outcome(Condition.STARTED, REQ_ROSE)
 
-    def _go_on(self) -> Outcome:
+    def _advance(self) -> Outcome:
         return self._script.popleft()
 
 
 class SingleTdiscon(SingleScriptBlock):
     """One TDISCON instance; nothing to close is 80A3, not built yet 80C4."""
 
-    def _go_on(self) -> Outcome:
-        shown = super()._go_on()
+    def _advance(self) -> Outcome:
+        shown = super()._advance()
         self._connection.set_up.is_closing = bool(self._script)
         return shown
 
@@ -200,11 +203,11 @@ class SingleTdiscon(SingleScriptBlock):
         set_up = self._connection.set_up
         if not set_up.has_been_up:  # its TCON ends with this, a _C block goes on
             set_up.is_withdrawn = True
-            return Outcome(Condition.NOT_NOW, STILL_BUILT)
+            return Outcome(Condition.NOT_NOW, STILL_BUILDING)
         fault = self._connection.queue_job()
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        ended = show_disconnect(self._connection, REQ_ROSE)
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
+        ended = disconnect(self._connection, REQ_ROSE)
         if ended[0].error:
             return ended[0]
         set_up.is_closing = True
@@ -224,25 +227,25 @@ class SingleTReset(SingleScriptBlock):
             return Outcome(Condition.NOTHING_TO_RESET, REQ_ROSE)
         fault = self._connection.queue_job()
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        ended = show_reset(self._connection, REQ_ROSE, (Condition.STARTED,))
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
+        ended = reset(self._connection, REQ_ROSE, (Condition.STARTED,))
         return ended[0] if ended[0].error else super()._begin()
 
 
 # InterfaceId, ID, ConnectionType, ActiveEstablished, State, Kind, SentBytes, ReceivedBytes.
 RESULT_LAYOUT: Final = struct.Struct(">HHBBBBII")
-INTERFACE: Final = 64  # the usual hardware identifier of a CPU's port
-FIRST_ID: Final = 1
-TCP: Final = 11
-PROGRAMMED: Final = 3
-DOWN, TRYING, WAITING, ESTABLISHED = 1, 2, 3, 4
-COUNTER: Final = 0xFFFFFFFF
+DEFAULT_INTERFACE_ID: Final = 64  # the usual hardware identifier of a CPU's port
+DEFAULT_ID: Final = 1
+TCP_TYPE: Final = 11
+KIND_PROGRAMMED: Final = 3
+STATE_DOWN, STATE_TRYING, STATE_WAITING, STATE_ESTABLISHED = 1, 2, 3, 4
+COUNTER_MASK: Final = 0xFFFFFFFF
 
 
 class TDiag(SingleScriptBlock):
     """One T_DIAG instance; RESULT is written with DONE."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         super().__init__(bound)
         self._result = bound.data
         self._shape: tuple[str, int] | None = None
@@ -251,49 +254,49 @@ class TDiag(SingleScriptBlock):
         if self._result is None or self._result.size < RESULT_LAYOUT.size:
             have = self._result.size if self._result is not None else 0
             need = RESULT_LAYOUT.size
-            short = Cause(Why.PARAMETER, "RESULT is too small", pin="RESULT", have=have, need=need)
+            short = Cause(CauseKind.PARAMETER, "RESULT is too small", pin="RESULT", have=have, need=need)
             return Outcome(Condition.RESULT_WRONG, short)
         if self._connection.state is State.CLOSED:
             return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         self._shape = self._result.shape
         return super()._begin()
 
-    def _go_on(self) -> Outcome:
+    def _advance(self) -> Outcome:
         assert self._result is not None
         if self._result.shape != self._shape:
             self._script.clear()
-            return changed("RESULT")
-        shown = super()._go_on()
+            return changed_outcome("RESULT")
+        shown = super()._advance()
         if shown.condition is Condition.FINISHED:
-            self._result.write(0, _status(self._connection))
+            self._result.write(0, _pack_result(self._connection))
         return shown
 
 
-def _status(connection: Connection) -> bytes:
+def _pack_result(connection: Connection) -> bytes:
     return RESULT_LAYOUT.pack(
-        *_described(connection.config.description),
+        *_identity_fields(connection.config.description),
         connection.config.active,
-        _state(connection),
-        PROGRAMMED,
-        connection.bytes_sent & COUNTER,
-        connection.bytes_received & COUNTER,
+        _diag_state(connection),
+        KIND_PROGRAMMED,
+        connection.bytes_sent & COUNTER_MASK,
+        connection.bytes_received & COUNTER_MASK,
     )
 
 
-def _described(description: Description | None) -> tuple[int, int, int]:
+def _identity_fields(description: Description | None) -> tuple[int, int, int]:
     if description is None:
-        return INTERFACE, FIRST_ID, TCP
+        return DEFAULT_INTERFACE_ID, DEFAULT_ID, TCP_TYPE
     number = description.number
     return (
-        number("InterfaceId") or INTERFACE,
+        number("InterfaceId") or DEFAULT_INTERFACE_ID,
         number("ID") or number("id"),
         number("ConnectionType") or number("connection_type"),
     )
 
 
-def _state(connection: Connection) -> int:
+def _diag_state(connection: Connection) -> int:
     if connection.is_up:
-        return ESTABLISHED
+        return STATE_ESTABLISHED
     if connection.state is State.CONNECTED:
-        return DOWN  # lost, and somebody still reads what came before
-    return TRYING if connection.config.active else WAITING
+        return STATE_DOWN  # lost, and somebody still reads what came before
+    return STATE_TRYING if connection.config.active else STATE_WAITING

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding, JobBlock
+from trcvtui.blocks.block import ConnectBinding, JobBlock
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
+from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionControl, OneShotCont, Phase
-from trcvtui.blocks.tcp.job_checks import FaultRepeat
+from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionControl, ConnectionDemand, Phase
+from trcvtui.blocks.tcp.job_checks import RepeatedFaultFilter
 from trcvtui.blocks.tcp.no_connection import StandingRequest, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import NO_REQ, SendJob
@@ -17,107 +17,109 @@ from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class TrcvC(JobBlock):
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
         has_addr = bound.address is not None
         self._inputs: Inputs | None = None
         self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
-        self._told = FaultRepeat(self._course.faults_once, Condition.CONNECTED)
-        self._cont = OneShotCont(BY_EN_R if self._course.request_connects else None)
-        self._part = ConnectionControl(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
+        self._told = RepeatedFaultFilter(self._course.faults_once, Condition.CONNECTED)
+        self._cont = ConnectionDemand(BY_EN_R if self._course.request_connects else None)
+        self._part = ConnectionControl(bound.env, bound.connection, bound.make_claim(), has_addr, self._cont)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in this order: inputs, connection, loss, data."""
         # The usual scan, in short.
-        if inputs is self._inputs and self._part.stands() and not self._cont.is_due:
-            return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
+        if inputs is self._inputs and self._part.is_steady() and not self._cont.is_due:
+            return self._receive(inputs) if self._should_receive(inputs) else self._answer_idle(None)
         self._inputs = inputs
-        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
+        self._request.update(inputs, cont_rose=inputs.cont and not self._part.cont)
         stood = self._part.phase is Phase.CONNECTED
-        cont = self._cont.level(inputs.cont, self._is_asked(inputs), self._part.is_closing)
+        cont = self._cont.update(inputs.cont, self._has_request(inputs), self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if stood and self._part.phase is not Phase.CONNECTED:
-            self._cont.count(inputs.cont)  # a reset begins it anew
+            self._cont.latch_cont(inputs.cont)  # a reset begins it anew
         if outcome is not None:
-            return self._while_not_receiving(inputs, outcome)
-        return self._connected(inputs)
+            return self._answer_not_connected(inputs, outcome)
+        return self._answer_connected(inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
-    def _goes_on(self, inputs: Inputs) -> bool:
+    def _should_receive(self, inputs: Inputs) -> bool:
         """Return whether the job has this scan: EN_R is 1, or a job that has begun outlives it."""
         return inputs.en_r or self.job.outlives_en_r(self._begins)
 
-    def _is_asked(self, inputs: Inputs) -> bool:
+    def _has_request(self, inputs: Inputs) -> bool:
         waits = self._begins or self._part.phase is not Phase.CONNECTED
-        return self._goes_on(inputs) and (self.job.running or waits)
+        return self._should_receive(inputs) and (self.job.running or waits)
 
     def detach(self, reason: str) -> None:
         self._part.detach()
         super().detach(reason)
 
-    def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
+    def _answer_not_connected(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
         self._told.forget()
         self._begins = outcome.condition is Condition.JOB_BEGINS and self.job.reserve(inputs)
         if outcome.condition is Condition.JOB_BEGINS:
-            return self._part.first_scan(outcome, self._begins)
+            return self._part.first_scan_outcome(outcome, self._begins)
         if outcome.condition is Condition.CONNECTED:
-            self._request.answered()
-        elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
+            self._request.forget_edge()
+        elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.consume():
             told = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
             return replace(told, cause=replace(told.cause, is_expected=not self._connection.incarnation))
         return outcome
 
     # -- connected ------------------------------------------------------------------------------------
 
-    def _connected(self, inputs: Inputs) -> Outcome:
+    def _answer_connected(self, inputs: Inputs) -> Outcome:
         loss = self._connection.find_loss(self._part.incarnation, self.job.claim)
-        if not self._goes_on(inputs):
+        if not self._should_receive(inputs):
             self.job.abandon("EN_R fell")
-            return self._idle(loss)
+            return self._answer_idle(loss)
         if loss is not None:
-            return self._lost(loss)
-        self._request.answered()
+            return self._handle_loss(loss)
+        self._request.forget_edge()
         return self._receive(inputs)
 
     def _receive(self, inputs: Inputs) -> Outcome:
         self._begins = False
         got = self.job.call(inputs)
         if not isinstance(got, Outcome):
-            return self._lost(got)
+            return self._handle_loss(got)
         if got.condition is Condition.RECEIVED:
-            self._cont.served()
-        return self._told.shown(got, inputs) if self._course.faults_once else got
+            self._cont.note_job_done()
+        return self._told.filter_outcome(got, inputs) if self._course.faults_once else got
 
-    def _idle(self, loss: ConnectionLoss | None) -> Outcome:
-        self.job.let_go()
+    def _answer_idle(self, loss: ConnectionLoss | None) -> Outcome:
+        self.job.release_direction()
         self._told.forget()
         loss = loss or self.job.check_loss()
-        return EN_R_IS_0 if loss is None else self._lost(loss)
+        return EN_R_IS_0 if loss is None else self._handle_loss(loss)
 
-    def _lost(self, loss: ConnectionLoss) -> Outcome:
+    def _handle_loss(self, loss: ConnectionLoss) -> Outcome:
         assert self._inputs is not None
-        self._cont.count(self._inputs.cont)  # the connection is begun anew
-        return self._part.lost(self.job.show_loss(loss), "the connection is gone")
+        self._cont.latch_cont(self._inputs.cont)  # the connection is begun anew
+        return self._part.start_reconnecting(self.job.end_by_loss(loss), "the connection is gone")
 
 
-EN_R_IS_0 = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
+EN_R_IS_0 = Outcome(
+    Condition.CONNECTED, Cause(CauseKind.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True
+)
 
 
 class TsendC(JobBlock):
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
         has_addr = bound.address is not None
         self._course = bound.env.rules.course
-        self._cont = OneShotCont(BY_REQ if self._course.request_connects else None)
-        self._part = ConnectionControl(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
+        self._cont = ConnectionDemand(BY_REQ if self._course.request_connects else None)
+        self._part = ConnectionControl(bound.env, bound.connection, bound.make_claim(), has_addr, self._cont)
         self._inputs: Inputs | None = None
         self._req = False
         self._shown = NO_REQ, NO_REQ  # without BUSY, and with it
@@ -126,21 +128,21 @@ class TsendC(JobBlock):
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in this order: inputs, connection, loss, data."""
         # The usual scan, in short.
-        if inputs is self._inputs and self._part.stands() and not self._asked and not self._cont.is_due:
+        if inputs is self._inputs and self._part.is_steady() and not self._asked and not self._cont.is_due:
             return self._send(inputs, req_rose=False)
         self._inputs = inputs
         req_rose = inputs.req and not self._req
         self._req = inputs.req
         if not self._course.request_connects:
             return self._answer(inputs, req_rose)
-        if req_rose and not self._is_asked():  # an edge until DONE or ERROR is none
+        if req_rose and not self._has_request():  # an edge until DONE or ERROR is none
             self._asked = True
-            self._cont.count(inputs.cont)
-            self._cont.served()
-        return self._busy(self._answer(inputs, req_rose=False))
+            self._cont.latch_cont(inputs.cont)
+            self._cont.note_job_done()
+        return self._with_busy(self._answer(inputs, req_rose=False))
 
     def _answer(self, inputs: Inputs, req_rose: bool) -> Outcome:
-        cont = self._cont.level(inputs.cont, self._is_asked(), self._part.is_closing)
+        cont = self._cont.update(inputs.cont, self._has_request(), self._part.is_closing)
         if cont and not self._part.cont and self._course.waiting_req_sends:
             # A new connection: also a REQ that has had its DONE on the old one, unless REQ itself connects.
             self._asked |= inputs.req and not self._course.request_connects
@@ -149,17 +151,17 @@ class TsendC(JobBlock):
         job_error = self._course.reset_ends_send if self.job.running else None
         outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=job_error)
         if outcome is not None:
-            return self._while_not_sending(inputs, outcome, req_rose)
+            return self._answer_not_connected(inputs, outcome, req_rose)
         loss = self._connection.find_loss(self._part.incarnation)
         if self._course.waiting_req_sends:
             req_rose, self._asked = req_rose or self._asked, False
-        return self._send(inputs, req_rose) if loss is None else self._lost(loss, req_rose)
+        return self._send(inputs, req_rose) if loss is None else self._handle_loss(loss, req_rose)
 
-    def _is_asked(self) -> bool:
+    def _has_request(self) -> bool:
         return self._asked or self.job.running
 
-    def _busy(self, outcome: Outcome) -> Outcome:
-        if not self._is_asked() or outcome.busy or outcome.done or outcome.error:
+    def _with_busy(self, outcome: Outcome) -> Outcome:
+        if not self._has_request() or outcome.busy or outcome.done or outcome.error:
             return outcome
         if self._shown[0] is not outcome:
             self._shown = outcome, replace(outcome, lamp=Lamp.BUSY)
@@ -171,20 +173,20 @@ class TsendC(JobBlock):
 
     # -- 80A1: asked for data, not connected -------------------------------------
 
-    def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+    def _answer_not_connected(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.JOB_BEGINS:
-            outcome = self._part.first_scan(outcome, self.job.reserve(inputs))
+            outcome = self._part.first_scan_outcome(outcome, self.job.reserve(inputs))
         if self._course.waiting_req_sends:
-            return self._keep_asking(inputs, outcome, req_rose)
+            return self._keep_request(inputs, outcome, req_rose)
         self._asked = (self._asked or req_rose) and inputs.cont
-        if not self._asked or not self._may_complain(outcome):
+        if not self._asked or not self._may_show_not_connected(outcome):
             return outcome
         self._asked = False
         self._part.hold_back(outcome)
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
-    def _keep_asking(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+    def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Remember a REQ that stays 1: it sends when the connection is up; one that falls before is lost.
 
         An edge that connects by itself is kept, whatever REQ does after it.
@@ -194,10 +196,10 @@ class TsendC(JobBlock):
         else:
             self._asked = (self._asked or req_rose) and inputs.req
         if outcome.condition is Condition.RESET_IN_JOB:
-            self._cont.goes_on()
+            self._cont.keep_connection()
         return outcome
 
-    def _may_complain(self, outcome: Outcome) -> bool:
+    def _may_show_not_connected(self, outcome: Outcome) -> bool:
         """Return whether 80A1 may take this scan: the second 7002 and later, or the first 7004.
 
         An edge is never lost without a word, so the 7004 waits for it by one scan.
@@ -210,12 +212,12 @@ class TsendC(JobBlock):
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
         got = self.job.call(inputs, req_rose)
-        return got if isinstance(got, Outcome) else self._lost(got, req_rose)
+        return got if isinstance(got, Outcome) else self._handle_loss(got, req_rose)
 
-    def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
+    def _handle_loss(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
         was_asked = req_rose or self.job.running
-        shown = self.job.show_loss(loss, asked=req_rose)
-        outcome = self._part.lost(shown, "the connection is gone")
+        shown = self.job.end_by_loss(loss, asked=req_rose)
+        outcome = self._part.start_reconnecting(shown, "the connection is gone")
         if self._course.request_connects:
             self._asked = was_asked and not outcome.error  # BUSY until the error that ends it
         else:

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.rules import StatusSequence
-from trcvtui.blocks.tcp.job_checks import in_use, rival_of
+from trcvtui.blocks.tcp.job_checks import find_rival, in_use_cause
 from trcvtui.net.connection.connection import Connection, LossKind, State
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage, StepFault
@@ -34,26 +34,26 @@ class ConnectionReasons(Struct, frozen=True):
     idle: Outcome
 
 
-def _idle(name: str, pin: str) -> Outcome:
-    return Outcome(Condition.NO_JOB, Cause(Why.INPUT, name, pin=pin, value=0), stable=True)
+def _idle_outcome(name: str, pin: str) -> Outcome:
+    return Outcome(Condition.NO_JOB, Cause(CauseKind.INPUT, name, pin=pin, value=0), stable=True)
 
 
-CONT_ROSE: Final = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
-CONT_FELL: Final = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
-CONT_IS_0: Final = _idle("CONT is 0", "CONT")
+CONT_ROSE: Final = Cause(CauseKind.INPUT, "CONT rose", pin="CONT", value=1)
+CONT_FELL: Final = Cause(CauseKind.INPUT, "CONT fell", pin="CONT", value=0)
+CONT_IS_0: Final = _idle_outcome("CONT is 0", "CONT")
 BY_REQ: Final = ConnectionReasons(
-    asked=Cause(Why.INPUT, "REQ rose without a connection", pin="REQ", value=1),
-    ended=Cause(Why.INPUT, "CONT was 0 when REQ rose", pin="CONT", value=0),
-    idle=_idle("CONT is 0 and REQ has not risen", "REQ"),
+    asked=Cause(CauseKind.INPUT, "REQ rose without a connection", pin="REQ", value=1),
+    ended=Cause(CauseKind.INPUT, "CONT was 0 when REQ rose", pin="CONT", value=0),
+    idle=_idle_outcome("CONT is 0 and REQ has not risen", "REQ"),
 )
 BY_EN_R: Final = ConnectionReasons(
-    asked=Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
-    ended=Cause(Why.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
-    idle=_idle("CONT and EN_R are 0", "EN_R"),
+    asked=Cause(CauseKind.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
+    ended=Cause(CauseKind.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
+    idle=_idle_outcome("CONT and EN_R are 0", "EN_R"),
 )
 
 
-class OneShotCont:
+class ConnectionDemand:
     """CONT of one instance. `told` None: the connection is wanted as long as the pin is 1."""
 
     def __init__(self, told: ConnectionReasons | None) -> None:
@@ -64,7 +64,7 @@ class OneShotCont:
         self._is_single = False  # it serves one job
         self._cont = self._is_wanted = False
 
-    def level(self, cont: bool, asks: bool, is_closing: bool) -> bool:
+    def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
         `asks`: a request waits for it, or a job runs on it; `is_closing`: what a close shows is not over.
@@ -79,19 +79,19 @@ class OneShotCont:
         elif (cont or asks) and not is_closing and not self._is_wanted:
             self._is_wanted = True
             self.begins = self._told.asked if asks else CONT_ROSE
-            self.count(cont)
+            self.latch_cont(cont)
         return self._is_wanted
 
-    def count(self, cont: bool) -> None:
+    def latch_cont(self, cont: bool) -> None:
         """Take CONT as it is now for the job that comes."""
         self._is_single = not cont
 
-    def served(self) -> None:
+    def note_job_done(self) -> None:
         """Say that the job has what it came for."""
         if self._told is not None and self._is_single and not self.is_due:
             self.is_due, self.ends_by = True, self._told.ended
 
-    def goes_on(self) -> None:
+    def keep_connection(self) -> None:
         """Keep the connection: it is built anew, and the job that was to end it is gone."""
         self.is_due = self._is_single = False
 
@@ -99,25 +99,25 @@ class OneShotCont:
 # Disconnect and reset answer what they show, one outcome a scan; a call that failed is the only one shown.
 
 
-def show_disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
+def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
     """Close the connection and the listener: closing, closed by us."""
     peer = connection.partner
     fault = connection.disconnect()
     if fault is not None:
-        return [Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault, peer))]
+        return [Outcome(_failure_condition(fault, Condition.DISCONNECT_FAILED), cause_of_fault(fault, peer))]
     return [Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)]
 
 
-def show_reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
+def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
     """Abort the connection with RST and show these; the listener stays."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:
-        return [Outcome(_unless_poll_del(fault, Condition.RESET_FAILED), cause_of(fault, peer))]
+        return [Outcome(_failure_condition(fault, Condition.RESET_FAILED), cause_of_fault(fault, peer))]
     return [Outcome(condition, cause) for condition in shown]
 
 
-def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
+def _failure_condition(fault: Fault, otherwise: Condition) -> Condition:
     return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
 
 
@@ -125,7 +125,7 @@ def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
 # Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
 
 
-class ConnectInUse:
+class RivalWatch:
     """What one block that wants to build a connection knows of its rivals."""
 
     def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
@@ -135,23 +135,23 @@ class ConnectInUse:
         self._claim = claim
         self._again_at = 0
 
-    def begin(self) -> bool:
+    def check_at_start(self) -> bool:
         """Look as CONT rises; return whether somebody is in the way, which the next look tells."""
-        rival = rival_of(self._env, self._connection, self._claim)
+        rival = find_rival(self._env, self._connection, self._claim)
         self.rival = rival.instance if rival is not None else ""
         self._again_at = self._env.now
         return rival is not None
 
-    def look(self) -> Outcome | None:
+    def check_again(self) -> Outcome | None:
         """Look again when it is time; return the error when somebody is in the way, else None."""
         if self._env.now < self._again_at:
             return None
-        rival = rival_of(self._env, self._connection, self._claim)
+        rival = find_rival(self._env, self._connection, self._claim)
         self.rival = rival.instance if rival is not None else ""
         if rival is None:
             return None
         self._again_at = self._env.now + self._env.rules.policy.retry_ns
-        return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        return Outcome(Condition.CONNECT_IN_USE, in_use_cause(rival, self._claim))
 
 
 class Phase(Enum):
@@ -172,7 +172,7 @@ class ConnectionControl:
         connection: Connection,
         claim: Claim,
         has_addr: bool = True,
-        level: OneShotCont | None = None,
+        level: ConnectionDemand | None = None,
     ) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
@@ -187,15 +187,15 @@ class ConnectionControl:
         self._script: deque[Outcome] = deque()
         self.cont = False
         self._has_begun_anew = False  # CONT has risen, and no connection has stood since
-        self._level = level or OneShotCont(None)
+        self._level = level or ConnectionDemand(None)
         self._com_rst = False
         self._close_wanted = False
         self._reset_wanted = False
         self._queued = False
-        self._connect_in_use = ConnectInUse(env, connection, claim)
+        self._connect_in_use = RivalWatch(env, connection, claim)
         self._wait: tuple[tuple[str, str, str, str, bool], Outcome] | None = None
 
-    def stands(self) -> bool:
+    def is_steady(self) -> bool:
         """Return whether the connection stands, and inputs that have not changed leave all to the job."""
         return (
             self.phase is Phase.CONNECTED
@@ -229,9 +229,9 @@ class ConnectionControl:
             return self._start()
         if not cont:
             return self._script.popleft() if self._script else self._level.idle
-        return self._hold()
+        return self._answer_while_wanted()
 
-    def _hold(self) -> Outcome | None:
+    def _answer_while_wanted(self) -> Outcome | None:
         reset = self._reset() if self._reset_wanted else None
         if reset is not None:
             return reset
@@ -242,11 +242,11 @@ class ConnectionControl:
         if self.phase is Phase.IDLE:
             return self._start()
         if self._connect_in_use.rival:
-            return self._go_on_connect_in_use()
+            return self._wait_for_rival()
         if self.phase is Phase.STARTING:
-            return self._go_on_starting()
+            return self._advance_starting()
         if self.phase is Phase.CONNECTING:
-            return self._go_on_connecting()
+            return self._advance_connecting()
         return None
 
     # -- CONT rises ---------------------------------------------------------------------------
@@ -254,28 +254,28 @@ class ConnectionControl:
     def _start(self) -> Outcome:
         self._script.clear()
         self._close_wanted = self._reset_wanted = False
-        if self._connect_in_use.begin():
+        if self._connect_in_use.check_at_start():
             self.phase, self._queued = Phase.STARTING, False
-            return self._begun()
+            return self._creating_outcome()
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
-            return self.wait("another block has opened the connection")
+            return self.begin_waiting("another block has opened the connection")
         fault = self._connection.open(self._env.now, self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        return self._begun()
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
+        return self._creating_outcome()
 
-    def _begun(self) -> Outcome:
+    def _creating_outcome(self) -> Outcome:
         return Outcome(Condition.CREATING, self._level.begins)
 
-    def _go_on_connect_in_use(self) -> Outcome:
-        refused = self._connect_in_use.look()
+    def _wait_for_rival(self) -> Outcome:
+        refused = self._connect_in_use.check_again()
         if refused is not None:
-            self._script.extend(self._rebuilding(refused.cause))
+            self._script.extend(self._rebuilding_outcomes(refused.cause))
             return refused
         if self._connect_in_use.rival:
-            return self._wait_for(
+            return self._waiting(
                 "before the next attempt", detail=f"{self._connect_in_use.rival} works on it"
             )
         begun = self._start()
@@ -285,17 +285,17 @@ class ConnectionControl:
             else begun
         )
 
-    def _go_on_starting(self) -> Outcome:
+    def _advance_starting(self) -> Outcome:
         if not self._queued:
             return self._start()
         failed = self._connection.step(self._env.scan, self._env.now)
         if failed is not None:
-            return self._set_up_failed(failed)
+            return self._show_set_up_failure(failed)
         if self._connection.state is State.CREATED:
             return _CREATED
-        return self.wait("the set-up has begun")
+        return self.begin_waiting("the set-up has begun")
 
-    def _set_up_failed(self, failed: StepFault) -> Outcome:
+    def _show_set_up_failure(self, failed: StepFault) -> Outcome:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
@@ -304,31 +304,31 @@ class ConnectionControl:
         if is_silent and failed.stage is SetUpStage.CONNECT:
             self.waits += 1
             return replace(shown, condition=Condition.ESTABLISHING)
-        self._script.extend(self._rebuilding(shown.cause))
+        self._script.extend(self._rebuilding_outcomes(shown.cause))
         return shown
 
-    def _rebuilding(self, cause: Cause) -> list[Outcome]:
+    def _rebuilding_outcomes(self, cause: Cause) -> list[Outcome]:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
-    def _go_on_connecting(self) -> Outcome:
+    def _advance_connecting(self) -> Outcome:
         is_second = self._course.second_lags and self._connection.is_up_for(self._claim)
         failed = self._connection.step(self._env.scan, self._env.now)
         lags = is_second and self._connection.since_scan == self._env.scan
         if self.waits and not lags and self._connection.is_up_for(self._claim):
-            return self._connected()
+            return self._become_connected()
         if failed is not None:
-            return self._set_up_failed(failed)
+            return self._show_set_up_failure(failed)
         self.waits += 1
-        return self._waiting()
+        return self._waiting_outcome()
 
-    def _connected(self) -> Outcome:
+    def _become_connected(self) -> Outcome:
         self.phase, self._has_begun_anew = Phase.CONNECTED, False
         self.incarnation = self._connection.incarnation
-        cause = established(self._connection)
+        cause = established_cause(self._connection)
         begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
 
-    def first_scan(self, begun: Outcome, reserved: bool) -> Outcome:
+    def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
         """Return the first scan of a connection: that of a job, unless the job will be refused."""
         if reserved:
             return begun
@@ -339,40 +339,38 @@ class ConnectionControl:
         if outcome.condition is Condition.CONNECTED:
             self._script.append(outcome)
 
-    def wait(self, reason: str) -> Outcome:
+    def begin_waiting(self, reason: str) -> Outcome:
         """Show the first scan of "connecting"."""
         self.phase, self.waits = Phase.CONNECTING, 1
-        return Outcome(Condition.ESTABLISHING, Cause(Why.SEQUENCE, reason))
+        return Outcome(Condition.ESTABLISHING, Cause(CauseKind.SEQUENCE, reason))
 
-    def _waiting(self) -> Outcome:
+    def _waiting_outcome(self) -> Outcome:
         set_up = self._connection.set_up
         if not self._connection.config.active:
             # From the second 7002 on only the poll, or another block, can end this.
             stable = self.waits > 1 and set_up.listener is not None
-            return self._wait_for("no partner yet", local=str(set_up.listening_end or ""), stable=stable)
+            return self._waiting("no partner yet", local=str(set_up.listening_end or ""), stable=stable)
         remote = str(set_up.remote or "")
-        return self._wait_for(
-            "before the next attempt" if set_up.attempt is None else "no answer yet", remote
-        )
+        return self._waiting("before the next attempt" if set_up.attempt is None else "no answer yet", remote)
 
-    def _wait_for(
+    def _waiting(
         self, what: str, peer: str = "", detail: str = "", local: str = "", stable: bool = False
     ) -> Outcome:
         now = (what, peer, detail, local, stable)
         if self._wait is None or self._wait[0] != now:
-            cause = Cause(Why.WAITING, what, peer=peer, detail=detail, local=local)
+            cause = Cause(CauseKind.WAITING, what, peer=peer, detail=detail, local=local)
             self._wait = now, Outcome(Condition.ESTABLISHING, cause, stable=stable)
         return self._wait[1]
 
     # -- the connection is gone -----------------------------------------------------------------
 
-    def lost(self, shown: Iterable[Outcome], reason: str) -> Outcome:
+    def start_reconnecting(self, shown: Iterable[Outcome], reason: str) -> Outcome:
         """Show these, one a scan, then connecting; nothing to show is connecting at once."""
         self._script = deque(shown)
         if not self._script:
-            return self.wait(reason)
+            return self.begin_waiting(reason)
         if self._script[-1].error and self._script[-1].condition is not self._course.still_asked:
-            self._script.extend(self._rebuilding(self._script[-1].cause))
+            self._script.extend(self._rebuilding_outcomes(self._script[-1].cause))
         self.phase, self.waits = Phase.CONNECTING, 0
         return self._script.popleft()
 
@@ -391,11 +389,11 @@ class ConnectionControl:
         fault = None if self._connection.state is State.CLOSED else self._connection.queue_job()
         self._close_wanted = fault is not None
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         was_up = self._was_up()
         self.phase = Phase.IDLE
         self._connection.keeping.give_back(self._claim)
-        shown, *more = show_disconnect(self._connection, cause)
+        shown, *more = disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown
 
@@ -412,35 +410,35 @@ class ConnectionControl:
         fault = self._connection.queue_job()
         if fault is not None:
             self._reset_wanted = True
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         self.phase, self.waits = Phase.CONNECTING, 0
-        cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
-        shown, *more = self._drop(cause)
+        cause = Cause(CauseKind.INPUT, "COM_RST rose", pin="COM_RST", value=1)
+        shown, *more = self._reset_connection(cause)
         self._script = deque(more)
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
 
-    def _drop(self, cause: Cause) -> list[Outcome]:
+    def _reset_connection(self, cause: Cause) -> list[Outcome]:
         first = (self._job_error,) if self._job_error else ()
         if not self._course.reset_closes:
-            return show_reset(self._connection, cause, (*first, *self._course.reset))
+            return reset(self._connection, cause, (*first, *self._course.reset))
         self.phase, self._queued = Phase.STARTING, False
-        closed = show_disconnect(self._connection, cause)[0]
+        closed = disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
 
 
-def established(connection: Connection) -> Cause:
+def established_cause(connection: Connection) -> Cause:
     """Return why a connection stands: somebody came, or with datagrams nobody has to."""
     if connection.config.is_datagram:
-        return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
-    return Cause(Why.PARTNER, "the partner is connected", peer=connection.partner)
+        return Cause(CauseKind.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+    return Cause(CauseKind.PARTNER, "the partner is connected", peer=connection.partner)
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: StatusSequence) -> Outcome:
     peer = connection.set_up.remote if failed.stage is SetUpStage.CONNECT else None
-    cause = cause_of(failed.fault, failed.client or str(peer or ""))
+    cause = cause_of_fault(failed.fault, failed.client or str(peer or ""))
     if failed.detail:
         cause = replace(cause, detail=failed.detail)
-    return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)
+    return Outcome(course.condition(failed.stage, failed.fault.error), cause)
 
 
-_CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the set-up has begun"))
+_CREATED = Outcome(Condition.CREATED, Cause(CauseKind.SEQUENCE, "the set-up has begun"))

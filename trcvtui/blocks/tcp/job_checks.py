@@ -6,13 +6,13 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.data_area import DataArea, Elements
+from trcvtui.blocks.data_area import DataArea, ElementKind
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.rules import AreaRules
+from trcvtui.blocks.rules import DataAreaRules
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim, DirectionClaims
@@ -35,7 +35,7 @@ class JobRequest(NamedTuple):
     needs_len: bool = False
 
 
-def refuse(
+def acquire(
     env: Environment,
     data: DataArea | None,
     request: JobRequest,
@@ -44,51 +44,51 @@ def refuse(
     connect: str,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
-    unfit = _misfit(env, data, request)
+    unfit = _find_misfit(env, data, request)
     if unfit is not None:
         return unfit
     other = request.rival or direction.try_take(claim)
     if other is not None:
-        return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
+        return Outcome(Condition.CONNECT_IN_USE, in_use_cause(other, claim))
     fault = env.resources.buffers.acquire(connect)
-    return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+    return Outcome(Condition.NO_BUFFER, cause_of_fault(fault)) if fault is not None else None
 
 
-def fits(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
+def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
     """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
-    return request.rival is None and _misfit(env, data, request) is None
+    return request.rival is None and _find_misfit(env, data, request) is None
 
 
 def reserve(
     env: Environment, data: DataArea | None, request: JobRequest, direction: DirectionClaims, claim: Claim
 ) -> bool:
     """Take the direction for a job that starts in the next call; False: that call would refuse it."""
-    if not fits(env, data, request) or env.resources.buffers.is_full:
+    if not can_start(env, data, request) or env.resources.buffers.is_full:
         return False
     return direction.try_take(claim) is None
 
 
-def _misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
+def _find_misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
     area, length = env.rules.area, request.length
     limit = env.rules.max_len if request.most is None else request.most
     if data is None:
         return replace(_EMPTY, condition=area.missing)
     if data.size == 0:
         return _EMPTY
-    unfit = _unfit(area, data, length, request.adhoc)
+    unfit = _find_area_misfit(area, data, length, request.adhoc)
     if unfit is not None:
         return unfit
     if request.needs_len and not length and not data.symbolic:
-        return _refused(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
+        return _refuse(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
     if area.texts_whole and 0 < length < request.least:
         name = f"LEN cuts {data.type_name}: 0, or from {request.least} on"
-        return _refused(Condition.LEN_OF_TEXT, name, "LEN", length)
+        return _refuse(Condition.LEN_OF_TEXT, name, "LEN", length)
     if length > data.size or (length or data.size) > limit:
-        return _wrong_length(env, limit, data, length)
+        return _length_error(env, limit, data, length)
     return None
 
 
-def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
+def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
     """Return who works on this connection with another priority, where a vendor does not take that."""
     if not env.rules.one_class:
         return None
@@ -96,105 +96,109 @@ def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | 
     return next((rival for rival in found if rival is not None), None)
 
 
-def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
-    if area.refuses_bits and data.elements is Elements.BITS:
-        return _refused(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
+def _find_area_misfit(area: DataAreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
+    if area.refuses_bits and data.elements is ElementKind.BITS:
+        return _refuse(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
     if not data.symbolic:
         return None
     if area.symbolic_alone and length:
-        return _refused(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0", "LEN", length)
-    if area.symbolic_bytes and adhoc and data.elements is not Elements.BYTES:
-        return _refused(Condition.DATA_SYMBOLIC, "ad-hoc into a symbolic DATA takes elements of 8 bits")
+        return _refuse(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0", "LEN", length)
+    if area.symbolic_bytes and adhoc and data.elements is not ElementKind.BYTES:
+        return _refuse(Condition.DATA_SYMBOLIC, "ad-hoc into a symbolic DATA takes elements of 8 bits")
     return None
 
 
-def _refused(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
-    return Outcome(condition, Cause(Why.PARAMETER, name, pin=pin, value=value))
+def _refuse(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
+    return Outcome(condition, Cause(CauseKind.PARAMETER, name, pin=pin, value=value))
 
 
-def changed(what: str) -> Outcome:
-    return _refused(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
+def changed_outcome(what: str) -> Outcome:
+    return _refuse(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
 
 
-def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
+def _length_error(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
     limit = min(data.size, most)
     if (length or data.size) > most:
         condition, name = Condition.LENGTH_WRONG, "longer than one job can be"
     else:
         condition, name = env.rules.area.longer, "LEN is larger than DATA"
-    cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
+    cause = Cause(CauseKind.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
     return Outcome(condition, cause)
 
 
-def in_use(other: Claim, asking: Claim) -> Cause:
+def in_use_cause(other: Claim, asking: Claim) -> Cause:
     if other.is_orphan:
         name = "an instance that is gone still holds this CONNECT"
         cure = "disconnect or reset frees it"
-        return Cause(Why.OWNER, name, detail=cure, holder=other.instance, is_orphan=True)
+        return Cause(CauseKind.OWNER, name, detail=cure, holder=other.instance, is_orphan=True)
     if other.priority != asking.priority:
-        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", holder=other.instance)
-    return Cause(Why.OWNER, "another instance works on this CONNECT", holder=other.instance)
+        return Cause(
+            CauseKind.OWNER, "a block of another priority works on this CONNECT", holder=other.instance
+        )
+    return Cause(CauseKind.OWNER, "another instance works on this CONNECT", holder=other.instance)
 
 
-_EMPTY = Outcome(Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0))
+_EMPTY = Outcome(Condition.DATA_EMPTY, Cause(CauseKind.PARAMETER, "DATA has no byte", pin="DATA", value=0))
 
-TARGETS: Final = ("TADDR_Param",)
+TARGET_STRUCTURES: Final = ("TADDR_Param",)
 SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")
 
 
-def unfit(bound: Binding, needs_datagrams: bool, receives: bool = False) -> Outcome | None:
+def find_misfit(bound: ConnectBinding, needs_datagrams: bool, receives: bool = False) -> Outcome | None:
     """Return why this block can never work on this connection; `needs_datagrams`: it is TUSEND or TURCV."""
     is_udp = isinstance(bound.connection, UdpEndpoint)
     if is_udp and bound.address is None:
-        return _wrong(Condition.OTHER_TRANSPORT, "the connection is UDP, and this block has no ADDR")
+        return _addr_error(Condition.OTHER_TRANSPORT, "the connection is UDP, and this block has no ADDR")
     if is_udp and receives and bound.address is not None:
-        return wrong_structure(bound.address)
+        return find_structure_error(bound.address)
     if needs_datagrams and not is_udp:
-        return _wrong(Condition.OTHER_TRANSPORT, "the connection is not UDP", "CONNECT")
+        return _addr_error(Condition.OTHER_TRANSPORT, "the connection is not UDP", "CONNECT")
     return None
 
 
-def no_target(address: RemoteAddress) -> Outcome | None:
-    wrong = wrong_structure(address, TARGETS)
+def check_target(address: RemoteAddress) -> Outcome | None:
+    wrong = find_structure_error(address, TARGET_STRUCTURES)
     if wrong is not None:
         return wrong
     if address.address == ANY_ADDRESS:
-        return _wrong(Condition.REMOTE_WRONG, "ADDR names no address")
+        return _addr_error(Condition.REMOTE_WRONG, "ADDR names no address")
     if address.port == 0:
-        return _wrong(Condition.NEEDS_ADDR, "ADDR names no port")
+        return _addr_error(Condition.NEEDS_ADDR, "ADDR names no port")
     return None
 
 
-def wrong_structure(address: RemoteAddress, taken: tuple[str, ...] = SOURCES) -> Outcome | None:
+def find_structure_error(address: RemoteAddress, taken: tuple[str, ...] = SOURCES) -> Outcome | None:
     """Return why what stands at ADDR is of no use, whatever it says."""
     written = address.description
     if written is None:
         return None
     name, size = written.structure.name, len(written.data)
     if name not in taken:
-        return _wrong(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {taken[0]} is expected")
+        return _addr_error(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {taken[0]} is expected")
     if size != written.structure.size:
         text = f"ADDR has {size} bytes, and {name} has {written.structure.size}"
-        return _wrong(Condition.PARAMETER_WRONG, text)
+        return _addr_error(Condition.PARAMETER_WRONG, text)
     return None
 
 
-def _wrong(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
-    return Outcome(condition, Cause(Why.PARAMETER, name, pin=pin))
+def _addr_error(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
+    return Outcome(condition, Cause(CauseKind.PARAMETER, name, pin=pin))
 
 
-TOLD: Final = Cause(Why.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were")
+FAULT_SHOWN: Final = Cause(
+    CauseKind.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were"
+)
 
 
-class FaultRepeat:
+class RepeatedFaultFilter:
     """What one instance has told; `quiet` is the condition that it falls back to."""
 
     def __init__(self, is_once: bool, quiet: Condition) -> None:
         self._is_once = is_once
-        self._quiet = Outcome(quiet, TOLD)
+        self._quiet = Outcome(quiet, FAULT_SHOWN)
         self._told: tuple[Condition, Inputs] | None = None
 
-    def shown(self, outcome: Outcome, inputs: Inputs) -> Outcome:
+    def filter_outcome(self, outcome: Outcome, inputs: Inputs) -> Outcome:
         """Return what shows of an answer to EN_R = 1."""
         if not self._is_once:
             return outcome

@@ -5,7 +5,7 @@ from __future__ import annotations
 from trcvtui.blocks.block import JobBinding
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.tcp.job_checks import changed
+from trcvtui.blocks.tcp.job_checks import changed_outcome
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import DirectionClaims
 
@@ -18,8 +18,8 @@ class TransferJob:
         self.running = False
         self.have = 0
         self.need = 0
-        self.last_bytes: int | None = None
-        self.claim = bound.claim()
+        self.last_bytes_at: int | None = None
+        self.claim = bound.make_claim()
         self.data = bound.data
         self.connection = connection
         self._direction = direction
@@ -30,27 +30,27 @@ class TransferJob:
         self._incarnation = 0  # of the connection that the running job works on
         self.first_offset = 0  # in the stream
 
-    def _count(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
+    def _begin_next(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
         """Begin the next job; return what an event says of it."""
         self.number += 1
         self.running, self.have, self.need = True, 0, need
         self._incarnation, self.first_offset = self.connection.incarnation, offset
-        return self._told()
+        return self._event_head()
 
-    def _told(self) -> tuple[str, int, str, int, int]:
+    def _event_head(self) -> tuple[str, int, str, int, int]:
         return self._instance, self.number, self._connect, self._incarnation, self.first_offset
 
-    def _changed(self, length: int | None = None) -> Outcome | None:
+    def _end_if_changed(self, length: int | None = None) -> Outcome | None:
         """End the job where DATA has become another one, or LEN where it is given."""
         assert self._asked is not None and self.data is not None
         same_len = length in (None, self._asked[0])
         if same_len and self._asked[1] == self.data.shape:
             return None
-        outcome = changed("DATA" if same_len else "LEN")
+        outcome = changed_outcome("DATA" if same_len else "LEN")
         self.abandon(outcome.cause.name)
         return outcome
 
-    def let_go(self) -> None:
+    def release_direction(self) -> None:
         """Give this direction of the connection back."""
         self._direction.give_back(self.claim)
 
@@ -60,7 +60,7 @@ class TransferJob:
         """Detach the instance; the lock of a job may stay (rules) until disconnect, reset or close."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         if not self.claim.is_orphan:
-            self.let_go()  # also of a job that was to begin next
+            self.release_direction()  # also of a job that was to begin next
         self.abandon(reason)
 
 
@@ -68,7 +68,7 @@ class OutgoingJob(TransferJob):
     """A job that sends a copy of DATA."""
 
     def _start(self, payload: bytes) -> None:
-        told = self._count(len(payload), self.connection.bytes_sent)
+        told = self._begin_next(len(payload), self.connection.bytes_sent)
         self._env.write(SendStarted(*told, self.need))
 
     def abandon(self, reason: str) -> None:
@@ -76,15 +76,15 @@ class OutgoingJob(TransferJob):
         if self.running:
             self._end(done=False, reason=reason)
 
-    def partial(self) -> bytes:
+    def partial_bytes(self) -> bytes:
         return b""
 
     def _end(self, done: bool, reason: str) -> None:
         self.running = False
         self._env.resources.buffers.release()
         if not self.claim.is_orphan:
-            self.let_go()
-        self._env.write(SendEnded(*self._told(), self.have, done, reason))
+            self.release_direction()
+        self._env.write(SendEnded(*self._event_head(), self.have, done, reason))
 
 
 class IncomingJob(TransferJob):
@@ -95,16 +95,16 @@ class IncomingJob(TransferJob):
         self.buffer = bytearray()
 
     def _start(self, need: int, adhoc: bool = False) -> None:
-        told = self._count(need, self.connection.bytes_received)
+        told = self._begin_next(need, self.connection.bytes_received)
         if len(self.buffer) != need:
             self.buffer = bytearray(need)
         self._env.write(JobStarted(*told, need, adhoc))
 
-    def partial(self) -> bytes:
+    def partial_bytes(self) -> bytes:
         return bytes(self.buffer[: self.have]) if self.running else b""
 
     def _end(self, done: bool, reason: str, size: int) -> None:
         self.running = False
         self.have = 0
         self._env.resources.buffers.release()
-        self._env.write(JobEnded(*self._told(), size, done, reason))
+        self._env.write(JobEnded(*self._event_head(), size, done, reason))

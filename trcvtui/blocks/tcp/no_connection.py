@@ -8,9 +8,9 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.block import Job
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.blocks.rules import NotConnectedRule, VendorRules
 from trcvtui.net.connection.connection import LOSS_REASONS, Connection, ConnectionLoss, LossKind
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage
@@ -25,26 +25,26 @@ _LOSS_NAMES = {
 
 
 def show_loss(
-    loss: ConnectionLoss, rules: Rules, job: Job, failed: Condition | None, short_frame: bool = False
+    loss: ConnectionLoss, rules: VendorRules, job: Job, failed: Condition | None, short_frame: bool = False
 ) -> list[Outcome]:
     """Return the outcomes of a loss, one a scan.
 
     `failed` is the condition of a job that the connection's failure ends, None: there is no job.
     """
     cause = loss_cause(loss, job)
-    conditions = _conditions(loss, rules, failed)
+    conditions = _loss_conditions(loss, rules, failed)
     if short_frame and rules.short_frame_shown and conditions == [Condition.PARTNER_CLOSED]:
         conditions.insert(0, Condition.SHORT_FRAME)
     outcomes = [Outcome(condition, cause) for condition in conditions]
     if loss.release_fault is not None:
-        outcomes[-1:] = [Outcome(Condition.POLL_DEL_FAILED, cause_of(loss.release_fault, loss.peer))]
+        outcomes[-1:] = [Outcome(Condition.POLL_DEL_FAILED, cause_of_fault(loss.release_fault, loss.peer))]
     return outcomes
 
 
-def _conditions(loss: ConnectionLoss, rules: Rules, failed: Condition | None) -> list[Condition]:
+def _loss_conditions(loss: ConnectionLoss, rules: VendorRules, failed: Condition | None) -> list[Condition]:
     course, kind = rules.course, loss.kind
     if kind is LossKind.REFUSED and loss.fault is not None:
-        return [course.of_set_up(SetUpStage.CONNECT, loss.fault.error)]  # as an attempt that failed
+        return [course.condition(SetUpStage.CONNECT, loss.fault.error)]  # as an attempt that failed
     if kind is LossKind.OURS:
         return [] if loss.is_played else list(course.let_go)
     if failed is None:
@@ -60,7 +60,11 @@ def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
     """Return the evidence of a loss: the call that told of it, and how far the job was."""
     fault = loss.fault
     return Cause(
-        Why.OTHER_BLOCK if loss.kind is LossKind.OURS else Why.PARTNER if fault is None else Why.KERNEL,
+        CauseKind.OTHER_BLOCK
+        if loss.kind is LossKind.OURS
+        else CauseKind.PARTNER
+        if fault is None
+        else CauseKind.KERNEL,
         _LOSS_NAMES[loss.kind],
         call=fault.call if fault else _FIN_CALL.get(loss.kind, ""),
         error=fault.error if fault else "",
@@ -78,18 +82,18 @@ def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
 def not_connected(pin: str, name: str, connection: Connection) -> Outcome:
     """Return the outcome of a request without a connection."""
     remote = str(connection.set_up.remote or "")
-    return Outcome(Condition.NOT_CONNECTED, Cause(Why.INPUT, name, pin=pin, value=1, peer=remote))
+    return Outcome(Condition.NOT_CONNECTED, Cause(CauseKind.INPUT, name, pin=pin, value=1, peer=remote))
 
 
 class StandingRequest:
     """EN_R of a block that makes its own connection: an edge of EN_R or CONT arms it, one scan tells it."""
 
-    def __init__(self, rule: NotConnected) -> None:
+    def __init__(self, rule: NotConnectedRule) -> None:
         self._rule = rule
         self._en_r = False
         self._armed = False
 
-    def see(self, inputs: Inputs, cont_rose: bool) -> None:
+    def update(self, inputs: Inputs, cont_rose: bool) -> None:
         en_r_rose = inputs.en_r and not self._en_r
         self._en_r = inputs.en_r
         if not (inputs.en_r and inputs.cont):
@@ -97,21 +101,21 @@ class StandingRequest:
         elif en_r_rose or cont_rose:
             self._armed = True
 
-    def answered(self) -> None:
+    def forget_edge(self) -> None:
         """Forget the edge: a connection is there, and a loss or reset that comes later is no edge."""
         self._armed = False
 
-    def is_told(self) -> bool:
+    def consume(self) -> bool:
         """Return whether this scan, which is free for it, tells the request; PULSE tells each edge once."""
         told = self._en_r and (
-            self._rule is NotConnected.HOLD or (self._rule is NotConnected.PULSE and self._armed)
+            self._rule is NotConnectedRule.HOLD or (self._rule is NotConnectedRule.PULSE and self._armed)
         )
         if told:
             self._armed = False
         return told
 
 
-class KnownConnection:
+class KnownIncarnation:
     """One block's sight of the connection: which incarnation it knows, and what a loss still has to show."""
 
     def __init__(self, connection: Connection) -> None:
@@ -119,31 +123,31 @@ class KnownConnection:
         self._incarnation = 0
         self._script: deque[Outcome] = deque()
 
-    def next_shown(self) -> Outcome | None:
+    def next_outcome(self) -> Outcome | None:
         """Return what an earlier loss shows in this scan."""
         return self._script.popleft() if self._script else None
 
-    def lost(self, claim: Claim | None = None) -> ConnectionLoss | None:
+    def find_loss(self, claim: Claim | None = None) -> ConnectionLoss | None:
         """Return how the incarnation that this block knows has ended, None while it stands."""
         return self._connection.find_loss(self._incarnation, claim) if self._incarnation else None
 
-    def is_new(self, claim: Claim) -> bool:
+    def adopt_new(self, claim: Claim) -> bool:
         """Return whether a connection stands that this block has not seen before, and know it from now on."""
         if self._incarnation == self._connection.incarnation or not self._connection.is_up_for(claim):
             return False
         self._incarnation = self._connection.incarnation
         return True
 
-    def is_known(self) -> bool:
+    def has_incarnation(self) -> bool:
         return self._incarnation != 0
 
-    def end(self, shown: list[Outcome]) -> Outcome:
+    def end_incarnation(self, shown: list[Outcome]) -> Outcome:
         """Forget the incarnation; return what its loss shows first."""
         self._incarnation = 0
         self._script = deque(shown)
         return self._script.popleft() if self._script else _GONE
 
 
-CONNECTED = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "a connection stands"))
-_GONE = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "no connection, and this block builds none"))
+CONNECTED = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "a connection stands"))
+_GONE = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "no connection, and this block builds none"))
 NO_LINK = replace(_GONE, stable=True)  # unlike the scan of the loss: with EN_R = 1 that is followed by 80A1

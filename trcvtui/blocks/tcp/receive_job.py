@@ -11,12 +11,12 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobMode
-from trcvtui.blocks.outcome import Cause, Outcome, Why
+from trcvtui.blocks.environment import ModeChange
+from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import JobRequest, fits, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.job_checks import JobRequest, acquire, can_start, find_misfit, find_rival, reserve
 from trcvtui.blocks.tcp.jobs import IncomingJob
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
@@ -25,19 +25,19 @@ from trcvtui.net.results import Datagram, Endpoint, WouldBlock
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
 
 # What the block is doing, in words. A complete frame may have no bytes: an empty datagram, an empty TSDU.
-NO_BYTE: Final = "nothing received yet"
-SOME_BYTES: Final = "bytes are missing"
-COMPLETE: Final = "the frame is complete and shows in the next scan"
+NO_BYTE_TEXT: Final = "nothing received yet"
+SOME_BYTES_TEXT: Final = "bytes are missing"
+COMPLETE_TEXT: Final = "the frame is complete and shows in the next scan"
 
 
 class ReceiveJob(IncomingJob):
-    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+    def __init__(self, bound: ConnectBinding, needs_datagrams: bool = False) -> None:
         super().__init__(bound, bound.connection)
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
         self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
         self._area = bound.env.rules.area
         self._is_message_oriented = bound.connection.config.is_message_oriented
-        self._unfit = unfit(bound, needs_datagrams, receives=True)
+        self._unfit = find_misfit(bound, needs_datagrams, receives=True)
         self._address = bound.address if bound.connection.config.is_datagram else None
         self._limit = bound.env.rules.max_datagram if self._address is not None else None
         self._source: Endpoint | None = None  # of the message that has come
@@ -51,41 +51,41 @@ class ReceiveJob(IncomingJob):
         """Start, go on or end: one frame a scan at most."""
         if not self.running:
             return self._begin(inputs.len, inputs.adhoc)
-        if self._area.must_stay and (changed := self._changed(inputs.len)) is not None:
+        if self._area.must_stay and (changed := self._end_if_changed(inputs.len)) is not None:
             return changed
         if inputs.adhoc != self.adhoc and self._env.rules.adhoc_at_once:
-            self._switch(inputs.adhoc)
+            self._switch_adhoc(inputs.adhoc)
         if not self.complete:
             loss = self._collect()
             if loss is not None:
                 return loss
             if not self.complete:
-                return self.receiving()
+                return self.receiving_outcome()
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        request, receiving = self._wish(length, adhoc), self.connection.receiving
-        refused = self._unfit or refuse(self._env, self.data, request, receiving, self.claim, self._connect)
+        request, receiving = self._make_request(length, adhoc), self.connection.receiving
+        refused = self._unfit or acquire(self._env, self.data, request, receiving, self.claim, self._connect)
         self.claim.is_refused = refused is not None
         if refused is not None:
             # A whole frame stays until there is a buffer for it, also when the partner has gone.
-            has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(request)
+            has_to_wait = refused.condition is Condition.NO_BUFFER and self._whole_frame_waits(request)
             return refused if has_to_wait else self.check_loss() or refused
         assert self.data is not None
         self._asked = length, self.data.shape
         self._start(request.length or self.data.size, request.adhoc)
-        return self._collect() or self.receiving()
+        return self._collect() or self.receiving_outcome()
 
-    def _is_whole(self, request: JobRequest) -> bool:
+    def _whole_frame_waits(self, request: JobRequest) -> bool:
         size = self.data.size if self.data is not None else 0
         least = 1 if request.adhoc or self._is_message_oriented else request.length or size
         return self.connection.unread() >= least
 
-    def _wish(self, length: int, adhoc: bool) -> JobRequest:
+    def _make_request(self, length: int, adhoc: bool) -> JobRequest:
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
         least = self.data.text_lens.received if self.data is not None else 0
-        rival = rival_of(self._env, self.connection, self.claim)
+        rival = find_rival(self._env, self.connection, self.claim)
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
@@ -95,14 +95,14 @@ class ReceiveJob(IncomingJob):
         """
         if not inputs.en_r or self._unfit is not None:
             return False
-        request = self._wish(inputs.len, inputs.adhoc)
-        return fits(self._env, self.data, request) and not self.connection.receiving.is_barred(
+        request = self._make_request(inputs.len, inputs.adhoc)
+        return can_start(self._env, self.data, request) and not self.connection.receiving.is_barred(
             self.claim, waits
         )
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the receive side for the job that begins in the next call; False: it would be refused."""
-        request, receiving = self._wish(inputs.len, inputs.adhoc), self.connection.receiving
+        request, receiving = self._make_request(inputs.len, inputs.adhoc), self.connection.receiving
         taken = self._unfit is None and reserve(self._env, self.data, request, receiving, self.claim)
         self.claim.is_refused = not taken
         return taken
@@ -119,9 +119,9 @@ class ReceiveJob(IncomingJob):
         self.span_offset = self.next_offset = self.first_offset
         self._spans.clear()
 
-    def _switch(self, adhoc: bool) -> None:
+    def _switch_adhoc(self, adhoc: bool) -> None:
         self.adhoc = adhoc
-        self._env.write(JobMode(self._instance, self.number, adhoc))
+        self._env.write(ModeChange(self._instance, self.number, adhoc))
         if self._is_message_oriented:
             return
         if adhoc and 0 < self.have < self.need and self.connection.unread():  # a loss shows after the frame
@@ -141,7 +141,7 @@ class ReceiveJob(IncomingJob):
             self.next_offset = offset + got
             have = self.have = have + got
             self.complete = self.claim.has_frame = self.adhoc or have == self.need
-            self.last_bytes = self._env.now
+            self.last_bytes_at = self._env.now
             return None
         return None if isinstance(got, WouldBlock) else got
 
@@ -153,7 +153,7 @@ class ReceiveJob(IncomingJob):
         self.next_offset = self.connection.bytes_received
         self.have, self.whole, self._source = got.size, got.whole, got.source
         self.complete = self.claim.has_frame = True
-        self.last_bytes = self._env.now
+        self.last_bytes_at = self._env.now
         return None
 
     def _begin_span(self, offset: int) -> None:
@@ -167,7 +167,7 @@ class ReceiveJob(IncomingJob):
     def check_loss(self) -> ConnectionLoss | None:
         return self.connection.check_loss(self.claim)
 
-    def show_loss(self, loss: ConnectionLoss) -> list[Outcome]:
+    def end_by_loss(self, loss: ConnectionLoss) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job."""
         failed = Condition.RECEIVE_FAILED if self.running else None
         is_short = bool(self.have and not self.adhoc)
@@ -178,17 +178,17 @@ class ReceiveJob(IncomingJob):
         self.abandon(loss.reason)
         return outcomes
 
-    def receiving(self) -> Outcome:
+    def receiving_outcome(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
         part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
-        return _receiving(self.have, self.need, self.complete, part)
+        return _receiving_outcome(self.have, self.need, self.complete, part)
 
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
         size, data = self.have, self.data
         assert data is not None
         if self.whole > size:
-            return self._too_long()
+            return self._refuse_too_long()
         self.view.release()
         if size == data.size == len(self.buffer):
             self.buffer = data.swap(self.buffer)
@@ -198,22 +198,24 @@ class ReceiveJob(IncomingJob):
             self._address.set_end(self._source)
         kept = min(size, data.size)
         if kept < size:
-            self._drop(kept, "DATA resized")
+            self._drop_collected(kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
-        return _received(size, self.need)
+        return _received_outcome(size, self.need)
 
-    def _too_long(self) -> Outcome:
-        cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
+    def _refuse_too_long(self) -> Outcome:
+        cause = Cause(
+            CauseKind.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need
+        )
         self.abandon("the message is too long")
         return Outcome(Condition.MESSAGE_TOO_LONG, cause)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
         if self.running:
-            self._drop(0, reason)
+            self._drop_collected(0, reason)
             self._end(done=False, reason=reason, size=self.have)
 
-    def _drop(self, kept: int, reason: str) -> None:
+    def _drop_collected(self, kept: int, reason: str) -> None:
         for offset, size in (*self._spans, (self.span_offset, self.next_offset - self.span_offset)):
             skipped = min(kept, size)
             kept -= skipped
@@ -226,13 +228,13 @@ class ReceiveJob(IncomingJob):
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
-    name = COMPLETE if complete else SOME_BYTES if have else NO_BYTE
-    cause = Cause(Why.FRAME if complete else Why.BYTES, name, have=have, need=need)
+def _receiving_outcome(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
+    name = COMPLETE_TEXT if complete else SOME_BYTES_TEXT if have else NO_BYTE_TEXT
+    cause = Cause(CauseKind.FRAME if complete else CauseKind.BYTES, name, have=have, need=need)
     return Outcome(condition, cause, stable=not complete)
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _received(size: int, need: int) -> Outcome:
-    cause = Cause(Why.FRAME, "the frame is complete", have=size, need=need)
+def _received_outcome(size: int, need: int) -> Outcome:
+    cause = Cause(CauseKind.FRAME, "the frame is complete", have=size, need=need)
     return Outcome(Condition.RECEIVED, cause, rcvd_len=size)

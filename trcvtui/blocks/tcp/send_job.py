@@ -13,11 +13,11 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import FULL, NEXT_REQ, Cause, Outcome, Why, cause_of, full_cause
+from trcvtui.blocks.outcome import FULL, NEXT_REQ, Cause, CauseKind, Outcome, cause_of_fault, send_full_cause
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import JobRequest, no_target, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.job_checks import JobRequest, acquire, check_target, find_misfit, find_rival, reserve
 from trcvtui.blocks.tcp.jobs import OutgoingJob
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
@@ -26,17 +26,19 @@ from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault, WouldBlock
 
 # What a datagram that no route takes shows; every other call that fails is "send failed".
-UNREACHED: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
-NO_REQ: Final = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+UNREACHABLE_ERRORS: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
+NO_REQ: Final = Outcome(
+    Condition.CONNECTED, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True
+)
 _NEXT_REQ: Final = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class SendJob(OutgoingJob):
-    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+    def __init__(self, bound: ConnectBinding, needs_datagrams: bool = False) -> None:
         super().__init__(bound, bound.connection, bound.connection.sending)
         self._must_stay = bound.env.rules.area.must_stay
         self._needs_len = needs_datagrams and bound.env.rules.area.datagram_needs_len
-        self._unfit = unfit(bound, needs_datagrams)
+        self._unfit = find_misfit(bound, needs_datagrams)
         self._address = bound.address
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
         self._unsent = memoryview(b"")
@@ -47,7 +49,7 @@ class SendJob(OutgoingJob):
     def call(self, inputs: Inputs, rose: bool) -> Outcome | ConnectionLoss:
         """Go on, begin at the edge of REQ, or wait for one."""
         if self.running:
-            return self.go_on()
+            return self.advance()
         if rose:
             return self.begin(inputs)
         return self.connection.check_loss() or (_NEXT_REQ if self.number else NO_REQ)
@@ -57,82 +59,82 @@ class SendJob(OutgoingJob):
         loss = self.connection.check_before_sending()
         if loss is not None:
             return loss
-        if (wrong := self._wrong_way()) is not None:
+        if (wrong := self._find_target_error()) is not None:
             return wrong
-        request = self._wish(inputs.len)
-        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
+        request = self._make_request(inputs.len)
+        refused = acquire(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
-            self.let_go()  # the lock lasts from the edge to DONE or ERROR, and this is one
+            self.release_direction()  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
         assert self.data is not None
         self._asked = inputs.len, self.data.shape
         self._start(bytes(self.data.content[: inputs.len or self.data.size]))
-        ended = self._push()
+        ended = self._send_rest()
         if ended is not None:
             return ended
         if not self.have:
             # Nothing of this job is on its way, so it can end; later it would cut the stream.
             self._end(done=False, reason="the send buffer is full")
-            return self._full()
-        return _sending(self.have, self.need)
+            return self._send_full_outcome()
+        return _sending_outcome(self.have, self.need)
 
-    def _wish(self, length: int) -> JobRequest:
+    def _make_request(self, length: int) -> JobRequest:
         least = self.data.text_lens.sent if self.data is not None else 0
-        rival = rival_of(self._env, self.connection, self.claim)
+        rival = find_rival(self._env, self.connection, self.claim)
         return JobRequest(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the send side for the job that begins in the next call; False: it would be refused."""
-        request = self._wish(inputs.len)
-        return self._wrong_way() is None and reserve(
+        request = self._make_request(inputs.len)
+        return self._find_target_error() is None and reserve(
             self._env, self.data, request, self._direction, self.claim
         )
 
-    def go_on(self) -> Outcome | ConnectionLoss:
+    def advance(self) -> Outcome | ConnectionLoss:
         """Send what is left; end the job when the stack has it all."""
-        if self._must_stay and (moved := self._changed()) is not None:
+        if self._must_stay and (moved := self._end_if_changed()) is not None:
             return moved
         ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()
         if ended is None and self._unsent:
-            ended = self._push()
+            ended = self._send_rest()
         if ended is not None:
             return ended
         if self._unsent:
-            return _sending(self.have, self.need)
+            return _sending_outcome(self.have, self.need)
         self._end(done=True, reason="complete")
-        return _sent(self.need)
+        return _sent_outcome(self.need)
 
     def _start(self, payload: bytes) -> None:
         super()._start(payload)
         self._unsent = memoryview(payload)
 
-    def _wrong_way(self) -> Outcome | None:
+    def _find_target_error(self) -> Outcome | None:
         is_datagram = self.connection.config.is_datagram
-        return self._unfit or (no_target(self._address) if is_datagram and self._address else None)
+        return self._unfit or (check_target(self._address) if is_datagram and self._address else None)
 
-    def _push(self) -> Outcome | ConnectionLoss | None:
+    def _send_rest(self) -> Outcome | ConnectionLoss | None:
         got = self._send()
         if isinstance(got, WouldBlock) or (isinstance(got, Fault) and got.error == "EAGAIN"):
             self._refusal = got if isinstance(got, Fault) else FULL
             return None
         if isinstance(got, Fault):
             self._end(done=False, reason="the datagram was not taken")
-            failed = UNREACHED.get(got.error, Condition.SEND_FAILED)
-            return Outcome(failed, cause_of(got, self._peer()))
+            failed = UNREACHABLE_ERRORS.get(got.error, Condition.SEND_FAILED)
+            return Outcome(failed, cause_of_fault(got, self._peer_text()))
         if isinstance(got, int):
             self.have += got
             self._unsent = self._unsent[got:]
-            self.last_bytes = self._env.now
+            self.last_bytes_at = self._env.now
             return None
         return got
 
-    def _full(self) -> Outcome:
+    def _send_full_outcome(self) -> Outcome:
         blames = not self._refusal.injected and not self.connection.config.is_datagram
         name = "the stack takes no byte: the partner does not read" if blames else "the stack takes no byte"
-        cause = full_cause(self._refusal, name, self.need, self._peer())
+        cause = send_full_cause(self._refusal, name, self.need, self._peer_text())
         return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
-    def _peer(self) -> str:
+    def _peer_text(self) -> str:
         if self._address is not None and isinstance(self.connection, UdpEndpoint):
             return self.connection.describe_target(self._address)
         return str(self.connection.peer or "")
@@ -142,7 +144,7 @@ class SendJob(OutgoingJob):
             return self.connection.send_to(self._unsent, self._address, self._instance)
         return self.connection.send(self._unsent, self._instance)
 
-    def show_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
+    def end_by_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
         outcomes = show_loss(loss, self._env.rules, self, failed)
@@ -155,12 +157,12 @@ class SendJob(OutgoingJob):
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _sending(have: int, need: int) -> Outcome:
+def _sending_outcome(have: int, need: int) -> Outcome:
     name = "the stack has taken all, which shows in the next scan" if have == need else "bytes are left"
-    return Outcome(Condition.SENDING, Cause(Why.BYTES, name, have=have, need=need))
+    return Outcome(Condition.SENDING, Cause(CauseKind.BYTES, name, have=have, need=need))
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _sent(size: int) -> Outcome:
-    cause = Cause(Why.BYTES, "the local stack has every byte", have=size, need=size)
+def _sent_outcome(size: int) -> Outcome:
+    cause = Cause(CauseKind.BYTES, "the local stack has every byte", have=size, need=size)
     return Outcome(Condition.SENT, cause)

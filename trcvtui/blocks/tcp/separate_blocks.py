@@ -6,19 +6,19 @@ from collections import deque
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding, JobBlock, ScriptBlock
+from trcvtui.blocks.block import ConnectBinding, JobBlock, ScriptBlock
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0
 from trcvtui.blocks.tcp.connection_control import (
     ConnectionControl,
     Phase,
+    disconnect,
+    reset,
     set_up_failed,
-    show_disconnect,
-    show_reset,
 )
-from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownConnection, not_connected, show_loss
+from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownIncarnation, not_connected, show_loss
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
@@ -27,11 +27,11 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 class Tcon(ScriptBlock):
     """One TCON instance. Once triggered it connects again after each loss, until somebody disconnects."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._bound = bound
         self._connection = bound.connection
-        self._part = ConnectionControl(bound.env, bound.connection, bound.claim())
+        self._part = ConnectionControl(bound.env, bound.connection, bound.make_claim())
         self._triggered = False
         self._is_told = False  # DONE has told of this trigger
 
@@ -41,15 +41,15 @@ class Tcon(ScriptBlock):
         self._req = inputs.req
         if self._was_disconnected():
             self._part.detach()
-            self._part = ConnectionControl(self._bound.env, self._connection, self._bound.claim())
+            self._part = ConnectionControl(self._bound.env, self._connection, self._bound.make_claim())
             self._triggered = False
         if rose and not self._triggered:
             self._triggered, self._is_told = True, False
         if not self._triggered:
-            return _NOTHING_ASKED
+            return _REQ_NOT_RISEN
         outcome = self._part.call(cont=True, com_rst=False)
         if outcome is None:
-            return self._connected()
+            return self._answer_connected()
         if outcome.condition is Condition.CONNECTED and not self._is_told:
             self._is_told = True
             return replace(outcome, lamp=Lamp.DONE)
@@ -59,23 +59,25 @@ class Tcon(ScriptBlock):
         begun = self._part.phase in (Phase.CONNECTING, Phase.CONNECTED)
         return self._triggered and begun and self._connection.state is State.CLOSED
 
-    def _connected(self) -> Outcome:
+    def _answer_connected(self) -> Outcome:
         loss = self._connection.find_loss(self._part.incarnation) or self._connection.check_loss()
         if loss is None:
-            return _UP
+            return _CONNECTION_UP
         outcomes = show_loss(loss, self._bound.env.rules, self.job, failed=None)
-        return self._part.lost(outcomes, "the connection is gone")
+        return self._part.start_reconnecting(outcomes, "the connection is gone")
 
     def detach(self, reason: str) -> None:
         self._part.detach()
 
 
-_NOTHING_ASKED = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
-_UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the connection stands"), stable=True)
+_REQ_NOT_RISEN = Outcome(
+    Condition.NO_JOB, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True
+)
+_CONNECTION_UP = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "the connection stands"), stable=True)
 
 
 class Tdiscon(ScriptBlock):
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._connection = bound.connection
 
@@ -89,12 +91,12 @@ class Tdiscon(ScriptBlock):
             return IDLE
         fault = self._connection.queue_job()
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
-        return lit(show_disconnect(self._connection, cause), self._script)
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
+        cause = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
+        return add_lamps(disconnect(self._connection, cause), self._script)
 
 
-def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
+def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
     """Return the first outcome and put the others into the script: BUSY with all, DONE with the last."""
     if len(outcomes) == 1:
         return outcomes[0]  # a failure
@@ -104,13 +106,13 @@ def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
 
 
 # The manual's list has no other word for "called, nothing to do".
-IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
 class TReset(ScriptBlock):
     """One T_RESET instance. What it has reset it builds anew, together with other blocks that want it."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._env = bound.env
         self._connection = bound.connection
@@ -123,17 +125,17 @@ class TReset(ScriptBlock):
         if self._script:
             return self._script.popleft()
         if not rose or not self._connection.is_up:
-            return self._view()
+            return self._show_connection()
         fault = self._connection.queue_job()
         if fault is not None:
-            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
-        shown = lit(show_reset(self._connection, cause, self._env.rules.course.reset), self._script)
+            return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
+        cause = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
+        shown = add_lamps(reset(self._connection, cause, self._env.rules.course.reset), self._script)
         self._script.append(_REBUILDING)
         self._rebuilds = True
         return shown
 
-    def _view(self) -> Outcome:
+    def _show_connection(self) -> Outcome:
         if self._connection.state is State.CLOSED:
             self._rebuilds = False
             return IDLE
@@ -141,34 +143,34 @@ class TReset(ScriptBlock):
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
         if not self._connection.is_up:
-            return _REBUILDING if self._rebuilds else _DOWN
+            return _REBUILDING if self._rebuilds else _NO_LINK
         self._rebuilds = False
-        return _UP
+        return _CONNECTION_UP
 
 
-_REBUILDING = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "the connection is being built anew"))
-_DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands"), stable=True)
+_REBUILDING = Outcome(Condition.ESTABLISHING, Cause(CauseKind.WAITING, "the connection is being built anew"))
+_NO_LINK = Outcome(Condition.ESTABLISHING, Cause(CauseKind.WAITING, "no connection stands"), stable=True)
 
 
 class Tsend(JobBlock):
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
-        self._link = KnownConnection(bound.connection)
+        self._link = KnownIncarnation(bound.connection)
         self._req = False
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7004, 7005, 7009; an edge without a connection is 80A1."""
         req_rose = inputs.req and not self._req
         self._req = inputs.req
-        loss = self._link.lost()
+        loss = self._link.find_loss()
         if loss is not None:
-            return self._lost(loss, req_rose)
-        shown = self._link.next_shown()
+            return self._handle_loss(loss, req_rose)
+        shown = self._link.next_outcome()
         if shown is not None and not req_rose:
             return shown
-        self._link.is_new(self.job.claim)
-        if self._link.is_known():
+        self._link.adopt_new(self.job.claim)
+        if self._link.has_incarnation():
             return self._send(inputs, req_rose)
         return (
             not_connected("REQ", "REQ rose without a connection", self._connection) if req_rose else NO_LINK
@@ -176,43 +178,43 @@ class Tsend(JobBlock):
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
         got = self.job.call(inputs, req_rose)
-        return got if isinstance(got, Outcome) else self._lost(got, req_rose)
+        return got if isinstance(got, Outcome) else self._handle_loss(got, req_rose)
 
-    def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
-        return self._link.end(self.job.show_loss(loss, asked=req_rose))
+    def _handle_loss(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
+        return self._link.end_incarnation(self.job.end_by_loss(loss, asked=req_rose))
 
 
 class Trcv(JobBlock):
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: ConnectBinding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
-        self._link = KnownConnection(bound.connection)
+        self._link = KnownIncarnation(bound.connection)
         self._complaint: Outcome | None = None
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7004, 7006, 7008; EN_R without a connection is 80A1 in each scan."""
         if not inputs.en_r:
             self.job.abandon("EN_R fell")
-            self.job.let_go()
-        loss = self._link.lost(self.job.claim)
+            self.job.release_direction()
+        loss = self._link.find_loss(self.job.claim)
         if loss is not None:
-            return self._lost(loss)
-        show_loss = self._link.next_shown()
+            return self._handle_loss(loss)
+        show_loss = self._link.next_outcome()
         if show_loss is not None:
             return show_loss
-        if self._link.is_new(self.job.claim):
+        if self._link.adopt_new(self.job.claim):
             return CONNECTED
-        if self._link.is_known():
+        if self._link.has_incarnation():
             return self._receive(inputs)
         if not inputs.en_r:
             return NO_LINK
-        return self._not_connected()
+        return self._not_connected_outcome()
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return self.job.would_read(inputs, waits)
 
-    def _not_connected(self) -> Outcome:
+    def _not_connected_outcome(self) -> Outcome:
         """Return 80A1: the same object as long as the same partner is missing."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
@@ -221,7 +223,7 @@ class Trcv(JobBlock):
 
     def _receive(self, inputs: Inputs) -> Outcome:
         got = self.job.call(inputs) if inputs.en_r else self.job.check_loss() or EN_R_IS_0
-        return got if isinstance(got, Outcome) else self._lost(got)
+        return got if isinstance(got, Outcome) else self._handle_loss(got)
 
-    def _lost(self, loss: ConnectionLoss) -> Outcome:
-        return self._link.end(self.job.show_loss(loss))
+    def _handle_loss(self, loss: ConnectionLoss) -> Outcome:
+        return self._link.end_incarnation(self.job.end_by_loss(loss))

@@ -9,11 +9,11 @@ from msgspec.structs import replace
 from trcvtui.blocks.block import JobBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import NEXT_REQ, Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import NEXT_REQ, Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.rules import PLAIN_SET_UP
+from trcvtui.blocks.rules import PLAIN_SET_UP_CONDITIONS
 from trcvtui.blocks.tcp.no_connection import StandingRequest
-from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
+from trcvtui.blocks.udp.datagram_jobs import DatagramReceiveJob, DatagramSendJob, UdpBinding
 from trcvtui.net.connection.udp import UdpEndpoint
 
 
@@ -42,17 +42,17 @@ class UdpControl:
         if cont and (rose or self._is_late):
             return self._start()
         self._is_late = False
-        return self._hold() if cont else NO_JOB
+        return self._answer_while_wanted() if cont else NO_JOB
 
     def _start(self) -> Outcome:
         self._is_late = False
         if self._port.is_open:
-            return self._ready("another block has created the socket")
+            return self._become_ready("another block has created the socket")
         self.waits = 1
-        return Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
+        return Outcome(Condition.CREATING, Cause(CauseKind.INPUT, "CONT rose", pin="CONT", value=1))
 
-    def _hold(self) -> Outcome | None:
-        if self._incarnation and self._is_there():
+    def _answer_while_wanted(self) -> Outcome | None:
+        if self._incarnation and self._has_socket():
             held, self._held_back = self._held_back, None
             return held
         if self._incarnation:
@@ -60,18 +60,18 @@ class UdpControl:
             return _CLOSED_BY_ANOTHER
         failed = self._port.step(self._env.scan, self._env.now)
         if failed is not None:
-            return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
+            return Outcome(PLAIN_SET_UP_CONDITIONS[failed.stage, ""], cause_of_fault(failed.fault))
         if self._port.is_open:
-            return self._ready("the socket is there")
+            return self._become_ready("the socket is there")
         self.waits += 1
         return _WAITING
 
-    def _is_there(self) -> bool:
+    def _has_socket(self) -> bool:
         return self._port.is_open and self._port.incarnation == self._incarnation
 
-    def _ready(self, reason: str) -> Outcome:
+    def _become_ready(self, reason: str) -> Outcome:
         self._incarnation = self._port.incarnation
-        return Outcome(Condition.CREATED, Cause(Why.SEQUENCE, reason, detail=f"at {self._port.local}"))
+        return Outcome(Condition.CREATED, Cause(CauseKind.SEQUENCE, reason, detail=f"at {self._port.local}"))
 
     def hold_back(self, outcome: Outcome) -> None:
         """Show the first "created" one scan later: another code takes this scan."""
@@ -79,29 +79,29 @@ class UdpControl:
             self._held_back = outcome
 
     def _close(self) -> Outcome:
-        was_there = self._incarnation != 0 and self._is_there()
+        was_there = self._incarnation != 0 and self._has_socket()
         self._incarnation, self._held_back = 0, None
         self._script.clear()
         fault = self._port.close()
         if fault is not None:
             failed = Condition.POLL_DEL_FAILED if fault.call == "poll_del" else Condition.DISCONNECT_FAILED
-            return Outcome(failed, cause_of(fault))
-        cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
+            return Outcome(failed, cause_of_fault(fault))
+        cause = Cause(CauseKind.INPUT, "CONT fell", pin="CONT", value=0)
         if was_there:
             self._script.append(Outcome(Condition.CLOSED, cause))
         return Outcome(Condition.CLOSING, cause)
 
 
-NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), stable=True)
-_WAITING = Outcome(Condition.CREATING, Cause(Why.WAITING, "before the next attempt"))
+NO_JOB = Outcome(Condition.NO_JOB, Cause(CauseKind.INPUT, "CONT is 0", pin="CONT", value=0), stable=True)
+_WAITING = Outcome(Condition.CREATING, Cause(CauseKind.WAITING, "before the next attempt"))
 _CLOSED_BY_ANOTHER = Outcome(
-    Condition.CREATING, Cause(Why.OTHER_BLOCK, "another block has closed the socket; it is made anew")
+    Condition.CREATING, Cause(CauseKind.OTHER_BLOCK, "another block has closed the socket; it is made anew")
 )
 
 
 class UsendC(JobBlock):
     def __init__(self, bound: UdpBinding) -> None:
-        self.job = DatagramOut(bound)
+        self.job = DatagramSendJob(bound)
         self._part = UdpControl(bound.env, bound.port)
         self._req = False
         self._asked = False  # an edge that came before the socket, not yet told
@@ -112,12 +112,12 @@ class UsendC(JobBlock):
         self._req = inputs.req
         outcome = self._part.call(inputs.cont)
         if outcome is not None:
-            return self._while_not_ready(inputs, outcome, req_rose)
+            return self._answer_not_ready(inputs, outcome, req_rose)
         if self.job.running:
-            return self.job.go_on()
+            return self.job.advance()
         return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
 
-    def _while_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+    def _answer_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Tell an edge that came too early in the second 0001, or instead of the first 7001."""
         self.job.abandon(outcome.cause.name)
         self._asked = (self._asked or req_rose) and inputs.cont
@@ -128,46 +128,46 @@ class UsendC(JobBlock):
         self._part.hold_back(outcome)
         return Outcome(
             Condition.NOT_CONNECTED,
-            Cause(Why.INPUT, "REQ rose before the socket was there", pin="REQ", value=1),
+            Cause(CauseKind.INPUT, "REQ rose before the socket was there", pin="REQ", value=1),
         )
 
 
-NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+NO_REQ = Outcome(Condition.CREATED, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 _NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class UrecvC(JobBlock):
     def __init__(self, bound: UdpBinding) -> None:
-        self.job = DatagramIn(bound)
+        self.job = DatagramReceiveJob(bound)
         self._part = UdpControl(bound.env, bound.port)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, then 7006 and 7008 for each datagram as long as EN_R is 1."""
-        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
+        self._request.update(inputs, cont_rose=inputs.cont and not self._part.cont)
         outcome = self._part.call(inputs.cont)
         if outcome is not None:
-            return self._while_not_ready(outcome)
-        self._request.answered()
+            return self._answer_not_ready(outcome)
+        self._request.forget_edge()
         if inputs.en_r:
             return self.job.call(inputs.len)
         self.job.abandon("EN_R fell")
-        self.job.let_go()
+        self.job.release_direction()
         return EN_R_IS_0
 
     # -- 80A1: asked for data, no socket (0001 in the place of 7002) -----------------------------
 
-    def _while_not_ready(self, outcome: Outcome) -> Outcome:
+    def _answer_not_ready(self, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.CREATED:
-            self._request.answered()
-        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.is_told():
+            self._request.forget_edge()
+        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.consume():
             return _TOO_EARLY
         return outcome
 
 
-EN_R_IS_0 = Outcome(Condition.CREATED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
+EN_R_IS_0 = Outcome(Condition.CREATED, Cause(CauseKind.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
 _TOO_EARLY = Outcome(
     Condition.NOT_CONNECTED,
-    Cause(Why.INPUT, "EN_R is 1 before the socket is there", pin="EN_R", value=1),
+    Cause(CauseKind.INPUT, "EN_R is 1 before the socket is there", pin="EN_R", value=1),
 )

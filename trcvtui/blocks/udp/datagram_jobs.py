@@ -6,9 +6,9 @@ from functools import lru_cache
 
 from trcvtui.blocks.block import JobBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
+from trcvtui.blocks.outcome import FULL, Cause, CauseKind, Outcome, cause_of_fault, send_full_cause
 from trcvtui.blocks.table import BlockRow
-from trcvtui.blocks.tcp.job_checks import JobRequest, refuse
+from trcvtui.blocks.tcp.job_checks import JobRequest, acquire
 from trcvtui.blocks.tcp.jobs import IncomingJob, OutgoingJob
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.udp import UdpEndpoint
@@ -25,7 +25,7 @@ class UdpBinding(JobBinding, frozen=True):
         return row.on_config
 
 
-class DatagramOut(OutgoingJob):
+class DatagramSendJob(OutgoingJob):
     """One instance's send jobs: each is one datagram, copied from DATA at the edge."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -38,9 +38,9 @@ class DatagramOut(OutgoingJob):
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
         rules = self._env.rules
         request = JobRequest(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
-        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
+        refused = acquire(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
-            self.let_go()  # the lock lasts from the edge to DONE or ERROR
+            self.release_direction()  # the lock lasts from the edge to DONE or ERROR
             return refused
         assert self.data is not None
         self._asked = length, self.data.shape
@@ -48,37 +48,37 @@ class DatagramOut(OutgoingJob):
         self._start(payload)
         got = self._port.send_to(memoryview(payload), self._address, self._instance)
         if isinstance(got, int):
-            self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
-            return _sending(got, self._peer)
+            self.have, self.last_bytes_at, self._peer = got, self._env.now, str(self._port.peer)
+            return _sending_outcome(got, self._peer)
         self._end(done=False, reason="the datagram was not taken")
         peer = self._port.describe_target(self._address)
         if isinstance(got, Fault) and got.error != "EAGAIN":
-            return Outcome(Condition.SEND_FAILED, cause_of(got, peer))
+            return Outcome(Condition.SEND_FAILED, cause_of_fault(got, peer))
         fault = got if isinstance(got, Fault) else FULL
-        cause = full_cause(fault, "the stack has no room for the datagram", self.need, peer)
+        cause = send_full_cause(fault, "the stack has no room for the datagram", self.need, peer)
         return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
-    def go_on(self) -> Outcome:
+    def advance(self) -> Outcome:
         """Show in the next scan that the datagram went."""
-        if self._env.rules.area.must_stay and (ended := self._changed()) is not None:
+        if self._env.rules.area.must_stay and (ended := self._end_if_changed()) is not None:
             return ended
         self._end(done=True, reason="complete")
-        return _sent(self.need, self._peer)
+        return _sent_outcome(self.need, self._peer)
 
 
 @lru_cache(64)
-def _sending(size: int, peer: str) -> Outcome:
-    cause = Cause(Why.BYTES, "the stack has the datagram", have=size, need=size, peer=peer)
+def _sending_outcome(size: int, peer: str) -> Outcome:
+    cause = Cause(CauseKind.BYTES, "the stack has the datagram", have=size, need=size, peer=peer)
     return Outcome(Condition.SENDING, cause)
 
 
 @lru_cache(64)
-def _sent(size: int, peer: str) -> Outcome:
-    cause = Cause(Why.BYTES, "the datagram is with the local stack", have=size, need=size, peer=peer)
+def _sent_outcome(size: int, peer: str) -> Outcome:
+    cause = Cause(CauseKind.BYTES, "the datagram is with the local stack", have=size, need=size, peer=peer)
     return Outcome(Condition.SENT, cause)
 
 
-class DatagramIn(IncomingJob):
+class DatagramReceiveJob(IncomingJob):
     """One instance's receive jobs. LEN and the size of DATA are latched when a job starts."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -91,50 +91,50 @@ class DatagramIn(IncomingJob):
         """Start, go on or end: one datagram a scan at most, and one scan of "receiving" before each DONE."""
         if not self.running:
             return self._begin(length)
-        if self._env.rules.area.must_stay and (ended := self._changed(length)) is not None:
+        if self._env.rules.area.must_stay and (ended := self._end_if_changed(length)) is not None:
             return ended
         if self._source is None:
             failed = self._collect()
             if failed is not None or self._source is None:
-                return failed or self._receiving()
+                return failed or self._receiving_outcome()
         return self._deliver(self._source)
 
     def _begin(self, length: int) -> Outcome:
         request = JobRequest(length, most=self._env.rules.max_datagram)
-        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
+        refused = acquire(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
             return refused
         assert self.data is not None
         self._asked = length, self.data.shape
         self._start(length or self.data.size)
-        return self._collect() or self._receiving()
+        return self._collect() or self._receiving_outcome()
 
     def _collect(self) -> Outcome | None:
         self.first_offset = self._port.bytes_received
         got = self._port.receive_from(memoryview(self.buffer), self._instance)
         if isinstance(got, Fault):
             self._end(done=False, reason="receiving failed", size=0)
-            return Outcome(Condition.RECEIVE_FAILED, cause_of(got))
+            return Outcome(Condition.RECEIVE_FAILED, cause_of_fault(got))
         if not isinstance(got, Datagram):
             return None
-        self.last_bytes = self._env.now
+        self.last_bytes_at = self._env.now
         if got.is_cut and not self._env.rules.large_datagram_cut:
-            return self._too_large(got)
+            return self._refuse_too_large(got)
         self.have, self._source = got.size, got.source
         self._drop(got.size, got.whole - got.size, "larger than LEN or DATA")
         return None
 
-    def _too_large(self, got: Datagram) -> Outcome:
+    def _refuse_too_large(self, got: Datagram) -> Outcome:
         self._drop(0, got.whole, "larger than LEN or DATA")
         self._end(done=False, reason="the datagram is too large", size=0)
         cause = Cause(
-            Why.BYTES, "the datagram is larger than LEN or DATA", have=got.whole, need=self.need,
+            CauseKind.BYTES, "the datagram is larger than LEN or DATA", have=got.whole, need=self.need,
             peer=str(got.source),
         )  # fmt: skip
         return Outcome(self._env.rules.datagram_too_long, cause)
 
-    def _receiving(self) -> Outcome:
-        return _receiving(self.have, self.need, self._source is not None)
+    def _receiving_outcome(self) -> Outcome:
+        return _receiving_outcome(self.have, self.need, self._source is not None)
 
     def _deliver(self, source: Endpoint) -> Outcome:
         size, data = self.have, self.data
@@ -144,7 +144,7 @@ class DatagramIn(IncomingJob):
         kept = min(size, data.size)
         self._drop(kept, size - kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
-        cause = Cause(Why.FRAME, "a datagram is here", have=size, need=self.need, peer=str(source))
+        cause = Cause(CauseKind.FRAME, "a datagram is here", have=size, need=self.need, peer=str(source))
         return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
 
     def _drop(self, begin: int, size: int, reason: str) -> None:
@@ -162,7 +162,7 @@ class DatagramIn(IncomingJob):
 
 
 @lru_cache(1024)
-def _receiving(have: int, need: int, is_here: bool) -> Outcome:
+def _receiving_outcome(have: int, need: int, is_here: bool) -> Outcome:
     name = "the datagram is here and shows in the next scan" if is_here else "nothing received yet"
-    cause = Cause(Why.BYTES, name, have=have, need=need)
+    cause = Cause(CauseKind.BYTES, name, have=have, need=need)
     return Outcome(Condition.RECEIVING, cause, stable=not is_here)

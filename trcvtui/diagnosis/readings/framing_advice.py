@@ -101,7 +101,7 @@ def advise(recording: LineRecording) -> FramingAdvice:
     recording = _from_a_pause(recording)
     best: list[Tried] = []
     for most in WINDOWS:
-        window = recording.first(most)
+        window = recording.first_part(most)
         best = _tried(window)
         if (best and len(best[0].cut.good) >= ENOUGH_FRAMES) or window.size == recording.size:
             break

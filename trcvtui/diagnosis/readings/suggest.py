@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.framing import Framing
-from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
+from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
 from trcvtui.diagnosis.frame_causes import is_session, judged_messages, sizes_of
@@ -116,7 +116,7 @@ def _of_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: i
 def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
     content, said = bytes(line.to_plc.content), line.to_plc.writes
     chunks = [
-        Chunk(one.ns - line.first_ns, content[one.at : one.at + one.size], not number)
+        LineChunk(one.ns - line.first_ns, content[one.at : one.at + one.size], not number)
         for number, one in enumerate(said)
         if one.at + one.size <= len(content)
     ]
@@ -276,7 +276,7 @@ def _receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
             data=f"data_{n}", EN_R=True,
         )  # fmt: skip
         return
-    row = _block(dialect, lambda row: row.receives and row.builds)
+    row = _block(dialect, lambda row: row.receives and row.connects)
     if not is_serial:
         data = f"data_{n}" if framing is None else f"chunk_{n}"
         yield from _table(

@@ -9,11 +9,11 @@ from functools import cached_property
 from math import lgamma, log, log2
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.framing import Ending, Frame, Framer, Framing
-from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
+from trcvtui.blocks.framing import Frame, FrameEnding, Framer, Framing
+from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 
 PIECE: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
-GOOD: Final = frozenset({Ending.SUFFIX, Ending.SIZE})
+GOOD: Final = frozenset({FrameEnding.SUFFIX, FrameEnding.SIZE})
 
 
 class Placed(NamedTuple):
@@ -21,7 +21,7 @@ class Placed(NamedTuple):
 
     start: int
     content: bytes
-    ending: Ending
+    ending: FrameEnding
 
     @property
     def end(self) -> int:
@@ -67,7 +67,7 @@ class Cut:
     @cached_property
     def good(self) -> list[Placed]:
         """Return the frames that ended as the framing says."""
-        endings = GOOD | {Ending.GAP} if self.gaps else GOOD
+        endings = GOOD | {FrameEnding.GAP} if self.gaps else GOOD
         return [frame for frame in self.frames if frame.ending in endings]
 
     @cached_property
@@ -112,22 +112,22 @@ class _Run:
             before = chunk.t_ns
         if self._framing.timeout_ns:
             self._gap(recording.until_ns)
-        left = self._framer.size + len(self._head)
+        left = self._framer.queued + len(self._head)
         gaps = bool(self._framing.timeout_ns) and not self._framing.suffix
         frames = tuple(self._frames)
         return Cut(frames, self._framer.discarded, self._noise_runs, self._broken, left, self._at, gaps)
 
     def _break(self) -> None:
-        self._broken += len(self._framer.drop()) + len(self._head)
+        self._broken += len(self._framer.flush()) + len(self._head)
         self._head, self._asked = b"", self._framing
 
     def _gap(self, now: int) -> None:
-        self._ended(self._framer.take(b"", self._asked, now).frame)
+        self._ended(self._framer.feed(b"", self._asked, now).frame)
 
     def _take(self, payload: bytes, now: int) -> None:
         while payload and len(self._frames) < self._most:
             noise = self._framer.discarded
-            used, frame = self._framer.take(payload, self._asked, now)
+            used, frame = self._framer.feed(payload, self._asked, now)
             self._noise_runs += self._framer.discarded > noise
             self._at += used
             payload = payload[used:]
@@ -143,7 +143,7 @@ class _Run:
             if field.head < size <= longest:
                 self._head, self._asked = content, Framing(size - field.head)
                 return
-            ending = Ending.SIZE if size == field.head else Ending.OVERRUN
+            ending = FrameEnding.SIZE if size == field.head else FrameEnding.OVERRUN
         self._head, self._asked = b"", self._framing
         self._frames.append(Placed(self._at - len(content), content, ending))
 
@@ -153,9 +153,9 @@ def joined(recording: LineRecording) -> LineRecording:
     return replace(recording, chunks=tuple(_joined(recording.chunks)))
 
 
-def _joined(chunks: Sequence[Chunk]) -> Iterator[Chunk]:
+def _joined(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
     """Yield the bytes of each connection in one: without a timeout nothing depends on when they came."""
-    begun: list[Chunk] = []
+    begun: list[LineChunk] = []
     for chunk in chunks:
         if chunk.begins and begun:
             yield begun[0]._replace(payload=b"".join([each.payload for each in begun]))

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
+from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp_status import UDP_STATUS
-from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue
+from trcvtui.dialects.dialect import BACKLOG_SWITCH, INTERNAL_FAULT, Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import ConnectionPolicy
 
 SECOND: Final = 1_000_000_000  # ns
@@ -89,18 +89,18 @@ SWITCHES: Final = (
     ),
     Switch("check_remote_ip", "bool", True, "a passive CONNECT takes RemoteAddress only (0.0.0.0: anyone)"),
     Switch("check_remote_port", "bool", False, "a passive CONNECT takes clients from RemotePort only"),
-    BACKLOG,
+    BACKLOG_SWITCH,
     INTERNAL_FAULT,
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 and 80A8 come in seconds"),
 )
 
 
-def answer(values: Mapping[str, SwitchValue]) -> Rules:
+def make_rules(values: Mapping[str, SwitchValue]) -> VendorRules:
     """Return the rules for these switch values; a switch that is not given has its default."""
     chosen = {switch.name: switch.default for switch in SWITCHES} | dict(values)
-    return Rules(
+    return VendorRules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
-        not_connected=NotConnected(chosen["not_connected"]),
+        not_connected=NotConnectedRule(chosen["not_connected"]),
         course=StatusSequence(silent_dead_link=chosen["dead_link"] == "silent"),
         adhoc_at_once=chosen["adhoc"] == "at_once",
         short_frame_shown=chosen["short_frame"] == "both",
@@ -140,5 +140,5 @@ BAOSKY: Final = Dialect(
     models={"T3": 8, "T4": 32},  # TCP connections, manual 7.15.4
     default_model="T4",
     layout="baosky",
-    answer=answer,
+    answer=make_rules,
 )

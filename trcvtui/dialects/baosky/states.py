@@ -15,14 +15,14 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 
 RECEIVE: Final = ("TRCV_C",)
 SEND: Final = ("TSEND_C",)
-BOTH: Final = RECEIVE + SEND
+BOTH_BLOCKS: Final = RECEIVE + SEND
 
-_state: Final = partial(StatusRow, error=False)
+_state_row: Final = partial(StatusRow, error=False)
 STATES: Final = (
-    _state(
+    _state_row(
         0x0000,
         Condition.NOT_CALLED,
-        BOTH,
+        BOTH_BLOCKS,
         "Not called",
         (
             "the program has not called this instance yet",
@@ -38,10 +38,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    _state(
+    _state_row(
         0x0001,
         Condition.CREATING,
-        BOTH,
+        BOTH_BLOCKS,
         "Creating the socket",
         (
             "CONT (TCON: REQ) has just risen; this shows for one scan",
@@ -54,10 +54,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    _state(
+    _state_row(
         0x7000,
         Condition.NO_JOB,
-        BOTH,
+        BOTH_BLOCKS,
         "No job, and no connection",
         (
             "CONT was never set; EN_R or a REQ edge alone builds no connection",
@@ -73,10 +73,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    _state(
+    _state_row(
         0x7001,
         Condition.CREATED,
-        BOTH,
+        BOTH_BLOCKS,
         "Socket created",
         (
             "the first step of the set-up worked; this shows for one scan",
@@ -89,10 +89,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
-    _state(
+    _state_row(
         0x7002,
         Condition.ESTABLISHING,
-        BOTH,
+        BOTH_BLOCKS,
         "Connecting, or waiting for the partner",
         (
             "passive: no partner has called yet, or a wrong one was turned away",
@@ -110,10 +110,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
     ),
-    _state(
+    _state_row(
         0x7003,
         Condition.CLOSING,
-        BOTH,
+        BOTH_BLOCKS,
         "Closing the connection",
         (
             "CONT fell: 7007 and 7000 follow, or 7000 alone when nothing was connected",
@@ -127,10 +127,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    _state(
+    _state_row(
         0x7004,
         Condition.CONNECTED,
-        BOTH,
+        BOTH_BLOCKS,
         "Connected, nothing asked for",
         (
             "the connection has just come up; one scan before 7006 when EN_R is 1",
@@ -147,7 +147,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
     ),
-    _state(
+    _state_row(
         0x7005,
         Condition.SENDING,
         SEND,
@@ -165,7 +165,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
-    _state(
+    _state_row(
         0x7006,
         Condition.RECEIVING,
         RECEIVE,
@@ -186,10 +186,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
-    _state(
+    _state_row(
         0x7007,
         Condition.CLOSED,
-        BOTH,
+        BOTH_BLOCKS,
         "Closed by this side",
         (
             "CONT fell while connected: 7000 follows",
@@ -203,7 +203,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
-    _state(
+    _state_row(
         0x7008,
         Condition.RECEIVED,
         RECEIVE,
@@ -220,7 +220,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
-    _state(
+    _state_row(
         0x7009,
         Condition.SENT,
         SEND,
@@ -237,10 +237,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
-    _state(
+    _state_row(
         0x8000,
         Condition.RESETTING,
-        BOTH,
+        BOTH_BLOCKS,
         "Resetting the connection",
         (
             "COM_RST (T_RESET: REQ) rose while connected; 7003, 7007 and 7002 follow",

@@ -8,13 +8,13 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reproducibility, StatusRow
-from trcvtui.dialects.baosky.states import BOTH, RECEIVE, SEND, STATES
+from trcvtui.dialects.baosky.states import BOTH_BLOCKS, RECEIVE, SEND, STATES
 
 CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8080,
         Condition.NO_SOCKET,
-        BOTH,
+        BOTH_BLOCKS,
         "No socket left",
         (
             "all connections of the PLC model are in use (T3: 8, T4: 32)",
@@ -32,7 +32,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8081,
         Condition.WRONG_LOCAL_ADDRESS,
-        BOTH,
+        BOTH_BLOCKS,
         "LocalAddress is not usable",
         (
             "no network port of this PLC has that address",
@@ -50,7 +50,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8082,
         Condition.REUSE_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "Address reuse was refused",
         (
             "the descriptor was closed or replaced under the socket",
@@ -67,7 +67,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8083,
         Condition.BIND_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "LocalPort could not be taken",
         (
             "another program or another CONNECT already listens on this address and port",
@@ -86,7 +86,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8084,
         Condition.POLL_ADD_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "Socket could not be watched",
         (
             "the user's limit of epoll watches is reached (ENOSPC)",
@@ -103,7 +103,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8086,
         Condition.ACCEPT_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "A client could not be accepted",
         (
             "no free file descriptor: the client waits in the queue and believes that it is connected",
@@ -121,7 +121,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x8087,
         Condition.POLL_DEL_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "Socket could not be taken off the watch",
         (
             "the descriptor was closed before it was unregistered (EBADF)",
@@ -137,7 +137,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80A0,
         Condition.CONNECT_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "The partner could not be reached (active side)",
         (
             "ECONNREFUSED: the machine is there, but no program listens on RemotePort",
@@ -157,7 +157,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80A1,
         Condition.NOT_CONNECTED,
-        BOTH,
+        BOTH_BLOCKS,
         "Asked for data without a connection",
         (
             "EN_R was 1 or REQ rose before the connection was up; harmless for one scan at the start",
@@ -176,7 +176,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80A2,
         Condition.DISCONNECT_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "Closing failed",
         (
             "the partner had reset the connection just before CONT fell (ENOTCONN)",
@@ -192,7 +192,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80A3,
         Condition.RESET_FAILED,
-        BOTH,
+        BOTH_BLOCKS,
         "Reset failed",
         (
             "the partner had reset the connection just before COM_RST rose (ENOTCONN)",
@@ -215,7 +215,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80A4,
         Condition.DATA_EMPTY,
-        BOTH,
+        BOTH_BLOCKS,
         "DATA has no byte",
         (
             "no variable is bound to DATA",
@@ -232,7 +232,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80A5,
         Condition.LENGTH_WRONG,
-        BOTH,
+        BOTH_BLOCKS,
         "LEN does not fit",
         (
             "LEN is larger than DATA, often after DATA was made smaller or its UDT changed",
@@ -268,7 +268,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80A7,
         Condition.NO_BUFFER,
-        BOTH,
+        BOTH_BLOCKS,
         "No buffer for the job",
         (
             "more jobs run at the same time than the PLC has buffers",
@@ -338,7 +338,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80AB,
         Condition.LINK_DEAD,
-        BOTH,
+        BOTH_BLOCKS,
         "The link is dead",
         (
             "cable, switch or power at the partner: no answer for 3 x KeepAliveTimeInterval",
@@ -356,7 +356,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80AC,
         Condition.QUEUE_FULL,
-        BOTH,
+        BOTH_BLOCKS,
         "Job queue is full",
         (
             "more blocks connect, close or reset in one scan than the queue carries",
@@ -373,7 +373,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80C3,
         Condition.CONNECT_IN_USE,
-        BOTH,
+        BOTH_BLOCKS,
         "CONNECT is used by another block of this kind",
         (
             "another TRCV_C with EN_R=1 (or a sending TSEND_C) works on the same CONNECT",
@@ -393,7 +393,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80C5,
         Condition.PARTNER_CLOSED,
-        BOTH,
+        BOTH_BLOCKS,
         "The partner closed during the job",
         (
             "the partner's program ended or closed its connection",

@@ -11,15 +11,15 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 # Their own code tables could not be read: each code means what it means to the TCP blocks, where UDP has it.
 # The manual's own words: 7001 is the ready state, and DONE lasts one scan.
 
-IN: Final = ("URECV_C",)
-OUT: Final = ("USEND_C",)
-UDP: Final = IN + OUT
+RECEIVE_BLOCKS: Final = ("URECV_C",)
+SEND_BLOCKS: Final = ("USEND_C",)
+UDP: Final = RECEIVE_BLOCKS + SEND_BLOCKS
 MANUAL: Final = "Baosky library manual 7.15.14, 7.15.15"
-_error: Final = partial(StatusRow, manual=MANUAL)
-_state: Final = partial(_error, error=False)
+_error_row: Final = partial(StatusRow, manual=MANUAL)
+_state_row: Final = partial(_error_row, error=False)
 
 UDP_STATES: Final = (
-    _state(
+    _state_row(
         0x0000,
         Condition.NOT_CALLED,
         UDP,
@@ -31,7 +31,7 @@ UDP_STATES: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _state(
+    _state_row(
         0x0001,
         Condition.CREATING,
         UDP,
@@ -48,7 +48,7 @@ UDP_STATES: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _state(
+    _state_row(
         0x7000,
         Condition.NO_JOB,
         UDP,
@@ -63,7 +63,7 @@ UDP_STATES: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _state(
+    _state_row(
         0x7001,
         Condition.CREATED,
         UDP,
@@ -78,7 +78,7 @@ UDP_STATES: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _state(
+    _state_row(
         0x7003,
         Condition.CLOSING,
         UDP,
@@ -93,10 +93,10 @@ UDP_STATES: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _state(
+    _state_row(
         0x7005,
         Condition.SENDING,
-        OUT,
+        SEND_BLOCKS,
         "Sending a datagram",
         (
             "REQ rose while ready: the stack was given the datagram in this very scan",
@@ -108,10 +108,10 @@ UDP_STATES: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _state(
+    _state_row(
         0x7006,
         Condition.RECEIVING,
-        IN,
+        RECEIVE_BLOCKS,
         "Waiting for a datagram",
         (
             "EN_R is 1 and no datagram has come since the last job",
@@ -125,7 +125,7 @@ UDP_STATES: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _state(
+    _state_row(
         0x7007,
         Condition.CLOSED,
         UDP,
@@ -140,10 +140,10 @@ UDP_STATES: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _state(
+    _state_row(
         0x7008,
         Condition.RECEIVED,
-        IN,
+        RECEIVE_BLOCKS,
         "Datagram received",
         (
             "one datagram is one job: RCVD_LEN is its size, also when it is shorter than LEN",
@@ -156,10 +156,10 @@ UDP_STATES: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _state(
+    _state_row(
         0x7009,
         Condition.SENT,
-        OUT,
+        SEND_BLOCKS,
         "Datagram handed over",
         (
             "the local network stack has the whole datagram",
@@ -178,7 +178,7 @@ UDP_STATES: Final = (
 # The manual's own words: 80A5 above 2048 bytes.
 
 UDP_ERRORS: Final = (
-    _error(
+    _error_row(
         0x8080,
         Condition.NO_SOCKET,
         UDP,
@@ -193,7 +193,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.INJECTED,
     ),
-    _error(
+    _error_row(
         0x8081,
         Condition.WRONG_LOCAL_ADDRESS,
         UDP,
@@ -209,7 +209,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _error(
+    _error_row(
         0x8083,
         Condition.BIND_FAILED,
         UDP,
@@ -225,7 +225,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _error(
+    _error_row(
         0x8084,
         Condition.POLL_ADD_FAILED,
         UDP,
@@ -237,7 +237,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.INJECTED,
     ),
-    _error(
+    _error_row(
         0x8087,
         Condition.POLL_DEL_FAILED,
         UDP,
@@ -246,7 +246,7 @@ UDP_ERRORS: Final = (
         ("the ledger names the errno", "the socket is closed all the same; 7000 follows"),
         Reproducibility.INJECTED,
     ),
-    _error(
+    _error_row(
         0x80A1,
         Condition.NOT_CONNECTED,
         UDP,
@@ -262,7 +262,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _error(
+    _error_row(
         0x80A2,
         Condition.DISCONNECT_FAILED,
         UDP,
@@ -271,7 +271,7 @@ UDP_ERRORS: Final = (
         ("the ledger names the errno", "the socket is gone all the same; 7000 follows"),
         Reproducibility.INJECTED,
     ),
-    _error(
+    _error_row(
         0x80A4,
         Condition.DATA_EMPTY,
         UDP,
@@ -283,7 +283,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _error(
+    _error_row(
         0x80A5,
         Condition.LENGTH_WRONG,
         UDP,
@@ -300,7 +300,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _error(
+    _error_row(
         0x80A7,
         Condition.NO_BUFFER,
         UDP,
@@ -315,10 +315,10 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.LOGIC,
     ),
-    _error(
+    _error_row(
         0x80A8,
         Condition.SEND_BUFFER_FULL,
-        OUT,
+        SEND_BLOCKS,
         "Send buffer full",
         (
             "the stack has no room for the datagram now; it was not sent",
@@ -327,10 +327,10 @@ UDP_ERRORS: Final = (
         ("send it again with a new REQ edge", "`ss -un` Send-Q, and the speed of the interface"),
         Reproducibility.INJECTED,
     ),
-    _error(
+    _error_row(
         0x80A9,
         Condition.SEND_FAILED,
-        OUT,
+        SEND_BLOCKS,
         "The datagram could not be sent",
         (
             "ADDR holds no target: RemoteAddress 0.0.0.0 or RemotePort 0",
@@ -344,10 +344,10 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _error(
+    _error_row(
         0x80AA,
         Condition.RECEIVE_FAILED,
-        IN,
+        RECEIVE_BLOCKS,
         "The datagram could not be taken",
         (
             "it is larger than LEN (LEN=0: than DATA); it is lost, DATA and ADDR stay as they were",
@@ -360,7 +360,7 @@ UDP_ERRORS: Final = (
         ),
         Reproducibility.REAL,
     ),
-    _error(
+    _error_row(
         0x80C3,
         Condition.CONNECT_IN_USE,
         UDP,

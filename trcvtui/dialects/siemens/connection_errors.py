@@ -6,7 +6,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
-from trcvtui.dialects.siemens.states import BOTH_C, CLOSE, RCV_C, SEND, SEND_C, SET_UP, TCON, UDP
+from trcvtui.dialects.siemens.states import C_BLOCKS, CLOSE, RCV_C, SEND, SEND_C, SET_UP, TCON, UDP
 
 CONNECTION_ERRORS: Final = (
     StatusRow(
@@ -63,7 +63,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80A3,
         Condition.FOUND_CLOSED,
-        BOTH_C,
+        C_BLOCKS,
         "The connection was found closed",
         (
             "the partner closed or reset it while no job ran here",
@@ -166,7 +166,7 @@ CONNECTION_ERRORS: Final = (
     StatusRow(
         0x80AA,
         Condition.LET_GO,
-        BOTH_C,
+        C_BLOCKS,
         "The other block let the connection go",
         (
             "two _C blocks share a connection, and CONT of the other one ended it",
@@ -255,13 +255,13 @@ LEGACY_ERRORS: Final = (
     ),
 )
 
-_LINKED: Final = (*SET_UP, "TSEND", "TRCV")  # these meet a partner over a connection
+_LINKED_BLOCKS: Final = (*SET_UP, "TSEND", "TRCV")  # these meet a partner over a connection
 
 JOB_ERRORS: Final = (
     StatusRow(
         0x80C3,
         Condition.NO_SOCKET,
-        (*BOTH_C, *TCON, *CLOSE, "TSEND", "TRCV", *UDP),
+        (*C_BLOCKS, *TCON, *CLOSE, "TSEND", "TRCV", *UDP),
         "No resources, or the ID is busy elsewhere",
         (
             "all connections of the CPU are in use, or the process has no free file descriptor",
@@ -342,7 +342,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80C5,
         Condition.PARTNER_CLOSED,
-        _LINKED,
+        _LINKED_BLOCKS,
         "The partner refused or closed",
         (
             "active: the machine is there, but no program listens on RemotePort (ECONNREFUSED)",
@@ -374,7 +374,7 @@ JOB_ERRORS: Final = (
     StatusRow(
         0x80C6,
         Condition.UNREACHABLE,
-        _LINKED,
+        _LINKED_BLOCKS,
         "The partner cannot be reached",
         (
             "no route, no answer to ARP, or no answer at all within the time of an attempt",

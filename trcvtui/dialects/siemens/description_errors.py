@@ -241,7 +241,7 @@ DESCRIPTION_ERRORS: Final = (
     ),
 )
 
-_SHOWN_BY: Final = {
+_TLS_CONDITIONS: Final = {
     0x80E0: Condition.TLS_MESSAGE,
     0x80E1: Condition.TLS_HANDSHAKE,
     0x80E2: Condition.TLS_UNSUPPORTED,
@@ -257,12 +257,12 @@ _SHOWN_BY: Final = {
     0x80ED: Condition.TLS_REFERENCE,
 }
 # No device of this bench changes a record on its way; 80E9 on are seen in the description.
-_REACH: Final = {
+_TLS_REACH: Final = {
     0x80E6: Reproducibility.INJECTED,
     **dict.fromkeys(range(0x80E9, 0x80EE), Reproducibility.LOGIC),
 }
 # Code: what it means, two causes, two things to look at. The list of codes is read, what each covers is not.
-_FAILURES: Final = {
+_TLS_TEXTS: Final = {
     0x80E0: (
         "TLS: a message that makes no sense",
         ("the partner speaks plain TCP on this port", "another protocol version, or bytes that were damaged"),
@@ -347,33 +347,33 @@ _FAILURES: Final = {
         ("the numbers in the certificate manager", "server and client reference: were they mixed up?"),
     ),
 }
-_UNSURE: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
+_UNSURE_TEXT: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
 
 
 def _tls_row(code: int) -> StatusRow:
-    title, causes, checks = _FAILURES[code]
+    title, causes, checks = _TLS_TEXTS[code]
     return StatusRow(
         code,
-        _SHOWN_BY[code],
+        _TLS_CONDITIONS[code],
         SET_UP,
         title,
         causes,
         checks,
-        _REACH.get(code, Reproducibility.REAL),
+        _TLS_REACH.get(code, Reproducibility.REAL),
         "STEP 7 help: TCON, TCON_IP_V4_SEC",
-        unsure=_UNSURE,
+        unsure=_UNSURE_TEXT,
     )
 
 
 TLS_ERRORS: Final = (
-    *(_tls_row(code) for code in _FAILURES),
+    *(_tls_row(code) for code in _TLS_TEXTS),
     unreached_row(
         0x80EA,
         UDP,
-        *_FAILURES[0x80EA],
+        *_TLS_TEXTS[0x80EA],
         "STEP 7 help: TUSEND, TURCV",
         unreached="a UDP connection has no secure structure: ActivateSecureConn cannot be written",
-        unsure=_UNSURE,
+        unsure=_UNSURE_TEXT,
     ),
     unreached_row(
         0x80EE,

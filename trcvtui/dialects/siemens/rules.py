@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
+from trcvtui.blocks.rules import DataAreaRules, NotConnectedRule, StatusSequence, VendorRules
 from trcvtui.blocks.status import Reproducibility, StatusRow
-from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.dialect import BACKLOG_SWITCH, INTERNAL_FAULT, Dialect, Switch, SwitchValue, map_codes
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
-from trcvtui.dialects.siemens.states import ALL, BOTH_C
+from trcvtui.dialects.siemens.states import ALL_BLOCKS, C_BLOCKS
 from trcvtui.dialects.siemens.status import STATUS
 from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.connection.connection import LossKind
@@ -24,7 +24,7 @@ from trcvtui.net.layer import TlsError
 
 # One course for all of them; a dialect below it is its limits and its few differences.
 
-_TLS: Final[dict[str, Condition]] = {
+_TLS_CONDITIONS: Final[dict[str, Condition]] = {
     TlsError.PLAIN: Condition.TLS_MESSAGE,
     TlsError.HANDSHAKE: Condition.TLS_HANDSHAKE,
     TlsError.SILENT: Condition.TLS_HANDSHAKE,
@@ -39,8 +39,8 @@ _TLS: Final[dict[str, Condition]] = {
     TlsError.EXTENSION: Condition.TLS_EXTENSION,
     TlsError.REFERENCE: Condition.TLS_REFERENCE,
 }
-_CHANGED: Final = {"EBADMSG": Condition.TLS_INTEGRITY}  # by a planned fault
-_NAMES: Final = {
+_INTEGRITY_CONDITIONS: Final = {"EBADMSG": Condition.TLS_INTEGRITY}  # by a planned fault
+_NAME_CONDITIONS: Final = {
     "EAI_AGAIN": Condition.NO_RESOLVER,
     "EAI_NONAME": Condition.NAME_UNKNOWN,
     "EAI_FAIL": Condition.NAME_UNKNOWN,
@@ -49,9 +49,9 @@ SECURE_SET_UP: Final[dict[tuple[SetUpStage, str], Condition]] = {
     **{
         (stage, error): shows
         for stage in (SetUpStage.CONNECT, SetUpStage.ACCEPT)
-        for error, shows in (_TLS | _CHANGED).items()
+        for error, shows in (_TLS_CONDITIONS | _INTEGRITY_CONDITIONS).items()
     },
-    **{(SetUpStage.CONNECT, error): shows for error, shows in _NAMES.items()},
+    **{(SetUpStage.CONNECT, error): shows for error, shows in _NAME_CONDITIONS.items()},
     (SetUpStage.DESCRIPTION, Flaw.SERVER_BARE): Condition.TLS_SERVER_BARE,
     (SetUpStage.DESCRIPTION, Flaw.SECURE_DATAGRAMS): Condition.TLS_DATAGRAMS,
     (SetUpStage.DESCRIPTION, Flaw.CLIENT_ASKS): Condition.TLS_CLIENT_ASKS,
@@ -62,7 +62,7 @@ SECURE_SET_UP: Final[dict[tuple[SetUpStage, str], Condition]] = {
 
 SECOND: Final = 1_000_000_000  # ns
 # The help has DONE at TRCV_C, the FAQ NDR at both.
-LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
+PIN_LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
     Switch(
@@ -116,7 +116,7 @@ SWITCHES: Final = (
         least=128,
         most=65531,
     ),
-    BACKLOG,
+    BACKLOG_SWITCH,
     INTERNAL_FAULT,
     Switch(
         "keep_alive",
@@ -186,20 +186,20 @@ class Cpu(NamedTuple):
     narrow_tsaps: bool = False  # S7-1200 System Manual
 
 
-BUILDING: Final = frozenset(
+BUILDING_CONDITIONS: Final = frozenset(
     {Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING, Condition.CLOSING}
 )
 
 
-def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
-    return Rules(
+def make_rules(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> VendorRules:
+    return VendorRules(
         status={},
-        status_of=codes_of(STATUS),
-        course=course(chosen),
+        status_of=map_codes(STATUS),
+        course=make_sequence(chosen),
         single_instructions=True,
-        not_connected=NotConnected.NEVER,
+        not_connected=NotConnectedRule.NEVER,
         short_frame_shown=False,
-        area=AreaRules(
+        area=DataAreaRules(
             missing=Condition.DATA_MISSING,
             longer=Condition.LEN_OVER_DATA,
             refuses_bits=True,
@@ -209,8 +209,8 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             texts_whole=True,
             datagram_needs_len=True,
         ),
-        labels=LABELS,
-        also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
+        labels=PIN_LABELS,
+        also_busy=BUILDING_CONDITIONS if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         lock_outlives=False,  # no list knows of such a lock
         one_class=True,
@@ -235,7 +235,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
     )
 
 
-def course(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
+def make_sequence(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
     """Return what shows when, with these switch values."""
     by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
     if en_r_falls == "by_cont_mode":
@@ -264,19 +264,19 @@ def course(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
 
 
 # There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on.
-WORDS: Final[Mapping[str, str]] = {
+CONDITION_WORDS: Final[Mapping[str, str]] = {
     Condition.CREATING: "connecting begins",
     Condition.CREATED: "connecting",
     Condition.NO_SOCKET: "no resources",
 }
 
 
-def with_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
+def replace_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
     return tuple(replace(one, default=value) if one.name == name else one for one in SWITCHES)
 
 
-def _answer_of(cpu: Cpu, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]) -> Rules:
-    return answer({switch.name: switch.default for switch in switches} | dict(chosen), cpu)
+def _cpu_rules(cpu: Cpu, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]) -> VendorRules:
+    return make_rules({switch.name: switch.default for switch in switches} | dict(chosen), cpu)
 
 
 def _dialect(
@@ -285,7 +285,7 @@ def _dialect(
     return Dialect(
         name=name,
         title=title,
-        blocks=ALL,
+        blocks=ALL_BLOCKS,
         status=STATUS,
         switches=switches,
         models={"CPU": cpu.connections},
@@ -293,27 +293,27 @@ def _dialect(
         layout="s7-standard",
         describes_connects=True,
         folder="siemens",
-        words=WORDS,
+        words=CONDITION_WORDS,
         follows=follows,
-        answer=partial(_answer_of, cpu, switches),
+        answer=partial(_cpu_rules, cpu, switches),
     )
 
 
-SEQUENCES: Final = "the document of the status sequences (cont_mode level)"
+SEQUENCES_DOCUMENT: Final = "the document of the status sequences (cont_mode level)"
 S7_1500: Final = _dialect(
-    "s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128), SEQUENCES
+    "s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128), SEQUENCES_DOCUMENT
 )
 S7_1200: Final = _dialect(
     "s7-1200",
     "Siemens S7-1200, Open User Communication",
     Cpu(8192, 1472, 8, True, True),
     "the S7-1200 page on TSEND_C and TRCV_C (cont_mode manual)",
-    with_default("cont_mode", "manual"),
+    replace_default("cont_mode", "manual"),
 )
 
 AD_HOC: Final = frozenset({65535})  # LEN of TRCV_C and TRCV, which have no ADHOC pin; 0: switch legacy_len0
 LEGACY_CPU: Final = Cpu(8192, 1472, 8, True, True)
-UNSURE: Final = "the help of instructions before 3.0 tells it otherwise: switch status_sequence"
+UNSURE_TEXT: Final = "the help of instructions before 3.0 tells it otherwise: switch status_sequence"
 
 LEGACY_BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DIAG")
 _NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
@@ -321,7 +321,7 @@ _NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
 
 # cont_mode: the status sequences are of instructions V2.0, so they, and no later manual, tell of these.
 LEGACY_SWITCHES: Final = (
-    *with_default("silent_connect", True),
+    *replace_default("silent_connect", True),
     Switch(
         "status_sequence",
         "choice",
@@ -345,20 +345,20 @@ def _row(code: int, block: str) -> StatusRow:
     return next(row for row in STATUS if row.code == code and block in row.blocks)
 
 
-def _of(row: StatusRow, *also: Condition, by_help: str) -> StatusRow:
+def _adapt_row(row: StatusRow, *also: Condition, by_help: str) -> StatusRow:
     causes = (*row.causes[:3], f"switch status_sequence = help: {by_help}")
     manual = f"{row.manual}; STEP 7 help, TSEND_C and TRCV_C before V3.0"
     row = replace(row, also=(*row.also, *also), causes=causes, manual=manual)
-    return replace(row, blocks=BOTH_C, unsure=UNSURE)
+    return replace(row, blocks=C_BLOCKS, unsure=UNSURE_TEXT)
 
 
 OWN_ROWS: Final = (
-    _of(
+    _adapt_row(
         _row(0x0000, "TSEND_C"), Condition.LINK_DONE,
         by_help="DONE shows once more, in the first scan of each connection",
     ),
-    _of(_row(0x7001, "TSEND_C"), by_help="it stays until the connection is up"),
-    _of(
+    _adapt_row(_row(0x7001, "TSEND_C"), by_help="it stays until the connection is up"),
+    _adapt_row(
         _row(0x7002, "TSEND_C"),
         by_help="a job sends (7005 otherwise), or some bytes of the frame are here (7006)",
     ),
@@ -375,19 +375,19 @@ OWN_ROWS: Final = (
             "frames of varying length: LEN = 65535, or ISO-on-TCP, which keeps their ends",
             "shifted values: one rising edge at COM_RST, then watch the first frame",
         ),
-        unsure=f"{UNSURE}; LEN = 0 is ad hoc there: switch legacy_len0",
+        unsure=f"{UNSURE_TEXT}; LEN = 0 is ad hoc there: switch legacy_len0",
     ),
 )  # fmt: skip
 # switch status_sequence = help: what shows another code than in the figures.
-BY_HELP: Final[dict[str, dict[Condition, int]]] = {
+HELP_CODES: Final[dict[str, dict[Condition, int]]] = {
     block: dict.fromkeys((Condition.CREATED, Condition.ESTABLISHING), 0x7001) | {moves: 0x7002}
     for block, moves in (("TSEND_C", Condition.SENDING), ("TRCV_C", Condition.RECEIVING_PART))
 }
-_OWN: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
+_OWN_CODES: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
 
 
 # What newer instructions or structures say of themselves, and what stands for it here.
-_REWORDED: Final = {
+_REWORDINGS: Final = {
     "; 65535 was ad hoc before 3.0": "",
     "; T_DIAG shows State 4 while it stands": "",
     "; T_DIAG after TDISCON ends here, too": "",
@@ -399,51 +399,51 @@ _ONLY_TCON_PARAM: Final = "a TCON_Param, which is all these instructions take, h
 _NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
 
 
-def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
-    for theirs, ours in _REWORDED.items():
+def _clean(lines: tuple[str, ...]) -> tuple[str, ...]:
+    for theirs, ours in _REWORDINGS.items():
         lines = tuple(line.replace(theirs, ours) for line in lines)
     return tuple(line for line in lines if "T_DIAG" not in line and "instructions before 3.0" not in line)
 
 
-def _listed(row: StatusRow) -> StatusRow:
+def _mark_unreached(row: StatusRow) -> StatusRow:
     if row.code not in _NAMES_AND_TLS:
         return row
     why = row.unreached or _ONLY_TCON_PARAM
     return replace(row, condition=None, also=(), reach=Reproducibility.NEVER, unreached=why)
 
 
-def _kept(row: StatusRow) -> StatusRow | None:
-    gone = {block for block in row.blocks if (row.code, block) in _OWN or block not in LEGACY_BLOCKS}
+def _adapt(row: StatusRow) -> StatusRow | None:
+    gone = {block for block in row.blocks if (row.code, block) in _OWN_CODES or block not in LEGACY_BLOCKS}
     gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)
     return (
-        replace(row, blocks=blocks, causes=_lines(row.causes), checks=_lines(row.checks)) if blocks else None
+        replace(row, blocks=blocks, causes=_clean(row.causes), checks=_clean(row.checks)) if blocks else None
     )
 
 
-_SHOWN: Final = (*(kept for row in STATUS if (kept := _kept(row)) is not None), *OWN_ROWS, *LEGACY_ERRORS)
-LEGACY_STATUS: Final = tuple(sorted(map(_listed, _SHOWN), key=lambda row: row.code))
+_SHOWN: Final = (*(kept for row in STATUS if (kept := _adapt(row)) is not None), *OWN_ROWS, *LEGACY_ERRORS)
+LEGACY_STATUS: Final = tuple(sorted(map(_mark_unreached, _SHOWN), key=lambda row: row.code))
 
 
-def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
+def make_legacy_rules(values: Mapping[str, SwitchValue]) -> VendorRules:
     chosen = {switch.name: switch.default for switch in LEGACY_SWITCHES} | dict(values)
-    newer = answer(chosen, LEGACY_CPU)
+    newer = make_rules(chosen, LEGACY_CPU)
     rules = replace(
         newer,
-        status_of=codes_of(_SHOWN),
+        status_of=map_codes(_SHOWN),
         lacks=frozenset({"ADHOC"}),
         types={"LEN": "UINT", "RCVD_LEN": "UINT"},
         area=replace(newer.area, adhoc_lens=AD_HOC | ({0} if chosen["legacy_len0"] == "adhoc" else set())),
         course=replace(newer.course, reset_closes=True),
     )
-    return _by_help(rules) if chosen["status_sequence"] == "help" else rules
+    return _follow_help(rules) if chosen["status_sequence"] == "help" else rules
 
 
-def _by_help(rules: Rules) -> Rules:
+def _follow_help(rules: VendorRules) -> VendorRules:
     done = Condition.LINK_DONE
     return replace(
         rules,
-        status_of={block: codes | BY_HELP.get(block, {}) for block, codes in codes_of(_SHOWN).items()},
+        status_of={block: codes | HELP_CODES.get(block, {}) for block, codes in map_codes(_SHOWN).items()},
         receiving_part=Condition.RECEIVING_PART,
         course=replace(rules.course, job_begins=done, established=done),
     )
@@ -461,7 +461,7 @@ S7_1200_LEGACY: Final = Dialect(
     describes_connects=S7_1200.describes_connects,
     structures=("TCON_Param",),
     folder="siemens-legacy",
-    words=WORDS,
-    follows=SEQUENCES,
-    answer=legacy_answer,
+    words=CONDITION_WORDS,
+    follows=SEQUENCES_DOCUMENT,
+    answer=make_legacy_rules,
 )

@@ -10,27 +10,27 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 
 SEND_C: Final = ("TSEND_C",)
 RCV_C: Final = ("TRCV_C",)
-BOTH_C: Final = SEND_C + RCV_C
+C_BLOCKS: Final = SEND_C + RCV_C
 TCON: Final = ("TCON",)
-SET_UP: Final = BOTH_C + TCON  # these build a connection
+SET_UP: Final = C_BLOCKS + TCON  # these build a connection
 SEND: Final = (*SEND_C, "TSEND")
 RECEIVE: Final = (*RCV_C, "TRCV")
 UDP: Final = ("TUSEND", "TURCV")
 JOBS: Final = SEND + RECEIVE + UDP  # these move bytes
 CLOSE: Final = ("TDISCON", "T_RESET")
-SINGLE: Final = TCON + CLOSE + ("T_DIAG", "TSEND", "TRCV") + UDP
-ALL: Final = BOTH_C + SINGLE
+SINGLE_BLOCKS: Final = TCON + CLOSE + ("T_DIAG", "TSEND", "TRCV") + UDP
+ALL_BLOCKS: Final = C_BLOCKS + SINGLE_BLOCKS
 
 
 # Causes and checks speak to the person at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the
 # machine that runs the bench.
 
-_state: Final = partial(StatusRow, error=False)
+_state_row: Final = partial(StatusRow, error=False)
 STATES: Final = (
-    _state(
+    _state_row(
         0x0000,
         Condition.FINISHED,
-        ALL,
+        ALL_BLOCKS,
         "A job ended well (DONE = 1), or not called",
         (
             "with DONE (TRCV, TRCV_C, TURCV: NDR): the job ended in this very scan",
@@ -46,10 +46,10 @@ STATES: Final = (
         "STEP 7 help, Open User Communication; Siemens FAQ 109479564",
         also=(Condition.NOT_CALLED, Condition.SENT, Condition.RECEIVED),
     ),
-    _state(
+    _state_row(
         0x0001,
         Condition.JOB_BEGINS,
-        BOTH_C,
+        C_BLOCKS,
         "The connection is up",
         (
             "REQ or EN_R stood at 1 while the connection was built: its job starts here, with BUSY = 1",
@@ -65,7 +65,7 @@ STATES: Final = (
         also=(Condition.ESTABLISHED,),
         unsure="whether a connection that no job waits for shows it, too: switch status_0001_always",
     ),
-    _state(
+    _state_row(
         0x0001,
         Condition.NOTHING_TO_RESET,
         ("T_RESET",),
@@ -81,10 +81,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: T_RESET",
     ),
-    _state(
+    _state_row(
         0x0003,
         Condition.CLOSED,
-        BOTH_C,
+        C_BLOCKS,
         "The connection is closed",
         (
             "CONT fell while a connection stood; 7003 has shown before",
@@ -99,10 +99,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
-    _state(
+    _state_row(
         0x7000,
         Condition.NO_JOB,
-        BOTH_C,
+        C_BLOCKS,
         "No job, and no connection",
         (
             "CONT is 0; with cont_mode level REQ and EN_R mean nothing without it",
@@ -118,10 +118,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
-    _state(
+    _state_row(
         0x7000,
         Condition.NO_JOB,
-        SINGLE,
+        SINGLE_BLOCKS,
         "No job",
         (
             "REQ has not risen, or stays 1 since the last job: one edge, one job",
@@ -134,10 +134,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
-    _state(
+    _state_row(
         0x7001,
         Condition.CREATING,
-        BOTH_C,
+        C_BLOCKS,
         "Starting to build the connection",
         (
             "CONT has just risen; cont_mode manual: or REQ has, or EN_R is 1; this shows for one scan",
@@ -151,10 +151,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="that it shows again after 80AA and a failed attempt is an inference",
     ),
-    _state(
+    _state_row(
         0x7001,
         Condition.STARTED,
-        SINGLE,
+        SINGLE_BLOCKS,
         "A job starts",
         (
             "REQ has just risen (TRCV, TURCV: EN_R is 1 and the next job begins)",
@@ -167,10 +167,10 @@ STATES: Final = (
         Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
-    _state(
+    _state_row(
         0x7002,
         Condition.ESTABLISHING,
-        BOTH_C,
+        C_BLOCKS,
         "Connecting, or waiting for the partner",
         (
             "passive: no partner has come, or another one was turned away",
@@ -188,10 +188,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         also=(Condition.CREATED,),
     ),
-    _state(
+    _state_row(
         0x7002,
         Condition.RUNNING,
-        SINGLE,
+        SINGLE_BLOCKS,
         "The job is running",
         (
             "TCON: the partner has not come or answered yet",
@@ -208,10 +208,10 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help, Open User Communication",
     ),
-    _state(
+    _state_row(
         0x7003,
         Condition.CLOSING,
-        BOTH_C,
+        C_BLOCKS,
         "Closing the connection",
         (
             "CONT fell: 0003 and 7000 follow; cont_mode manual: after the job, if one waits or runs",
@@ -228,10 +228,10 @@ STATES: Final = (
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="7003 after COM_RST and before an error is not documented",
     ),
-    _state(
+    _state_row(
         0x7004,
         Condition.CONNECTED,
-        BOTH_C,
+        C_BLOCKS,
         "Connected, nothing asked for",
         (
             "TSEND_C: no rising edge at REQ; a REQ that stays 1 sends once only",
@@ -247,7 +247,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
-    _state(
+    _state_row(
         0x7005,
         Condition.SENDING,
         SEND_C,
@@ -264,7 +264,7 @@ STATES: Final = (
         Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
-    _state(
+    _state_row(
         0x7006,
         Condition.RECEIVING,
         RCV_C,

@@ -8,10 +8,10 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.siemens.connection_errors import CONNECTION_ERRORS, JOB_ERRORS
 from trcvtui.dialects.siemens.description_errors import DESCRIPTION_ERRORS, TLS_ERRORS
-from trcvtui.dialects.siemens.states import BOTH_C, JOBS, RCV_C, RECEIVE, SEND, SET_UP, STATES, TCON, UDP
+from trcvtui.dialects.siemens.states import C_BLOCKS, JOBS, RCV_C, RECEIVE, SEND, SET_UP, STATES, TCON, UDP
 
 _NO_MEMORY: Final = "a pin is bound to a global variable by name, so no pointer, DB number or access can fail"
-_ACCESS: Final = {
+_ACCESS_ERRORS: Final = {
     0x22: ("no such area", "the area that the pin points to does not exist, or ends too early"),
     0x32: ("DB number too high", "a pointer names a data block with a number that the CPU does not have"),
     0x3A: ("no access", "the data block is not loaded, or may not be read or written here"),
@@ -22,7 +22,7 @@ _ACCESS: Final = {
 }
 
 
-def _never(
+def _make_unreached_rows(
     pin: str, first: int, kinds: tuple[int, ...], blocks: tuple[str, ...], manual: str
 ) -> list[StatusRow]:
     """Return the rows 16#8xyy of one pin that a bench without memory areas cannot show."""
@@ -30,8 +30,8 @@ def _never(
         unreached_row(
             first + kind,
             blocks,
-            f"{pin}: {_ACCESS[kind][0]}",
-            (_ACCESS[kind][1], "a pointer that is put together at run time has a wrong part"),
+            f"{pin}: {_ACCESS_ERRORS[kind][0]}",
+            (_ACCESS_ERRORS[kind][1], "a pointer that is put together at run time has a wrong part"),
             (
                 f"the variable at {pin}, and the data block that it stands in: loaded, and accessible?",
                 "all parts of the pointer, one by one; or the symbol itself at the pin",
@@ -249,7 +249,7 @@ PARAMETER_ERRORS: Final = (
     ),
     unreached_row(
         0x8091,
-        BOTH_C,
+        C_BLOCKS,
         "Calls are nested too deep",
         (
             "the block is called at the deepest level that the CPU allows",
@@ -319,11 +319,11 @@ PARAMETER_ERRORS: Final = (
         "STEP 7 help: TRCV_C",
         unsure="that BOOL is refused is documented; that it shows this code is inferred",
     ),
-    *_never("CONNECT", 0x8700, (0x22, 0x3A, 0x7F), SET_UP, "STEP 7 help: TSEND_C"),
-    *_never("DATA", 0x8800, (0x32, 0x3A, 0x7F), (*SEND, "TUSEND"), "STEP 7 help: TSEND_C"),
-    *_never("DATA", 0x8900, (0x32, 0x3A, 0x7F), (*RECEIVE, "TURCV"), "STEP 7 help: TRCV_C"),
-    *_never("ADDR", 0x8900, (0x3A,), ("TSEND_C", "TUSEND"), "STEP 7 help: TSEND_C"),
-    *_never("ADDR", 0x8A00, (0x3A,), (*RCV_C, "TURCV"), "STEP 7 help: TRCV_C"),
+    *_make_unreached_rows("CONNECT", 0x8700, (0x22, 0x3A, 0x7F), SET_UP, "STEP 7 help: TSEND_C"),
+    *_make_unreached_rows("DATA", 0x8800, (0x32, 0x3A, 0x7F), (*SEND, "TUSEND"), "STEP 7 help: TSEND_C"),
+    *_make_unreached_rows("DATA", 0x8900, (0x32, 0x3A, 0x7F), (*RECEIVE, "TURCV"), "STEP 7 help: TRCV_C"),
+    *_make_unreached_rows("ADDR", 0x8900, (0x3A,), ("TSEND_C", "TUSEND"), "STEP 7 help: TSEND_C"),
+    *_make_unreached_rows("ADDR", 0x8A00, (0x3A,), (*RCV_C, "TURCV"), "STEP 7 help: TRCV_C"),
 )
 
 STATUS: Final[tuple[StatusRow, ...]] = tuple(

@@ -8,18 +8,18 @@ from typing import Final
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.rules import VendorRules
 from trcvtui.blocks.status import Reproducibility, StatusRow, unreached_row
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, map_codes
 
-DATA: Final = ("ReceiveData",)
-STRINGS: Final = ("ReceiveString", "ReceiveString255")
-RECEIVE: Final = DATA + STRINGS
+DATA_BLOCKS: Final = ("ReceiveData",)
+STRING_BLOCKS: Final = ("ReceiveString", "ReceiveString255")
+RECEIVE: Final = DATA_BLOCKS + STRING_BLOCKS
 SEND: Final = ("SendData", "SendByte", "SendString")
-SERIAL: Final = ("ReceiveData", "ReceiveByte", *STRINGS, *SEND, "ClearComBuffer")
+SERIAL_BLOCKS: Final = ("ReceiveData", "ReceiveByte", *STRING_BLOCKS, *SEND, "ClearComBuffer")
 MANUAL: Final = "TwinCAT TF6340 help, ComError_t"
-OF_HARDWARE: Final = "it is about a terminal or a serial interface, which this bench does not have"
+HARDWARE_ONLY_TEXT: Final = "it is about a terminal or a serial interface, which this bench does not have"
 
 
 def _row(
@@ -38,17 +38,17 @@ def _row(
     )
 
 
-def _of_hardware(code: int, name: str, title: str) -> StatusRow:
+def _make_hardware_row(code: int, name: str, title: str) -> StatusRow:
     causes = ("SerialLineControl or the configuration of a terminal",)
     checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
     title = f"{code} COMERROR_{name}: {title}"
-    return unreached_row(code, SERIAL, title, causes, checks, MANUAL, OF_HARDWARE)
+    return unreached_row(code, SERIAL_BLOCKS, title, causes, checks, MANUAL, HARDWARE_ONLY_TEXT)
 
 
 NO_ERROR: Final = StatusRow(
     0,
     Condition.NOT_CALLED,
-    SERIAL,
+    SERIAL_BLOCKS,
     "0 COMERROR_NOERROR: no error",
     (
         "the block waits for bytes, has some, or has delivered a frame",
@@ -104,7 +104,7 @@ COM_ERRORS: Final = (
         10,
         "STRINGOVERRUN",
         Condition.STRING_OVERRUN,
-        STRINGS,
+        STRING_BLOCKS,
         "the string was full before its end was seen",
         (
             "the sender's text is longer than the string: 80 or 255 characters",
@@ -118,7 +118,7 @@ COM_ERRORS: Final = (
         11,
         "ZEROCHARINVALID",
         Condition.ZERO_CHARACTER,
-        STRINGS,
+        STRING_BLOCKS,
         "a byte 00 in a text",
         ("the sender sends binary data, or ends its texts with 00",),
         ("the bytes in hex", "ReceiveData takes any bytes; a suffix may be 00 there"),
@@ -128,7 +128,7 @@ COM_ERRORS: Final = (
         20,
         "INVALIDPOINTER",
         Condition.NULL_POINTER,
-        (*DATA, "SendData", "SendString"),
+        (*DATA_BLOCKS, "SendData", "SendString"),
         "a pointer to prefix, suffix or send data is 0",
         (
             "LenPrefix or LenSuffix is greater than 0, and no variable is there",
@@ -149,7 +149,7 @@ COM_ERRORS: Final = (
         22,
         "INVALIDRXLENGTH",
         Condition.RECEIVE_LENGTH_WRONG,
-        DATA,
+        DATA_BLOCKS,
         "SizeReceiveData is wrong",
         (
             "SizeReceiveData is 0 or less",
@@ -161,7 +161,7 @@ COM_ERRORS: Final = (
         23,
         "DATASIZEOVERRUN",
         Condition.DATA_OVERRUN,
-        DATA,
+        DATA_BLOCKS,
         "size reached, suffix not seen",
         (
             "the sender's frame is longer than SizeReceiveData",
@@ -175,52 +175,52 @@ COM_ERRORS: Final = (
         ),
         "an older manual says 10 in its place",
     ),
-    _of_hardware(24, "INVALIDPROCESSDATASIZE", "wrong size of the process data"),
-    _of_hardware(257, "MODENOTSUPPORTED", "mode not supported"),
-    _of_hardware(258, "INVALIDCHANNELNUMBER", "wrong channel number"),
-    _of_hardware(4097, "INVALIDBAUDRATE", "wrong baud rate"),
-    _of_hardware(4098, "INVALIDNUMDATABITS", "wrong number of data bits"),
-    _of_hardware(4099, "INVALIDNUMSTOPBITS", "wrong number of stop bits"),
-    _of_hardware(4100, "INVALIDPARITY", "wrong parity"),
-    _of_hardware(4101, "INVALIDHANDSHAKE", "wrong handshake"),
-    _of_hardware(4102, "INVALIDNUMREGISTERS", "wrong number of registers"),
-    _of_hardware(4103, "INVALIDREGISTER", "wrong register"),
-    _of_hardware(4104, "TIMEOUT", "the hardware did not answer; not RxTimeout"),
+    _make_hardware_row(24, "INVALIDPROCESSDATASIZE", "wrong size of the process data"),
+    _make_hardware_row(257, "MODENOTSUPPORTED", "mode not supported"),
+    _make_hardware_row(258, "INVALIDCHANNELNUMBER", "wrong channel number"),
+    _make_hardware_row(4097, "INVALIDBAUDRATE", "wrong baud rate"),
+    _make_hardware_row(4098, "INVALIDNUMDATABITS", "wrong number of data bits"),
+    _make_hardware_row(4099, "INVALIDNUMSTOPBITS", "wrong number of stop bits"),
+    _make_hardware_row(4100, "INVALIDPARITY", "wrong parity"),
+    _make_hardware_row(4101, "INVALIDHANDSHAKE", "wrong handshake"),
+    _make_hardware_row(4102, "INVALIDNUMREGISTERS", "wrong number of registers"),
+    _make_hardware_row(4103, "INVALIDREGISTER", "wrong register"),
+    _make_hardware_row(4104, "TIMEOUT", "the hardware did not answer; not RxTimeout"),
 )
 
 
 # Beckhoff has no TRCV_C: it stands here for whatever brings a stream, and answers as Baosky's.
 
-STREAMS: Final = ("TRCV_C", "TSEND_C")
+STREAM_BLOCKS: Final = ("TRCV_C", "TSEND_C")
 
 
-def _kept(row: StatusRow) -> StatusRow | None:
-    blocks = tuple(block for block in row.blocks if block in STREAMS)
+def _keep_stream_row(row: StatusRow) -> StatusRow | None:
+    blocks = tuple(block for block in row.blocks if block in STREAM_BLOCKS)
     return replace(row, blocks=blocks) if blocks else None
 
 
-FOLLOWS_EN_R: Final = Switch(
+RESET_WITH_EN_R_SWITCH: Final = Switch(
     "reset_framer_with_en_r",
     "bool",
     False,
     "the part of a frame is thrown away when EN_R of the TRCV_C in front of it falls",
 )
-STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _kept(row)) is not None)
+STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _keep_stream_row(row)) is not None)
 
 
-def answer(values: Mapping[str, SwitchValue]) -> Rules:
-    follows = bool(dict(values).get(FOLLOWS_EN_R.name, FOLLOWS_EN_R.default))
-    return replace(BAOSKY.answer(values), status_of=codes_of(COM_ERRORS), part_follows_en_r=follows)
+def make_rules(values: Mapping[str, SwitchValue]) -> VendorRules:
+    follows = bool(dict(values).get(RESET_WITH_EN_R_SWITCH.name, RESET_WITH_EN_R_SWITCH.default))
+    return replace(BAOSKY.answer(values), status_of=map_codes(COM_ERRORS), part_follows_en_r=follows)
 
 
 TWINCAT: Final = Dialect(
     name="twincat",
     title="Beckhoff TwinCAT 3, Tc2_SerialCom; TRCV_C and TSEND_C as Baosky's",
-    blocks=(*SERIAL, *STREAMS),
+    blocks=(*SERIAL_BLOCKS, *STREAM_BLOCKS),
     status=tuple(sorted((*COM_ERRORS, *STREAM_ROWS), key=lambda row: row.code)),
-    switches=(*BAOSKY.switches, FOLLOWS_EN_R),
+    switches=(*BAOSKY.switches, RESET_WITH_EN_R_SWITCH),
     models={"TC3": 32},
     default_model="TC3",
     layout="codesys-8",
-    answer=answer,
+    answer=make_rules,
 )

@@ -78,7 +78,7 @@ class JobLine(OneLine):
         marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
         style = "dim" if last.is_good else "warn"
         return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
-                (f"ended by: {framer.ended_by} ", style)]  # fmt: skip
+                (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
 
     def _sent(self, instance: InstanceSnapshot) -> list[Part]:
         """Return how far the bytes of this connection have come: DONE tells of the local stack only."""

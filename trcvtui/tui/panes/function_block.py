@@ -70,11 +70,11 @@ MARK_LETTERS: Final = {"prefix": "f", "suffix": "u"}
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
     of_block = block_row(block)
-    if not of_block.on_buffer:
+    if not of_block.has_buffer:
         return {}
     found = [
         (name, f"{mark}, as hex or text; its length follows", MARK_LETTERS[mark])
-        for name, mark in of_block.marks.items()
+        for name, mark in of_block.mark_pins.items()
     ]
     if of_block.data_pin:
         found.append((of_block.data_pin, "the variable of the bytes; its type is its size", "d"))
@@ -92,7 +92,7 @@ def placed(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tupl
     for pin in pins:
         found += [rest.pop(pointer_of[pin.name])] if pin.name in pointer_of else []
         found.append(pin)
-    buffer = [rest.pop(of_block.buffer_pin)] if of_block.on_buffer else []
+    buffer = [rest.pop(of_block.buffer_pin)] if of_block.has_buffer else []
     return (*rest.values(), *found, *buffer)
 
 
@@ -152,7 +152,7 @@ ROWS, FRAMER_ROWS = 14, 20  # that a block needs with its frame; a block with a 
 
 def rows_needed(project: Project) -> int:
     """Return the rows that the blocks of a project need, so that each is seen whole."""
-    return FRAMER_ROWS if any(block_row(each.block).marks for each in project.instances) else ROWS
+    return FRAMER_ROWS if any(block_row(each.block).mark_pins for each in project.instances) else ROWS
 
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:

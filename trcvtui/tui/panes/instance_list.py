@@ -263,7 +263,7 @@ def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
 
 
 def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) -> list[Part]:
-    style = instance.outputs.lit
+    style = instance.outputs.lit_lamp
     word = status_word(instance.outputs.status)[-columns.word :]
     return [
         (word + " ", style),

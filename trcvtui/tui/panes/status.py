@@ -113,7 +113,7 @@ class StatusHistory(LineView):
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
-        style = "dim" if edge.cause.is_expected else edge.outputs.lit
+        style = "dim" if edge.cause.is_expected else edge.outputs.lit_lamp
         room = self._room()
         reason = clip(why(edge), room) if room >= LEAST_WHY else ""
         return [
@@ -318,7 +318,7 @@ class StatusCard(TextView):
     ) -> list[Row]:
         found = self._view_model.project.dialect.row(shown.outputs.status, shown.block)
         title = found.title if found else shown.condition
-        style = shown.outputs.lit or "strong"
+        style = shown.outputs.lit_lamp or "strong"
         flag = "ERROR  " if shown.outputs.error else ""
         head: list[Part] = [
             (f"{status_word(shown.outputs.status)}  ", style),

@@ -22,7 +22,7 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.snapshots.replay import BESIDE
+from trcvtui.snapshots.replay import WHAT_IF
 from trcvtui.tui.formatting import MS, SECOND, US
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -110,11 +110,11 @@ def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[Drawn]:
 
     Below each row of an instance stands that of the same pin in a run with another parameter.
     """
-    others = {wave.instance: wave for wave in waves if wave.instance.startswith(BESIDE)}
+    others = {wave.instance: wave for wave in waves if wave.instance.startswith(WHAT_IF)}
     own = [wave for wave in waves if wave.instance not in others]
     rows = list[Drawn]()
     for wave in own:
-        other = others.get(BESIDE + wave.instance)
+        other = others.get(WHAT_IF + wave.instance)
         rows += [Drawn(wave, "")] if len(own) > 1 else []
         for names in _with_codes(row_names(wave)):
             rows += [Drawn(wave, name) for name in names]
@@ -158,8 +158,8 @@ def wave_row(
 
 def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
     value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
-    if wave.instance.startswith(BESIDE) and name != CODES:
-        name = f"  {BESIDE}"
+    if wave.instance.startswith(WHAT_IF) and name != CODES:
+        name = f"  {WHAT_IF}"
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
     return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]

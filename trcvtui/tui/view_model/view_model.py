@@ -24,9 +24,9 @@ from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.snapshots.bench import Answer, PeerSnapshot, TriggerEvent
+from trcvtui.snapshots.bench import LineAnswer, PeerSnapshot, TriggerEvent
 from trcvtui.snapshots.conversations import ConversationSnapshot
-from trcvtui.snapshots.replay import BESIDE, Position
+from trcvtui.snapshots.replay import WHAT_IF, ReplayPosition
 from trcvtui.tui.formatting import SECOND
 from trcvtui.tui.view_model.known_messages import KnownMessages
 
@@ -153,7 +153,7 @@ class ViewModel:
         self.selected = self.peer = ""
         self.is_frozen = False
         self._take_project(project)
-        self.answers: dict[int, Answer] = {}
+        self.answers: dict[int, LineAnswer] = {}
         self.live: BenchUpdate | None = None  # the newest picture, also while an older one is shown
         self.fired: TriggerEvent | None = None  # the trigger that froze the view
         self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
@@ -214,12 +214,12 @@ class ViewModel:
 
     def _take_index(self, lines: Sequence[Line]) -> None:
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
-        self._containment.serve(INDEX, partial(self.stream_index.take, stamped))
+        self._containment.attempt_unless_out(INDEX, partial(self.stream_index.take, stamped))
         if INDEX in self._containment.out:
             self.stream_index = new_index()
-        internal = self._containment.take_newest()
+        internal = self._containment.take_messages()
         if internal:
-            self.answers[0] = Answer(0, "", internal)
+            self.answers[0] = LineAnswer(0, "", internal)
 
     def _report(self, error: BaseException) -> ExceptionNote:
         from trcvtui.bench.error_report import report_of  # read when first needed
@@ -331,7 +331,7 @@ class ViewModel:
         return NOW if self.frozen_at is None or self.position is not None else self.frozen_at
 
     @property
-    def position(self) -> Position | None:
+    def position(self) -> ReplayPosition | None:
         return self.live.position if self.live is not None else None
 
     @property
@@ -381,7 +381,7 @@ class ViewModel:
     @property
     def drawn_waves(self) -> tuple[str, ...]:
         """Return the same, and the selected one in a run with another parameter, where there is one."""
-        beside = (BESIDE + self.selected,) if self.position is not None and self.position.what_if else ()
+        beside = (WHAT_IF + self.selected,) if self.position is not None and self.position.what_if else ()
         return (*self.drawn_instances[:1], *beside, *self.drawn_instances[1:])
 
     @property

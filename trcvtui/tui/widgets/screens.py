@@ -11,7 +11,7 @@ from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.screen import Screen
 
-from trcvtui.snapshots.bench import Answer
+from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui import messages
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView
@@ -76,7 +76,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
             self._asked.add(number)
         return number is not None
 
-    def answers(self) -> Iterator[Answer]:
+    def answers(self) -> Iterator[LineAnswer]:
         for number, answer in self._view_model.answers.items():
             if number in self._asked:
                 self._asked.discard(number)

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from trcvtui.commands.counters_and_checksums import KINDS as FILLS
+from trcvtui.commands.counters_and_checksums import FILL_KINDS as FILLS
+from trcvtui.commands.peer import ALL_PEER_VERBS as PEER_VERBS
 from trcvtui.commands.peer import TIMING
-from trcvtui.commands.peer import VERBS as PEER_VERBS
 from trcvtui.commands.table import COMMANDS
 from trcvtui.commands.tokens import FORMS
 from trcvtui.net.faults import DEFAULT_ERROR
-from trcvtui.project.keys import OFFERED, TABLES
+from trcvtui.project.keys import OFFERED_KINDS, TABLES
 from trcvtui.tui.completion import SCREEN
 
 PAGE: Final = Path(__file__).parent / "bench-commands.md"
@@ -316,7 +316,7 @@ def _lines() -> Iterator[str]:
             )
             yield "becomes a file beside the project."
             yield from ("", "| kind | what it is |", "| --- | --- |")
-            yield from (f"| `{kind}` | {TABLES[kind].help} |" for kind in OFFERED)
+            yield from (f"| `{kind}` | {TABLES[kind].help} |" for kind in OFFERED_KINDS)
         if title == "Faults and the wire":
             yield from ("", "The calls, and the error of each if the line names none:", "")
             yield ", ".join(f"`{call}` {error}" for call, error in DEFAULT_ERROR.items()) + "."

@@ -9,7 +9,7 @@ from typing import Final
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Switch
 from trcvtui.project.key_rows import Key, TableRow
-from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP
+from trcvtui.project.keys import DESCRIBED_TABLES, SIM_ROW, TABLES, TOP_ROW
 from trcvtui.udt.literals import format_time
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
@@ -86,12 +86,12 @@ def page() -> str:
 
 
 def _lines() -> Iterator[str]:
-    yield from _table("Above all tables", TOP)
+    yield from _table("Above all tables", TOP_ROW)
     for kind, row in TABLES.items():
         yield from _table(f"`[[{kind}]]`", row)
-        if kind in DESCRIBED:
-            yield from _table(f"`[[{kind}]]` of a Siemens dialect", DESCRIBED[kind])
-    yield from _table("`[sim]`", SIM)
+        if kind in DESCRIBED_TABLES:
+            yield from _table(f"`[[{kind}]]` of a Siemens dialect", DESCRIBED_TABLES[kind])
+    yield from _table("`[sim]`", SIM_ROW)
 
 
 def _table(title: str, row: TableRow) -> Iterator[str]:

@@ -11,7 +11,7 @@ from tests.local_driver import LocalDriver
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.results import Endpoint
-from trcvtui.project.edit import fields_of, first_name
+from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.tui.forms.fields import line_of
@@ -71,7 +71,7 @@ def test_a_second_instance_has_a_connect_and_data_of_its_own(tmp_path: Path, dia
     project = bench.bench.project
     for block in project.dialect.blocks:
         fields = {each.key: each.first for each in fields_of("instance", project, block)}
-        line = line_of("instance", first_name("instance", project, block), fields, project)
+        line = line_of("instance", propose_name("instance", project, block), fields, project)
         assert fault_of(line, project) == ""
         assert fields.get("connect", "new") == ("C1" if block in SHARED else "" if "TU" in block else "new")
         assert {fields.get(key) or "new" for key in ("data", "config", "addr", "RxBuffer", "TxBuffer")} == {

@@ -11,9 +11,9 @@ from tests.certificates import NEEDS_OPENSSL
 from tests.engine.test_project_save import driven, say
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
-from trcvtui.project.edit import fields_of, first_name
+from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.file import load_project
-from trcvtui.project.keys import OFFERED as KINDS
+from trcvtui.project.keys import OFFERED_KINDS as KINDS
 from trcvtui.project.project import Project
 from trcvtui.tui.forms.fields import line_of
 
@@ -118,7 +118,7 @@ def test_the_form_offers_a_connection_what_its_dialect_takes(dialect: str, tmp_p
     for kind in KINDS:
         if kind in ("connect", "addr", "peer"):
             first = {field.key: field.first for field in fields_of(kind, project)}
-            saved(file, (line_of(kind, first_name(kind, load_project(file)), first, project),))
+            saved(file, (line_of(kind, propose_name(kind, load_project(file)), first, project),))
 
 
 @pytest.mark.parametrize("written", ["E002", '"E0 02"'])

@@ -24,7 +24,7 @@ from trcvtui.project.edit import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_text
-from trcvtui.project.text import with_entries
+from trcvtui.project.text import append_entries
 from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.tui.completion import complete
 from trcvtui.tui.panes.function_block import drawing_of
@@ -77,7 +77,7 @@ def test_a_project_file_has_it_and_is_written_with_it(project: Project) -> None:
     assert (beacon.block, beacon.connect, beacon.data, beacon.inputs) == (
         "BEACON", "C1", "lamp", (("REQ", True),)
     )  # fmt: skip
-    text = with_entries(FILE, [replace(beacon, name="B2")], "beacon.toml")
+    text = append_entries(FILE, [replace(beacon, name="B2")], "beacon.toml")
     keys = 'name = "B2"\nblock = "BEACON"\nconnect = "C1"\ndata = "lamp"\ntask = "MAIN"\nREQ = true\n'
     assert text.endswith(f"[[instance]]\n{keys}")
 

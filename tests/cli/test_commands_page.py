@@ -11,7 +11,7 @@ from textual.keys import format_key
 
 from tests.certificates import OPENSSL, Certificates
 from tests.docs_scripts import DOCS, script
-from trcvtui.commands.reader import after
+from trcvtui.commands.reader import project_after
 from trcvtui.commands.table import COMMANDS, parse_line
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
@@ -84,7 +84,7 @@ def test_each_example_of_a_bench_command_can_be_read(tmp_path: Path) -> None:
                 command = parse_line(line.replace(" ...", ""), project, dialect)
                 read.add(line)
                 if command is not None and line.split()[0] in ("add", "create"):
-                    project = after(command, project)
+                    project = project_after(command, project)
     assert [line for line in lines if line not in read] == []
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tests import golden
 from tests.bench.bench_project import bench_project
 from trcvtui.commands import words
-from trcvtui.commands.table import parse_line, parse_script, to_line
+from trcvtui.commands.table import format_command, parse_line, parse_script
 from trcvtui.project.project import Project
 
 ZEROS = re.compile(r"(?:\\x00){3,}")
@@ -19,7 +19,7 @@ def test_each_line_means_its_command_and_comes_back_as_a_line(project: Project) 
 
     def comes_back(line: str) -> list[str]:
         command = parse_line(line, project, "w")
-        again = "no command" if command is None else to_line(command)
+        again = "no command" if command is None else format_command(command)
         if command is not None and parse_line(again, project, "w") != command:
             changed.append(line)
         return [again]

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from tests.bench.bench_project import bench_project
 from trcvtui.commands import words
 from trcvtui.commands.counters_and_checksums import Fill
-from trcvtui.commands.patterns import ANY, Atom, TracePattern
-from trcvtui.commands.table import COMMANDS, parse_line, to_line
+from trcvtui.commands.patterns import ANY_SCANS, Atom, TracePattern
+from trcvtui.commands.table import COMMANDS, format_command, parse_line
 from trcvtui.commands.words import Contains, Starts
 from trcvtui.net.faults import KNOWN_ERRORS
 from trcvtui.net.kernel import KERNEL_CALLS
@@ -57,7 +57,7 @@ CONDITIONS = st.one_of(
     st.builds(words.DataIs, st.just("rx"), st.integers(0, 44), BYTES),
     MEMBERS,
 )
-ATOMS = st.just(ANY) | st.builds(
+ATOMS = st.just(ANY_SCANS) | st.builds(
     lambda status, error, shape: Atom((status, error), *shape),
     st.integers(0, 65535),
     TRUTH,
@@ -105,7 +105,7 @@ FAULTS = st.builds(
     st.none() | st.sampled_from(sorted(KNOWN_ERRORS)),
     st.sampled_from([None, "C1"]),
     st.integers(1, 10**9),
-    st.integers(1, 10**9) | st.just(words.FOREVER),
+    st.integers(1, 10**9) | st.just(words.TIMES_FOREVER),
 )
 CREATES = st.builds(
     words.Create,
@@ -156,7 +156,7 @@ BENCH_COMMANDS = st.one_of(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=400)
 @given(command=BENCH_COMMANDS)
 def test_the_line_of_a_command_means_that_command(project: Project, command: words.BenchCommand) -> None:
-    line = to_line(command)
+    line = format_command(command)
     assert line.isprintable()
     assert parse_line(line, project, "w") == command
 
@@ -168,7 +168,7 @@ def test_every_command_has_a_line() -> None:
 
 
 def test_nan_has_a_line(project: Project) -> None:
-    line = to_line(words.Expect(words.MemberIs("rx", "speed", math.nan)))
+    line = format_command(words.Expect(words.MemberIs("rx", "speed", math.nan)))
     command = parse_line(line, project, "w")
     assert line == "expect rx.speed NaN"
     assert isinstance(command, words.Expect) and isinstance(command.condition, words.MemberIs)

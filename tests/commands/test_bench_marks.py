@@ -7,7 +7,7 @@ import pytest
 from tests import golden
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.table import format_command, parse_line
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 
@@ -17,7 +17,7 @@ PROJECT = load_project(CONFIGS / "twincat-line.toml")
 @pytest.mark.parametrize("line", ["prefix RD hex 02", 'suffix RD text "\\r\\n"', "prefix RD none"])
 def test_a_mark_is_written_as_it_was_read(line: str) -> None:
     command = parse_line(line, PROJECT, "x")
-    assert command is not None and to_line(command) == line
+    assert command is not None and format_command(command) == line
 
 
 def test_the_bytes_and_their_number_are_there_in_the_next_scan() -> None:

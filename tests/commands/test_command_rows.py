@@ -13,7 +13,7 @@ from tests.bench.bench_project import bench_project
 from tests.docs_scripts import script
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.conditions import parse_instance
-from trcvtui.commands.table import COMMANDS, CommandRow, RecordRow, parse_line, to_line
+from trcvtui.commands.table import COMMANDS, CommandRow, RecordRow, format_command, parse_line
 from trcvtui.commands.tokens import Words
 from trcvtui.errors import UserError
 from trcvtui.plc.commands import SetInput
@@ -60,7 +60,7 @@ def test_a_made_up_command_is_read_written_completed_carried_out_and_missed_in_t
 
     command: Any = parse_line("zero X", project, "w")
     assert command == Zero("X")
-    assert to_line(command) == "zero X"
+    assert format_command(command) == "zero X"
     assert complete("ze", project) == "zero"
     assert complete("zero ", project) == "zero X"
     assert script("make_bench_commands").missing() == ["zero"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.bench.bench_project import bench_project
-from trcvtui.commands.counters_and_checksums import filled
+from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
 from trcvtui.project.project import Project
@@ -19,7 +19,7 @@ CHECK = b"123456789"  # the text whose checksums every catalogue of CRCs gives
 def sent(line: str, project: Project, number: int = 0) -> bytes:
     command = parse_line(line, project, "w")
     assert isinstance(command, PeerSend)
-    return filled(command.payload, command.fills, number)
+    return fill_message(command.payload, command.fills, number)
 
 
 @pytest.mark.parametrize(

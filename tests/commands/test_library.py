@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.bench.peers.queues import Outbox
-from trcvtui.commands.counters_and_checksums import filled
+from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.peer import check_library
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerPlay, PeerSend
@@ -27,7 +27,10 @@ def test_a_named_message_is_sent_as_its_text_says(project: Project) -> None:
 
 def test_a_message_of_one_peer_is_not_that_of_another(project: Project) -> None:
     numbered = parse_line("peer P1 send message numbered", project, "w")
-    assert isinstance(numbered, PeerSend) and filled(numbered.payload, numbered.fills, 7) == b"\x01\x00\x07"
+    assert (
+        isinstance(numbered, PeerSend)
+        and fill_message(numbered.payload, numbered.fills, 7) == b"\x01\x00\x07"
+    )
     with pytest.raises(UserError) as caught:
         parse_line("peer P2 send message numbered", project, "w")
     assert caught.value.lines() == ["w: found 'numbered', expected hello"]

@@ -11,20 +11,20 @@ from hypothesis import strategies as st
 
 from tests import golden
 from trcvtui.commands.patterns import (
-    ANY,
+    ANY_SCANS,
     Atom,
-    Run,
     Scan,
+    ScanRun,
     TracePattern,
-    collapse,
+    format_trace,
     matches,
     parse_pattern,
 )
 
 
-def trace(text: str) -> list[Run]:
+def trace(text: str) -> list[ScanRun]:
     """Return runs from words such as `7002` and `80A1!`, each one scan or `{n}` scans."""
-    runs: list[Run] = []
+    runs: list[ScanRun] = []
     for word in text.split():
         found = re.fullmatch(r"(\w{4})(!?)(?:\{(\d+)\})?", word)
         assert found
@@ -32,7 +32,7 @@ def trace(text: str) -> list[Run]:
     return runs
 
 
-def runs_of(scans: list[Scan]) -> list[Run]:
+def runs_of(scans: list[Scan]) -> list[ScanRun]:
     return [(scan, len(list(same))) for scan, same in groupby(scans)]
 
 
@@ -45,15 +45,15 @@ def test_a_pattern_describes_traces_and_refuses_others() -> None:
 
 
 def test_a_trace_is_told_in_the_notation_of_patterns() -> None:
-    assert collapse(trace("0001 7001 7002{25} 80A1! 7002{3} 80C3!{2}")) == (
+    assert format_trace(trace("0001 7001 7002{25} 80A1! 7002{3} 80C3!{2}")) == (
         "0001 7001 7002{25} 80A1! 7002{3} 80C3!{2}"
     )
-    assert collapse([]) == "no scan"
+    assert format_trace([]) == "no scan"
 
 
 SCANS = st.lists(st.sampled_from([(0x7002, False), (0x7006, False), (0x80A1, True)]), max_size=12)
 ATOMS = st.one_of(
-    st.just(ANY),
+    st.just(ANY_SCANS),
     st.builds(
         lambda scan, shape: Atom(scan, *shape),
         st.sampled_from([(0x7002, False), (0x7006, False), (0x80A1, True)]),
@@ -84,7 +84,7 @@ def test_a_pattern_is_read_back_from_its_text(pattern: TracePattern) -> None:
 
 @given(SCANS.filter(bool))
 def test_a_collapsed_trace_is_a_pattern_of_itself(scans: list[Scan]) -> None:
-    assert matches(parse_pattern(collapse(runs_of(scans))), runs_of(scans))
+    assert matches(parse_pattern(format_trace(runs_of(scans))), runs_of(scans))
 
 
 def test_no_pattern_makes_a_long_trace_slow() -> None:

@@ -12,7 +12,7 @@ import pytest
 from trcvtui.bench.bench import Bench
 from trcvtui.capture.pcap import CaptureReader, packet_block
 from trcvtui.cli.main import main
-from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.table import format_command, parse_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
 from trcvtui.line.capture_player import CapturePlayer
@@ -54,7 +54,7 @@ def project() -> Project:
 )
 def test_a_line_is_read_and_written(project: Project, line: str, command: Intervene) -> None:
     assert parse_line(line, project, "w") == command
-    assert to_line(command) == line
+    assert format_command(command) == line
 
 
 def test_the_conversation_may_stand_before_what_is_done(project: Project) -> None:

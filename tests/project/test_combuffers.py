@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import golden
-from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.table import format_command, parse_line
 from trcvtui.errors import UserError
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.file import read_project
@@ -113,7 +113,7 @@ def test_a_command_is_read_and_written_back(line: str) -> None:
     project = read(RX, READER)
     command = parse_line(line, project, "w")
     assert command is not None
-    assert to_line(command) == line
+    assert format_command(command) == line
 
 
 def test_a_mistake_in_a_line_to_a_combuffer_is_one_line() -> None:

@@ -17,7 +17,7 @@ from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.project.connect_view import DescriptionView, description_view, initial_values
-from trcvtui.project.descriptions import db_bytes, either_way, parse_selector
+from trcvtui.project.descriptions import parse_db_bytes, parse_selector, unambiguous_spellings
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.project.project import PeerDecl
@@ -185,8 +185,8 @@ def test_a_tsap_of_any_bytes_is_written_so_that_it_reads_back_the_same(tsap: byt
 
 @given(st.text(alphabet="09afAF .x#", max_size=8))
 def test_whatever_is_refused_as_a_tsap_can_be_written_in_each_of_the_two_ways(text: str) -> None:
-    if parse_selector(text) is None and either_way(text):
-        for way in re.findall('"([^"]*)"', either_way(text)):
+    if parse_selector(text) is None and unambiguous_spellings(text):
+        for way in re.findall('"([^"]*)"', unambiguous_spellings(text)):
             assert parse_selector(way)
 
 
@@ -251,7 +251,7 @@ def test_a_copy_of_a_db_that_was_cut_off_in_a_byte_is_refused(cut: str) -> None:
 
 
 def test_a_dump_with_marks_and_commas_is_read() -> None:
-    assert db_bytes("16#00, 16#40,0x00 01") == b"\x00\x40\x00\x01"
+    assert parse_db_bytes("16#00, 16#40,0x00 01") == b"\x00\x40\x00\x01"
 
 
 HEAD = 'dialect = "s7-1500"\n'

@@ -16,12 +16,20 @@ from tests.properties.drawn_projects import projects
 from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import UdpConfig
-from trcvtui.project.edit import difference, fields_of
+from trcvtui.project.edit import diff_projects, fields_of
 from trcvtui.project.file import load_project, read_project
-from trcvtui.project.key_rows import Hint, Key, fixed
-from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of
+from trcvtui.project.key_rows import Hint, Key, offer_fixed
+from trcvtui.project.keys import (
+    DESCRIBED_TABLES,
+    EDITED,
+    OFFERED_KINDS,
+    SIM_ROW,
+    TABLES,
+    entries_of,
+    entry_of,
+)
 from trcvtui.project.project import Project
-from trcvtui.project.tables import of_text
+from trcvtui.project.tables import text_kind
 from trcvtui.tui.completion import complete
 
 ROOT = Path(__file__).parents[2]
@@ -41,11 +49,11 @@ class NotedUdpConfig(UdpConfig, frozen=True):
 
 NOTE = Key(
     "note",
-    of_text(" or ".join(WORDS), lambda text: text if text in WORDS else None),
+    text_kind(" or ".join(WORDS), lambda text: text if text in WORDS else None),
     "How long a talk is expected.",
     "note",
     "",
-    Hint("how long a talk is expected", fixed(*WORDS)),
+    Hint("how long a talk is expected", offer_fixed(*WORDS)),
 )
 
 
@@ -107,14 +115,14 @@ def test_the_page_is_what_the_rows_say() -> None:
 
 
 def test_every_row_says_what_it_is_for_and_where_its_value_goes() -> None:
-    for row in (*TABLES.values(), *DESCRIBED.values(), SIM):
+    for row in (*TABLES.values(), *DESCRIBED_TABLES.values(), SIM_ROW):
         assert row.help.endswith("."), row.kind
         names = set(getattr(row.makes, "__match_args__", ())) or None
         for key in row.keys:
             assert key.help, f"{row.kind}.{key.name}"
             if key.of and names is not None:
                 assert key.of.partition(".")[0] in names, f"{row.kind}.{key.name}"
-    assert set(EDITED) == set(OFFERED) == set(TABLES) - {"task"}
+    assert set(EDITED) == set(OFFERED_KINDS) == set(TABLES) - {"task"}
 
 
 # -- read, written, read --------------------------------------------------------------------------------
@@ -129,14 +137,14 @@ def written(project: Project) -> dict[str, Any]:
         "start": project.start,
         "program": project.program,
         "constants": dict(project.constants),
-        "sim": dict(SIM.written(project.sim)),
+        "sim": dict(SIM_ROW.toml_keys(project.sim)),
         **{kind: [dict(entry_of(decl)) for decl in entries_of(kind, project)] for kind in TABLES},
     }
 
 
 def assert_comes_back(project: Project, name_of_file: Path, base: Path) -> None:
     again = read_project(written(project), "again.toml", base)
-    assert difference(project, again) == (), name_of_file
+    assert diff_projects(project, again) == (), name_of_file
     for name in ("tasks", "options", "rules", "model", "sim", "start", "program", "constants"):
         assert getattr(again, name) == getattr(project, name), (name_of_file, name)
 

@@ -13,7 +13,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.convert_dialect import Translation, in_dialect
+from trcvtui.project.convert_dialect import Translation, convert_project
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.project import Project
 
@@ -26,7 +26,7 @@ def project(dialect: str, connect: dict[str, Any], **more: object) -> Project:
 
 
 def over(given: Project, dialect: str) -> Translation:
-    return in_dialect(given, DIALECTS[dialect])
+    return convert_project(given, DIALECTS[dialect])
 
 
 @pytest.mark.parametrize("name", ["passive", "sender", "duplex", "s7-receiver", "s7-sender", "s7-pair"])

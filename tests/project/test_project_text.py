@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.project.edit import read_entry, with_entry
+from trcvtui.project.edit import append_entry, read_entry
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of, kind_name, names_of
 from trcvtui.project.project import DataDecl, Declaration, MessageDecl, Project
-from trcvtui.project.text import with_entries, with_files_from
+from trcvtui.project.text import append_entries, relocate_files
 
 PLAIN = """\
 # A bench with words of its own.   Trailing blanks stay.  \n\
@@ -95,7 +95,7 @@ def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
             continue
         decl = read_entry(kind, {"name": f"N{number}", **content}, project, "w")
         added.append(decl)
-        project = with_entry(project, decl)
+        project = append_entry(project, decl)
     return added
 
 
@@ -104,9 +104,9 @@ def test_whatever_is_added_loads_again_and_the_text_before_stays(data: st.DataOb
     text = TEXTS[name]
     project = load(text)
     added = data.draw(additions(project))
-    new = with_entries(text, added, "b.toml")
+    new = append_entries(text, added, "b.toml")
     for decl in added:
-        project = with_entry(project, decl)
+        project = append_entry(project, decl)
     assert parts(load(new)) == parts(project)
     assert stays(text if text.endswith("\n") else text + "\n", new)
     assert ("\r\n" in new) == (name == "windows")
@@ -122,18 +122,18 @@ def test_the_keys_of_an_entry_are_read_as_that_entry_again(data: st.DataObject) 
             assert (again.name, again.type_name, again.size) == (decl.name, decl.type_name, decl.size)
         else:
             assert again == decl
-        project = with_entry(project, decl)
+        project = append_entry(project, decl)
 
 
 def test_an_entry_comes_after_the_last_of_its_kind_and_comments_stay_where_they_belong() -> None:
-    new = with_entries(PLAIN, [ConnectConfig("C7", active=True)], "b.toml")
+    new = append_entries(PLAIN, [ConnectConfig("C7", active=True)], "b.toml")
     assert new == PLAIN.replace(
         "# of C1, still\n", '# of C1, still\n\n[[connect]]\nname = "C7"\nActiveEstablished = true\n'
     )
 
 
 def test_what_a_message_says_is_quoted_so_that_it_can_be_read() -> None:
-    new = with_entries(
+    new = append_entries(
         PLAIN, [MessageDecl("hello", 'text "it\'s"'), MessageDecl("bye", 'text "bye"')], "b.toml"
     )
     assert 'text = "text \\"it\'s\\""\n' in new
@@ -143,11 +143,11 @@ def test_what_a_message_says_is_quoted_so_that_it_can_be_read() -> None:
 def test_a_list_of_inline_tables_is_no_place_for_a_new_one() -> None:
     text = 'dialect = "baosky"\nconnect = [{name = "C1"}]\n'
     with pytest.raises(UserError, match="a form that cannot be extended"):
-        with_entries(text, [ConnectConfig("C2")], "b.toml")
+        append_entries(text, [ConnectConfig("C2")], "b.toml")
 
 
 def test_the_file_of_a_udt_is_named_as_the_new_folder_sees_it(tmp_path: Path) -> None:
     text = 'dialect = "baosky"\n[[udt]]\nfile = "types/a.st"  # ours\n'
-    new = with_files_from(text, tmp_path, tmp_path / "saved", "b.toml")
+    new = relocate_files(text, tmp_path, tmp_path / "saved", "b.toml")
     assert new == text.replace("types/a.st", "../types/a.st")
-    assert with_files_from(text, tmp_path, tmp_path, "b.toml") == text
+    assert relocate_files(text, tmp_path, tmp_path, "b.toml") == text

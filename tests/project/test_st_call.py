@@ -12,7 +12,7 @@ from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.cli.main import main
-from trcvtui.commands.table import parse_script, written_data
+from trcvtui.commands.table import collect_written_data, parse_script
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import StatusEdge
@@ -199,7 +199,7 @@ def test_several_parts_that_start_writes_make_one_value(tmp_path: Path) -> None:
     steps = parse_script(
         "write tx hex 0d\nwrite tx+1 hex 0a\nwrite tx+7 hex ff\nwrite tx hex 0e", bench, "start"
     )
-    form = CallForm(written=written_data(steps, bench))
+    form = CallForm(written=collect_written_data(steps, bench))
     assert "tx : ARRAY[0..7] OF BYTE := [16#0E, 16#0A, 5(16#00), 16#FF];" in st_variables(bench, ["R"], form)
 
 
@@ -212,7 +212,7 @@ def test_scl_has_its_own_texts_and_dates(tmp_path: Path) -> None:
     )
     bench = project(tmp_path, instance("R", "TRCV_C"), head=head)
     steps = parse_script("write tx.w 'a\"ä'\nwrite tx.s 'a'", bench, "start")
-    text = st_variables(bench, ["R"], CallForm(written=written_data(steps, bench)))
+    text = st_variables(bench, ["R"], CallForm(written=collect_written_data(steps, bench)))
     assert """(w := WSTRING#'a"$00E4', c := WCHAR#'$0000', s := 'a', """ in text
     assert "d := DT#1990-01-01-00:00:00, l := DTL#1970-01-01-00:00:00);" in text
 

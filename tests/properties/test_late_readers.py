@@ -15,7 +15,7 @@ import pytest
 from tests.history.waveform_runs import LINES, MENDED, RECEIVER, SENDER
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
+from trcvtui.commands.patterns import ANY_SCANS, ScanRun, TracePattern, matches, parse_pattern
 from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import Controller
 from trcvtui.history import ledger_reader
@@ -55,11 +55,11 @@ def lines(draw: random.Random, every: float, also: tuple[str, ...]) -> Iterator[
 
 def prompt_and_late(
     seed: int, kept: int, every: float, also: tuple[str, ...] = ()
-) -> tuple[Controller, Controller, dict[str, list[Run]]]:
+) -> tuple[Controller, Controller, dict[str, list[ScanRun]]]:
     """Return two controllers after the same run, read after each scan, and now and then; what was shown."""
     draw = random.Random(seed)
     prompt, late = controller(), controller(kept)
-    shown: dict[str, list[Run]] = {RECEIVER: [], SENDER: []}
+    shown: dict[str, list[ScanRun]] = {RECEIVER: [], SENDER: []}
     for given in lines(draw, every, also):
         for number, line in enumerate(given):
             prompt.take(number, line)
@@ -80,7 +80,7 @@ def prompt_and_late(
     return prompt, late, {name: joined(runs) for name, runs in shown.items()}
 
 
-def joined(runs: list[Run]) -> list[Run]:
+def joined(runs: list[ScanRun]) -> list[ScanRun]:
     """Return equal scans that follow each other as one run."""
     return [(scan, sum(count for _, count in same)) for scan, same in groupby(runs, itemgetter(0))]
 
@@ -132,7 +132,7 @@ def test_what_the_ledger_has_overwritten_is_not_known_and_never_wrong(
         assert facts.up_since in (None, known_facts.up_since)
     for name, pattern in traces(late).items():
         assert matches(pattern, shown[name])
-        assert ANY in pattern.atoms, "something was overwritten"
+        assert ANY_SCANS in pattern.atoms, "something was overwritten"
 
 
 def traces(of: Controller) -> dict[str, TracePattern]:

@@ -13,12 +13,12 @@ from trcvtui import clock
 from trcvtui.bench.peers.peer import AutomaticPeer, Peer, next_due
 from trcvtui.bench.program import Program, read_program
 from trcvtui.commands import words
-from trcvtui.commands.counters_and_checksums import Checker, frame
-from trcvtui.commands.edit import edits_of
+from trcvtui.commands.counters_and_checksums import FrameChecker, make_frame
+from trcvtui.commands.edit import make_edits
 from trcvtui.commands.peer import read_replies, read_routines
-from trcvtui.commands.reader import after
-from trcvtui.commands.table import record_row
-from trcvtui.commands.words import CheckOn, PeerSend, Remedy
+from trcvtui.commands.reader import project_after
+from trcvtui.commands.table import find_record_row
+from trcvtui.commands.words import CheckOn, EditCommand, PeerSend
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, ScanBudget
@@ -98,8 +98,8 @@ class Checking:
     def __init__(self, peer: Peer, command: CheckOn) -> None:
         self._peer = peer
         self._command = command
-        self._data = Checker(command.size) if command.instance else None
-        self._echo = Checker(command.size)
+        self._data = FrameChecker(command.size) if command.instance else None
+        self._echo = FrameChecker(command.size)
         self._sent = 0
         self._next = 0
         peer.queues.inbox.checker = self._echo
@@ -115,12 +115,12 @@ class Checking:
     def step(self, now: int) -> None:
         if self._peer.can_send and now >= self._next and not self._peer.unsent:
             self._next = next_due(self._next or now, self._command.every_ns, now)
-            self._peer.send(PeerSend(self._command.peer, frame(self._sent, self._command.size)), now)
+            self._peer.send(PeerSend(self._command.peer, make_frame(self._sent, self._command.size)), now)
             self._sent += 1
 
     def received(self, data: bytes) -> None:
         if self._data is not None:
-            self._data.take(data)
+            self._data.check_bytes(data)
 
     def end(self) -> None:
         self._peer.queues.inbox.checker = None
@@ -484,7 +484,7 @@ class Bench:
 
     def do(self, command: words.BenchCommand) -> str:
         """Carry out a command that lets no scan pass; return what is wrong, or ""."""
-        row = record_row(type(command))
+        row = find_record_row(type(command))
         act = row.act
         if act is None:
             return f"{type(command).__name__} lets scans pass"
@@ -515,8 +515,8 @@ class Bench:
             self.runtime.submit(order)
         return ""
 
-    def change(self, command: words.BenchCommand, order: commands.Command) -> str:
-        self.project = after(command, self.project)
+    def apply_change(self, command: words.BenchCommand, order: commands.Command) -> str:
+        self.project = project_after(command, self.project)
         return self.submit(order)
 
     def become(self, project: Project) -> None:
@@ -537,9 +537,9 @@ class Bench:
         self.project, self._works_on = project, _what_each_works_on(project)
         self.submit(*orders)
 
-    def mend(self, command: Remedy) -> str:
-        edited = after(command, self.project)
-        for edit in edits_of(command, self.project):
+    def edit_project(self, command: EditCommand) -> str:
+        edited = project_after(command, self.project)
+        for edit in make_edits(command, self.project):
             wrong = self._take(edit, edited)
             if wrong:
                 return wrong
@@ -572,7 +572,7 @@ class Bench:
         if wrong and old is not None:
             old.listen()
         if not wrong and before is not None:
-            self.check_off(words.CheckOff(before.name))
+            self.stop_check(words.CheckOff(before.name))
             if decl is None:
                 del self.peers[before.name]
                 self._self_acting.pop(before.name, None)
@@ -604,11 +604,11 @@ class Bench:
         self.peers[decl.name] = peer
         return ""
 
-    def check_on(self, command: words.CheckOn) -> str:
+    def start_check(self, command: words.CheckOn) -> str:
         self._checks[command.peer] = Checking(self.peers[command.peer], command)
         return ""
 
-    def check_off(self, command: words.CheckOff) -> str:
+    def stop_check(self, command: words.CheckOff) -> str:
         check = self._checks.pop(command.peer, None)
         if check is not None:
             check.end()
@@ -626,12 +626,12 @@ class Bench:
             self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 
-    def tap(self, command: words.Intervene) -> str:
+    def order_tap(self, command: words.Intervene) -> str:
         """Hand it to the tap that feeds this bench; what it did, it tells."""
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
-        times = None if command.times == words.FOREVER else command.times
+        times = None if command.times == words.TIMES_FOREVER else command.times
         self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
         self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
         return ""

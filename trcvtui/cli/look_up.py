@@ -68,13 +68,13 @@ def add_st(parser: CommandParser) -> None:
 
 
 def _st(args: Args) -> int:
-    from trcvtui.commands.table import parse_script, written_data
+    from trcvtui.commands.table import collect_written_data, parse_script
     from trcvtui.project.st_call import CallForm, st_text
 
     project = load_bench(args.project)
     names = [args.instance] if args.instance else [decl.name for decl in project.instances]
     steps = parse_script(project.start, project, f"{project.path}: start")
-    form = CallForm(args.short, args.multi, written_data(steps, project))
+    form = CallForm(args.short, args.multi, collect_written_data(steps, project))
     return print_text(st_text(project, names, form=form))
 
 

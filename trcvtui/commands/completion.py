@@ -6,41 +6,41 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from trcvtui.blocks.table import block_row
-from trcvtui.commands.peer import VERBS as PEER_VERBS
-from trcvtui.commands.reader import may_be_fed
+from trcvtui.commands.peer import ALL_PEER_VERBS as PEER_VERBS
+from trcvtui.commands.reader import can_be_fed
 from trcvtui.commands.tokens import FORMS
-from trcvtui.project.edit import fields_of, first_name, keys_of_line, kinds_named
-from trcvtui.project.keys import OFFERED as KINDS
+from trcvtui.project.edit import fields_of, find_kinds, keys_of_line, propose_name
+from trcvtui.project.keys import OFFERED_KINDS as KINDS
 from trcvtui.project.keys import names_of
 from trcvtui.project.project import Project
 from trcvtui.project.proposals import NEW
 
 NextWords = Callable[[list[str], Project], Iterable[str]]
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
-TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
+COMMON_TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = tuple(FORMS)
 SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
-CALLS: Final = (
+FAULT_CALLS: Final = (
     "recv", "connect", "bind", "listen", "accept", "socket", "send", "shutdown", "close", "set_reuse",
     "poll_add", "poll_del", "abort", "resolve", "buffer", "queue", "clear",
 )  # fmt: skip
-ERRORS: Final = (
+FAULT_ERRORS: Final = (
     "ECONNRESET", "EADDRINUSE", "ECONNREFUSED", "EPIPE", "ETIMEDOUT", "EACCES", "EMFILE", "ENOBUFS",
     "EAI_NONAME", "EAI_AGAIN",
 )  # fmt: skip
 FAULT_OPTIONS: Final = ("on", "times=", "nth=")
 
 
-def nothing(words: list[str], project: Project) -> Iterable[str]:
+def offer_none(words: list[str], project: Project) -> Iterable[str]:
     return ()
 
 
-def only(*choices: str) -> NextWords:
+def offer_words(*choices: str) -> NextWords:
     """Offer the same words, whatever stands there."""
     return lambda words, project: choices
 
 
-def _first(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
+def _offer(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
     """Offer names of the project, after one of them `then`, and nothing further where that `is_last`."""
 
     def offer(words: list[str], project: Project) -> Iterable[str]:
@@ -55,35 +55,35 @@ def _instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances)
 
 
-def _with_marks(project: Project) -> Iterable[str]:
+def _names_with_marks(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances if block_row(instance.block).mark_pins)
 
 
-an_instance: Final = _first(_instances)
-after_doctor: Final = _first(lambda project: (*_instances(project), *project.links()))
-after_link: Final = _first(lambda project: project.links(), "down", "up", is_last=False)
-after_write: Final = _first(lambda project: (data.name for data in project.data), "hex", is_last=False)
-after_expect: Final = _first(_instances, "STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=", is_last=False)
-after_mark: Final = _first(_with_marks, "hex", "text", "none")
-after_framing: Final = _first(
-    lambda project: (*_with_marks(project), *(buffer.name for buffer in project.combuffers)), "apply"
+after_instance_verb: Final = _offer(_instances)
+after_doctor: Final = _offer(lambda project: (*_instances(project), *project.links()))
+after_link: Final = _offer(lambda project: project.links(), "down", "up", is_last=False)
+after_write: Final = _offer(lambda project: (data.name for data in project.data), "hex", is_last=False)
+after_expect: Final = _offer(_instances, "STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=", is_last=False)
+after_mark: Final = _offer(_names_with_marks, "hex", "text", "none")
+after_framing: Final = _offer(
+    lambda project: (*_names_with_marks(project), *(buffer.name for buffer in project.combuffers)), "apply"
 )
-after_feed: Final = _first(
-    lambda project: (buffer.name for buffer in project.combuffers if may_be_fed(buffer)),
+after_feed: Final = _offer(
+    lambda project: (buffer.name for buffer in project.combuffers if can_be_fed(buffer)),
     *("hex", "text", "random", "file", "break"),
 )
 
 
 def after_set(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return (*_instances(project), *_parts(project), *KINDS)
-    kind = words[1] if words[1] in KINDS else next(iter(kinds_named(words[1], project)), "")
+        return (*_instances(project), *_part_names(project), *KINDS)
+    kind = words[1] if words[1] in KINDS else next(iter(find_kinds(words[1], project)), "")
     if words[1] in KINDS and len(words) == 2:
         return names_of(kind, project)
     name = words[2] if words[1] in KINDS else words[1]
-    pins = [f"{pin}=" for pin in _inputs(name, project, bools_only=False)] if kind == "instance" else []
+    pins = [f"{pin}=" for pin in _input_names(name, project, bools_only=False)] if kind == "instance" else []
     declared = project.instance(name) if kind == "instance" else None
-    keys = _keys_of(kind, words, project, declared.block if declared else "") if kind else ()
+    keys = _missing_keys(kind, words, project, declared.block if declared else "") if kind else ()
     types = project.types.names() if kind == "data" else ()  # with `type=`, or alone
     keys = (*(f"type={name}" for name in types), *types, *keys)
     return (*pins, *(key for key in keys if not key.endswith(f"={NEW}")))  # only `add` makes one
@@ -91,17 +91,17 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
 
 def after_remove(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return (*_parts(project), *_instances(project), *KINDS)
+        return (*_part_names(project), *_instances(project), *KINDS)
     return names_of(words[1], project) if len(words) == 2 and words[1] in KINDS else ()
 
 
-def _parts(project: Project) -> list[str]:
+def _part_names(project: Project) -> list[str]:
     return [
         name for kind in KINDS if kind not in ("instance", "certificate") for name in names_of(kind, project)
     ]
 
 
-def _keys_of(kind: str, words: list[str], project: Project, block: str) -> Iterable[str]:
+def _missing_keys(kind: str, words: list[str], project: Project, block: str) -> Iterable[str]:
     given = {word.partition("=")[0] for word in words}
     given |= keys_of_line(kind, project).bare
     fields = [field for field in fields_of(kind, project, block) if field.key not in given]
@@ -111,7 +111,7 @@ def _keys_of(kind: str, words: list[str], project: Project, block: str) -> Itera
 def after_pulse(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return _instances(project)
-    return _inputs(words[1], project, bools_only=True) if len(words) == 2 else ()
+    return _input_names(words[1], project, bools_only=True) if len(words) == 2 else ()
 
 
 def after_peer(words: list[str], project: Project) -> Iterable[str]:
@@ -141,10 +141,10 @@ _PEER_WORDS: Final[dict[str, tuple[str, ...]]] = {
 
 def after_fault(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return CALLS
+        return FAULT_CALLS
     if words[-1] == "on":
         return project.links()
-    return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
+    return (*FAULT_ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
 
 
 def after_tap(words: list[str], project: Project) -> Iterable[str]:
@@ -197,25 +197,25 @@ def after_add(words: list[str], project: Project) -> Iterable[str]:
     if kind not in KINDS:
         return ()
     if len(words) == 2:
-        return (first_name(kind, project),)
+        return (propose_name(kind, project),)
     if kind == "data":
-        return (*project.types.names(), *TYPES) if len(words) == 3 else ("OF ",)
+        return (*project.types.names(), *COMMON_TYPES) if len(words) == 3 else ("OF ",)
     if kind == "sequence":
         return (message.name for message in project.messages)
     if kind == "message":
         return (*SEND_MODES, "peer=") if len(words) == 3 else SEND_OPTIONS
     block = next((word.removeprefix("block=") for word in words if word.startswith("block=")), "")
     pins = (f"{pin.name}=" for pin in project.pins(block)) if block in project.dialect.blocks else ()
-    return (*_keys_of(kind, words, project, block), *pins)
+    return (*_missing_keys(kind, words, project, block), *pins)
 
 
 def after_resize(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return (data.name for data in project.data)
-    return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)
+    return (*project.types.names(), *COMMON_TYPES) if len(words) == 2 else ("OF ",)
 
 
-def _inputs(instance: str, project: Project, bools_only: bool) -> Iterable[str]:
+def _input_names(instance: str, project: Project, bools_only: bool) -> Iterable[str]:
     declared = project.instance(instance)
     if declared is None:
         return ()

@@ -13,15 +13,15 @@ from trcvtui.commands.tokens import (
     FORMS,
     KEPT_BYTES,
     Words,
-    duration,
     leaf_bytes,
+    parse_delay,
     parse_payload,
-    pin_value,
+    parse_pin_value,
     struct_bytes,
 )
 from trcvtui.commands.words import (
     DEFAULT_LIMIT_NS,
-    NONE,
+    NO_MARK,
     PEER_STATES,
     Condition,
     DataIs,
@@ -37,7 +37,7 @@ from trcvtui.commands.words import (
 )
 from trcvtui.errors import UserError
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.layout.layout import Leaf
 from trcvtui.udt.layout.layout_tree import find
 from trcvtui.udt.layout.values import decode_leaf
@@ -45,7 +45,7 @@ from trcvtui.wording import count
 
 TARGET_FORM: Final = "rx, rx.speed, rx[3] or rx+4 (byte 4)"
 VALUE_FORM: Final = "a value, or hex and bytes"
-_TARGET: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
+_TARGET_PATTERN: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
 
 
 class Target(Struct, frozen=True):
@@ -66,7 +66,7 @@ class Target(Struct, frozen=True):
                 pass
         name = f"{self.decl.name}{'+' + str(self.offset) if self.is_raw else ''}"
         found = f"'{name}{'.' * bool(self.path) + self.path}', which is not one value"
-        raise words.wrong(found, "the path of one, or hex and bytes")
+        raise words.error(found, "the path of one, or hex and bytes")
 
 
 def base_name(word: str) -> str:
@@ -80,16 +80,16 @@ def parse_target(words: Words, project: Project) -> Target:
     decl = project.data_decl(base_name(word))
     if decl is None:
         names = [known.name for known in project.data]
-        raise words.unknown(base_name(word), names, "DATA variable")
-    found = _TARGET.fullmatch(word)
+        raise words.make_unknown_error(base_name(word), names, "DATA variable")
+    found = _TARGET_PATTERN.fullmatch(word)
     if found is None:
-        raise words.wrong(shown(word), TARGET_FORM)
+        raise words.error(quote(word), TARGET_FORM)
     _, byte, path = found.groups()
     if byte is None:
         return _member_target(decl, path or "", words)
     offset = int(byte)
     if offset >= decl.size:
-        raise words.wrong(f"byte {offset} of '{decl.name}'", f"a byte from 0 to {decl.size - 1}")
+        raise words.error(f"byte {offset} of '{decl.name}'", f"a byte from 0 to {decl.size - 1}")
     return Target(decl, "", offset, decl.size - offset, True)
 
 
@@ -97,7 +97,7 @@ def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
     try:
         number, node = find(decl.layout.root, path)
     except LookupError as unknown:
-        raise words.wrong(
+        raise words.error(
             f"'{unknown}' in '{decl.name}{path}'", f"a member of {decl.type_name}, or an index within bounds"
         ) from None
     # A part begins where its first value does: no layout has a gap before the first member.
@@ -109,31 +109,31 @@ def parse_write(words: Words, project: Project) -> Write:
     """Return `write rx.speed 12.5`, `write rx hex 01 02`, `write rx {speed=1.5}`; raise UserError."""
     start = words.place
     target = parse_target(words, project)
-    payload = _bytes_for(target, words, project)
-    return Write(target.decl.name, target.offset, payload, words.written(start))
+    payload = _parse_write_bytes(target, words, project)
+    return Write(target.decl.name, target.offset, payload, words.text_since(start))
 
 
-def _bytes_for(target: Target, words: Words, project: Project) -> bytes:
+def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
     if words.peek() in FORMS:
-        return _fitting(target, parse_payload(words, project).content, words)
+        return _check_fits(target, parse_payload(words, project).content, words)
     if words.peek().startswith("{") and not target.is_raw:
-        return _struct_for(target, words.rest_text(VALUE_FORM), words)
+        return _parse_struct_bytes(target, words.take_rest_text(VALUE_FORM), words)
     value = words.next(VALUE_FORM)
-    words.finish()
+    words.expect_end()
     leaf = target.leaf(words)
     if leaf.bit is not None:  # a write has whole bytes, and the other bits of this one are not known here
         found = f"'{leaf.path}', bit {leaf.bit} of byte {leaf.offset}"
-        raise words.wrong(found, f"the whole byte, such as: write {target.decl.name}+{leaf.offset} hex 01")
+        raise words.error(found, f"the whole byte, such as: write {target.decl.name}+{leaf.offset} hex 01")
     return leaf_bytes(target.decl.layout, leaf, value, words.where)
 
 
-def _fitting(target: Target, payload: bytes, words: Words) -> bytes:
+def _check_fits(target: Target, payload: bytes, words: Words) -> bytes:
     if len(payload) > target.size:
-        raise words.wrong(f"{len(payload)} bytes", f"at most {target.size}, which is what there is")
+        raise words.error(f"{len(payload)} bytes", f"at most {target.size}, which is what there is")
     return payload
 
 
-def _struct_for(target: Target, braces: str, words: Words) -> bytes:
+def _parse_struct_bytes(target: Target, braces: str, words: Words) -> bytes:
     if target.path:
         braces = f"{{{target.path}={braces}}}"
     whole = struct_bytes(target.decl.layout, braces, words.where)
@@ -145,11 +145,11 @@ def parse_data_condition(words: Words, project: Project) -> Condition:
     start = words.place
     target = parse_target(words, project)
     if words.peek() in FORMS:
-        payload = _fitting(target, parse_payload(words, project).content, words)
-        return DataIs(target.decl.name, target.offset, payload, words.written(start))
+        payload = _check_fits(target, parse_payload(words, project).content, words)
+        return DataIs(target.decl.name, target.offset, payload, words.text_since(start))
     leaf = target.leaf(words)
     value = words.next(VALUE_FORM)
-    words.finish()
+    words.expect_end()
     layout = target.decl.layout
     return MemberIs(
         target.decl.name,
@@ -158,10 +158,10 @@ def parse_data_condition(words: Words, project: Project) -> Condition:
     )
 
 
-NOTHING: Final = "nothing"
+NOTHING_WORD: Final = "nothing"
 UDP_STATES: Final = ("listening", "closed")
 OF_UDP: Final = "listening, closed or received"
-SUBJECT: Final = "an instance, a DATA variable or peer NAME"
+SUBJECT_FORM: Final = "an instance, a DATA variable or peer NAME"
 
 
 def parse_wait(words: Words, project: Project) -> Wait:
@@ -175,18 +175,18 @@ def parse_expect(words: Words, project: Project) -> Expect | ExpectTrace:
     if words.peek(1) == "trace" and words.peek() != "peer":
         instance = parse_instance(words, project)
         words.next("trace")
-        return ExpectTrace(instance.name, parse_pattern(" ".join(words.rest()), f"{words.where}: trace"))
+        return ExpectTrace(instance.name, parse_pattern(" ".join(words.take_rest()), f"{words.where}: trace"))
     within = _read_within(words)
     return Expect(_read_condition(words, project), within)
 
 
 def _read_within(words: Words) -> int | None:
-    tail = words.cut(lambda word: word == "within")
+    tail = words.cut_tail_words(lambda word: word == "within")
     if not tail:
         return None
     if len(tail) != 2:
-        raise words.wrong(shown(" ".join(tail)), "within and one duration, such as within T#2s")
-    return duration(tail[1], "within ", words.where)
+        raise words.error(quote(" ".join(tail)), "within and one duration, such as within T#2s")
+    return parse_delay(tail[1], "within ", words.where)
 
 
 def _read_condition(words: Words, project: Project) -> Condition:
@@ -199,8 +199,8 @@ def _read_condition(words: Words, project: Project) -> Condition:
         return parse_data_condition(words, project)
     if project.instance(word) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data), "peer"]
-        found = shown(name) if word else "nothing more"
-        raise words.wrong(found, expected_name(name, names, SUBJECT) if word else SUBJECT)
+        found = quote(name) if word else "nothing more"
+        raise words.error(found, expected_name(name, names, SUBJECT_FORM) if word else SUBJECT_FORM)
     return _read_pins(words, project)
 
 
@@ -208,47 +208,47 @@ def _read_pins(words: Words, project: Project) -> PinsAre:
     instance = parse_instance(words, project)
     pins = {pin.name: pin for pin in project.pins(instance.block)}
     found = []
-    for word in words.rest() or [words.next("a pin such as STATUS=7006")]:
+    for word in words.take_rest() or [words.next("a pin such as STATUS=7006")]:
         name, equals, text = word.partition("=")
         if not equals:
-            raise words.wrong(shown(word), "PIN=VALUE such as STATUS=7006")
+            raise words.error(quote(word), "PIN=VALUE such as STATUS=7006")
         if name not in pins:
-            raise words.unknown(name, pins, "pin")
-        found.append((name, pin_value(pins[name], text, words.where)))
+            raise words.make_unknown_error(name, pins, "pin")
+        found.append((name, parse_pin_value(pins[name], text, words.where)))
     return PinsAre(instance.name, tuple(found))
 
 
 def _read_peer_condition(words: Words, project: Project) -> Condition:
     peer = parse_peer(words, project)
     state = words.next(f"received, or a state: {', '.join(PEER_STATES)}")
-    if state == "received" and words.peek() == NOTHING:
-        words.next(NOTHING)
-        words.finish()
+    if state == "received" and words.peek() == NOTHING_WORD:
+        words.next(NOTHING_WORD)
+        words.expect_end()
         return PeerReceived(peer.name, b"")
     if state == "received":
         payload = parse_payload(words, project)
         if len(payload.content) > KEPT_BYTES:
-            raise words.wrong(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES}, which a peer keeps")
+            raise words.error(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES}, which a peer keeps")
         return PeerReceived(peer.name, payload.content, payload.text)
-    words.finish()
+    words.expect_end()
     if state not in PEER_STATES:
-        raise words.unknown(state, (*PEER_STATES, "received"), "state")
+        raise words.make_unknown_error(state, (*PEER_STATES, "received"), "state")
     if peer.udp and state not in UDP_STATES:
-        raise words.wrong(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
+        raise words.error(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
     return PeerIs(peer.name, state)
 
 
 def parse_instance(words: Words, project: Project) -> InstanceDecl:
     known = {instance.name: instance for instance in project.instances}
-    return known[words.one_of(known, "instance")]
+    return known[words.next_known(known, "instance")]
 
 
 def parse_peer(words: Words, project: Project) -> PeerDecl:
     known = {peer.name: peer for peer in project.peers}
-    return known[words.one_of(known, "peer")]
+    return known[words.next_known(known, "peer")]
 
 
-LONGEST: Final = 255  # LenPrefix is a BYTE
+LONGEST_MARK: Final = 255  # LenPrefix is a BYTE
 
 
 def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
@@ -256,31 +256,31 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
     instance = parse_instance(words, project)
     if not block_row(instance.block).pointers:
         found = f"'{instance.name}', a {instance.block}"
-        raise words.wrong(found, "a block with prefix and suffix, such as ReceiveData")
-    variable = _variable(instance, mark, words)
+        raise words.error(found, "a block with prefix and suffix, such as ReceiveData")
+    variable = _find_mark_variable(instance, mark, words)
     decl = project.data_decl(variable)
     assert decl is not None
-    payload, text = b"", NONE
-    if words.peek() == NONE:
-        words.next(NONE)
+    payload, text = b"", NO_MARK
+    if words.peek() == NO_MARK:
+        words.next(NO_MARK)
     else:
         given = parse_payload(words, project)
         payload, text = given.content, given.text
     lengths = block_row(instance.block).mark_lengths
     pin = lengths[MARK_NAMES.index(mark)] if lengths else ""  # a STRING tells its own length
-    room = min(decl.size, LONGEST) if pin else decl.size - 1
+    room = min(decl.size, LONGEST_MARK) if pin else decl.size - 1
     if len(payload) > room:
         found = count(len(payload), "byte")
-        raise words.wrong(found, f"at most {room}: '{variable}' is {decl.type_name} (`resize` changes it)")
+        raise words.error(found, f"at most {room}: '{variable}' is {decl.type_name} (`resize` changes it)")
     return SetMark(instance.name, mark, payload, variable, pin, decl.size, text)
 
 
-def _variable(instance: InstanceDecl, mark: str, words: Words) -> str:
+def _find_mark_variable(instance: InstanceDecl, mark: str, words: Words) -> str:
     """Return the variable that holds a mark; raise UserError where the pointer is 0."""
     number = MARK_NAMES.index(mark)
     pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""
     if not name:
         found = f"{pointer} of '{instance.name}', which is 0"
-        raise words.wrong(found, f"`{pointer}` naming a variable in the project, or at `create`")
+        raise words.error(found, f"`{pointer}` naming a variable in the project, or at `create`")
     return name

@@ -15,21 +15,21 @@ from trcvtui.udt.compare.checksums import CHECKSUMS
 
 # A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
 
-MARK: Final = b"\xc5\x5c"
-NUMBER_END: Final = len(MARK) + 4
+FRAME_MARK: Final = b"\xc5\x5c"
+NUMBER_END: Final = len(FRAME_MARK) + 4
 CRC_BYTES: Final = 4
-LEAST_SIZE: Final = NUMBER_END + CRC_BYTES
-FILLING: Final = bytes(range(256))
+LEAST_FRAME_SIZE: Final = NUMBER_END + CRC_BYTES
+FRAME_FILLING: Final = bytes(range(256))
 
 
-def frame(number: int, size: int) -> bytes:
-    room = size - LEAST_SIZE
-    filling = (FILLING * (room // 256 + 1))[:room]
-    body = MARK + (number & 0xFFFFFFFF).to_bytes(4, "big") + filling
+def make_frame(number: int, size: int) -> bytes:
+    room = size - LEAST_FRAME_SIZE
+    filling = (FRAME_FILLING * (room // 256 + 1))[:room]
+    body = FRAME_MARK + (number & 0xFFFFFFFF).to_bytes(4, "big") + filling
     return body + zlib.crc32(body).to_bytes(CRC_BYTES, "big")
 
 
-class Checker:
+class FrameChecker:
     """The receiver of frames of one size; keeps less than a frame, whatever arrives."""
 
     def __init__(self, size: int) -> None:
@@ -44,29 +44,29 @@ class Checker:
         self._kept.clear()
         self._is_shifted = False
 
-    def take(self, arrived: bytes) -> None:
+    def check_bytes(self, arrived: bytes) -> None:
         self._kept += arrived
         at = 0
         while at + self._size <= len(self._kept):
             if self._is_frame(at):
-                self._judge(int.from_bytes(self._kept[at + len(MARK) : at + NUMBER_END], "big"))
+                self._count_frame(int.from_bytes(self._kept[at + len(FRAME_MARK) : at + NUMBER_END], "big"))
                 at, self._is_shifted = at + self._size, False
                 continue
-            place = self._kept.find(MARK, at + 1)
-            then = place if place >= 0 else max(at + 1, len(self._kept) - len(MARK) + 1)
+            place = self._kept.find(FRAME_MARK, at + 1)
+            then = place if place >= 0 else max(at + 1, len(self._kept) - len(FRAME_MARK) + 1)
             self._shifts += not self._is_shifted
             self._strange += then - at
             at, self._is_shifted = then, True
         del self._kept[:at]
 
     def _is_frame(self, at: int) -> bool:
-        if not self._kept.startswith(MARK, at):
+        if not self._kept.startswith(FRAME_MARK, at):
             return False
         body = self._kept[at : at + self._size - CRC_BYTES]
         crc = self._kept[at + self._size - CRC_BYTES : at + self._size]
         return zlib.crc32(body) == int.from_bytes(crc, "big")
 
-    def _judge(self, number: int) -> None:
+    def _count_frame(self, number: int) -> None:
         self._frames += 1
         if number < self._next:
             self._doubled += 1
@@ -78,10 +78,10 @@ class Checker:
         return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
 
 
-NUMBER, DIGITS = "n", "digits"
-NUMBERS: Final = (NUMBER, DIGITS)
-Order = Literal["little", "big"]
-KINDS: Final = (*NUMBERS, *CHECKSUMS)
+BINARY_NUMBER, DIGITS = "n", "digits"
+NUMBER_KINDS: Final = (BINARY_NUMBER, DIGITS)
+ByteOrder = Literal["little", "big"]
+FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,27 +94,27 @@ class Fill:
     kind: str
     offset: int
     width: int
-    order: Order = "little"
+    order: ByteOrder = "little"
     hole: bool = field(default=False, compare=False)
 
     def content(self, before: bytes, number: int) -> bytes:
         """Return the bytes, given those before them and the number of the message, from 0."""
-        if self.kind == NUMBER:
+        if self.kind == BINARY_NUMBER:
             return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
         if self.kind == DIGITS:
             return b"%0*d" % (self.width, number % 10**self.width)
         return CHECKSUMS[self.kind][1](before).to_bytes(self.width, self.order)
 
 
-def filled(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
+def fill_message(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
     """Return a message with everything filled in; what stands at its end makes it longer."""
     if not fills:
         return payload
     content = bytearray(payload)
-    for fill in in_order(fills):
+    for fill in sort_fills(fills):
         content[fill.offset : fill.offset + fill.width] = fill.content(bytes(content[: fill.offset]), number)
     return bytes(content)
 
 
-def in_order(fills: Sequence[Fill]) -> list[Fill]:
-    return sorted(fills, key=lambda fill: (fill.kind not in NUMBERS, fill.offset))
+def sort_fills(fills: Sequence[Fill]) -> list[Fill]:
+    return sorted(fills, key=lambda fill: (fill.kind not in NUMBER_KINDS, fill.offset))

@@ -22,26 +22,26 @@ from trcvtui.commands.peer import (
     read_replies,
     read_routines,
 )
-from trcvtui.commands.tokens import Words, unquoted, within
-from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
+from trcvtui.commands.tokens import Words, prefix_problems, unquote
+from trcvtui.commands.words import Add, AddData, Change, EditCommand, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_left_alone
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import (
-    adding,
-    changing,
-    entry,
-    kinds_named,
-    read_changed,
+    append_entry,
+    apply_edits,
+    find_broken_users,
+    find_entry,
+    find_kinds,
+    make_addition,
+    make_change,
+    read_change,
     read_entry,
-    taken_back,
-    users_left,
-    with_edits,
-    with_entry,
+    undo_edits,
 )
 from trcvtui.project.key_rows import KeyValue
-from trcvtui.project.keys import EDITED, TABLES, forms_of, free_name, keys_of, kind_name, list_keys, names_of
+from trcvtui.project.keys import EDITED, TABLES, array_keys, forms_of, free_name, keys_of, kind_name, names_of
 from trcvtui.project.project import (
     DataDecl,
     Declaration,
@@ -55,8 +55,8 @@ from trcvtui.project.project import (
     UdtFile,
 )
 from trcvtui.project.proposals import NEW
-from trcvtui.project.tables import Given, shown
-from trcvtui.project.text import way_to
+from trcvtui.project.tables import SetOverride, quote
+from trcvtui.project.text import relocate
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.literals import quoted
@@ -72,11 +72,11 @@ from trcvtui.wording import count
 FIRST_PORT: Final = 2000
 LAST_PORT: Final = 49_151  # after them the system's own, for active ends
 HOST: Final = "127.0.0.1"
-OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
-RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
-SENT: Final = "ARRAY[0..15] OF BYTE"
+CONNECT_KEYS: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
+RECEIVE_TYPE: Final = "ARRAY[0..1023] OF BYTE"
+SEND_TYPE: Final = "ARRAY[0..15] OF BYTE"
 LISTEN: Final = ("connect", "udp_config")
-STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
+NAME_STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
@@ -88,7 +88,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
     return next(port for port in range(after + 1, LAST_PORT + 1) if port not in taken)
 
 
-def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Return the keys of what a block works on, each with its kind."""
     row = block_row(block)
     if row.has_buffer:
@@ -98,32 +98,32 @@ def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, st
     return ((link, "udp_config" if link == "config" else link), *addr)
 
 
-def complete(
+def complete_instance(
     content: Mapping[str, Any], project: Project, where: str
 ) -> tuple[dict[str, Any], tuple[Declaration, ...]]:
     """Return the keys of an instance with those that it lacks, and what is made for them."""
-    made, block = list[Declaration](), _text(content.get("block"))
+    made, block = list[Declaration](), _word_text(content.get("block"))
     is_known, row = block in project.dialect.blocks, block_row(block)
-    keys = link_of_block(block, content) if is_known else ()
+    keys = link_keys(block, content) if is_known else ()
     kinds = {**dict(keys), **({"data": "data"} if row.data_pin else {})}
-    called = {key for key, value in content.items() if _text(value) == NEW and key != "name"}
+    called = {key for key, value in content.items() if _word_text(value) == NEW and key != "name"}
     asked = {k for k in called if not is_known or (k in kinds and NEW not in names_of(kinds[k], project))}
     whole = {key: value for key, value in content.items() if key not in asked}
     missing = [(key, kind) for key, kind in keys if key not in whole]
     if not missing and "data" not in asked & kinds.keys():
         return whole, ()
-    of_connect = OF_CONNECT if any(kind in LISTEN for _, kind in missing) else ()
+    of_connect = CONNECT_KEYS if any(kind in LISTEN for _, kind in missing) else ()
     own: dict[str, Any] = {key: whole.pop(key) for key in of_connect if key in whole}
-    parts = [(key, kind, STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
+    parts = [(key, kind, NAME_STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
     if row.data_pin and "data" not in whole:
         receives = row.receives or row.reads_buffer
-        type_ = {"type": RECEIVED if receives else SENT}
+        type_ = {"type": RECEIVE_TYPE if receives else SEND_TYPE}
         parts.append(("data", "data", "rx" if receives else "tx", type_))
     for key, kind, start, given_keys in parts:
         name = free_name(kind, start, project)
         usual = {"LocalAddress": HOST, "LocalPort": free_port(project)} if kind in LISTEN else {}
         decl = read_entry(kind, {"name": name, **usual, **given_keys}, project, where)
-        project = with_entry(project, decl)
+        project = append_entry(project, decl)
         made.append(decl)
         whole[key] = name
     if not whole.keys() & {"ADHOC", "LEN"}:
@@ -131,61 +131,61 @@ def complete(
     return whole, tuple(made)
 
 
-def _text(value: object) -> str:
-    return value.text if isinstance(value, Given) else str(value or "")
+def _word_text(value: object) -> str:
+    return value.text if isinstance(value, SetOverride) else str(value or "")
 
 
-def ends_of(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
+def listening_ends(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
     """Return the ends at which what was made will listen."""
     listening = [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig)]
     return tuple([end for end in listening if end.port])
 
 
-KINDS: Final = EDITED
+PART_KINDS: Final = EDITED
 CERTIFICATE: Final = "certificate"
 INSTANCE: Final = "instance"
-PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
+PAIRS_FORM: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 
 def parse_add(words: Words, project: Project) -> Add | AddData:
-    kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
+    kind = words.next_known(PART_KINDS, "kind", "what to add: " + ", ".join(PART_KINDS))
     if kind == UDT:  # a name with blanks needs no quotes
-        return Add(_udt_file(unquoted(words.rest_text("a file of types")), project, words.where))
+        return Add(_read_udt_file(unquote(words.take_rest_text("a file of types")), project, words.where))
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
-        called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
+        called: dict[str, Any] = {"number": SetOverride("number", name.removeprefix("number="))}
     else:
         called = {"name": name}
-    content = {**called, **_CONTENT.get(kind, _pairs)(words)}
+    content = {**called, **_CONTENT_READERS.get(kind, _read_pairs)(words)}
     if kind == INSTANCE:
-        return _with_its_parts(content, project, where, words.written(start))
+        return _add_with_parts(content, project, where, words.text_since(start))
     decl = read_entry(kind, content, project, where)
     if isinstance(decl, DataDecl):
         return AddData(decl.name, decl.type_name, decl)
     if isinstance(decl, PeerDecl) and not content.keys() & {"remote", "local", "active", "udp"}:
         found = "neither remote nor local"
         raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
-    _check_talk(decl, with_entry(project, decl), where)
+    _check_messages(decl, append_entry(project, decl), where)
     return Add(decl)
 
 
 UDT: Final = "udt"
-MOST_TYPES: Final = 8  # that are told
+MOST_TYPES_SHOWN: Final = 8  # that are told
 
 
-def _udt_file(name: str, project: Project, where: str) -> UdtFile:
+def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
     """Return a file with types for the project; raise UserError where it has none, or hides one."""
     path = os.path.expanduser(name)
     if not is_disk_left_alone():  # each file has one name; a link keeps its own
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
         folder, file = os.path.split(path if is_here else project.base / path)
-        path = f"{way_to(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
-    with within(where):
+        path = f"{relocate(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
+    with prefix_problems(where):
         decl = read_entry(UDT, {"file": path}, project, path)
         assert isinstance(decl, UdtFile)
-        types, names, wrong = _types_of(decl, project)
+        types, names, wrong = _types_with_file(decl, project)
         of_types = {problem for bad in types.broken.values() for problem in bad}
         lost = [name for key, (name, _) in project.types.types.items() if key not in types.types]
         if not names or lost or not of_types.issuperset(wrong):
@@ -196,42 +196,42 @@ def _udt_file(name: str, project: Project, where: str) -> UdtFile:
     return decl
 
 
-def _types_of(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
+def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
     """Return all types with those of one more file, the names of its own, and what is wrong in it."""
-    types = with_entry(project, decl).types
+    types = append_entry(project, decl).types
     own = types.senders.keys() - project.types.senders.keys()
     names = [name for key, (name, _) in types.types.items() if key in own]
     return types, names, [problem for problem in types.problems if problem not in project.types.problems]
 
 
-def _types_told(decl: UdtFile, project: Project) -> str:
-    types, names, wrong = _types_of(decl, project)
+def _describe_types(decl: UdtFile, project: Project) -> str:
+    types, names, wrong = _types_with_file(decl, project)
     sender, here = types.sender(names[0]), project.layout
     theirs = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
     lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {theirs}"]
-    for name in names[:MOST_TYPES]:
+    for name in names[:MOST_TYPES_SHOWN]:
         every = (here, LAYOUTS[sender.layout]) if sender.layout else (here,)
         try:
             sizes = [count(lay_out(types.named(name), rules, name).size, "byte") for rules in every]
             lines.append(one_line(f"{name} {', sender: '.join(sizes)}"))
         except UserError as refused:
             lines.append(one_line(f"{name}: {refused.problems[0].message}"))
-    lines += [f"and {len(names) - MOST_TYPES} more"] * (len(names) > MOST_TYPES)
+    lines += [f"and {len(names) - MOST_TYPES_SHOWN} more"] * (len(names) > MOST_TYPES_SHOWN)
     return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
 
 
-def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
-    whole, made = complete(content, project, where)
-    grown = with_edits(project, tuple([adding(decl, project) for decl in made]))
+def _add_with_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
+    whole, made = complete_instance(content, project, where)
+    grown = apply_edits(project, tuple([make_addition(decl, project) for decl in made]))
     decl = read_entry(INSTANCE, whole, grown, where)
     assert isinstance(decl, InstanceDecl)
     if not made:
         return Add(decl)
-    port = next((end.port for end in ends_of(made) if "LocalPort" not in content), 0)
+    port = next((end.port for end in listening_ends(made) if "LocalPort" not in content), 0)
     return Add(decl, made, f"add {INSTANCE} {written}{port_text(port) if port else ''}", port)
 
 
-def _check_talk(decl: Declaration, project: Project, where: str) -> None:
+def _check_messages(decl: Declaration, project: Project, where: str) -> None:
     """Raise UserError for what no table can say of its own: messages, their steps, what a peer does."""
     match decl:
         case MessageDecl():
@@ -254,41 +254,41 @@ def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
         )
 
 
-def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
+def _read_pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
     """Return KEY=VALUE; where a value `runs_on`, words without a key belong to the one before."""
     pairs: dict[str, str] = {}
     lists: dict[str, list[str]] = {}
-    key, severals = "", list_keys()
-    for word in words.rest():
+    key, severals = "", array_keys()
+    for word in words.take_rest():
         if runs_on and "=" not in word and key in pairs:
             pairs[key] += f" {word}"
             continue
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
-            raise words.wrong(shown(word), PAIRS)
+            raise words.error(quote(word), PAIRS_FORM)
         if key in severals:
-            lists.setdefault(key, []).append(unquoted(text))
+            lists.setdefault(key, []).append(unquote(text))
         else:
-            pairs[key] = unquoted(text)
-    return {key: Given(key, text) for key, text in pairs.items()} | lists
+            pairs[key] = unquote(text)
+    return {key: SetOverride(key, text) for key, text in pairs.items()} | lists
 
 
-def _data(words: Words) -> dict[str, Any]:
-    after = words.apart(lambda word: "=" in word)
-    return {"type": words.rest_text("an IEC type or a UDT"), **_pairs(after)}
+def _read_data(words: Words) -> dict[str, Any]:
+    after = words.cut_tail(lambda word: "=" in word)
+    return {"type": words.take_rest_text("an IEC type or a UDT"), **_read_pairs(after)}
 
 
-def _message(words: Words) -> dict[str, Any]:
+def _read_message(words: Words) -> dict[str, Any]:
     peer = words.next("").partition("=")[2] if words.peek().startswith("peer=") else ""
-    text = words.rest_text("what stands after `peer P1 send`, such as hex 01 02")
+    text = words.take_rest_text("what stands after `peer P1 send`, such as hex 01 02")
     return {"text": text, **({"peer": peer} if peer else {})}
 
 
-_CONTENT: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
-    "data": _data,
-    "message": _message,
+_CONTENT_READERS: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
+    "data": _read_data,
+    "message": _read_message,
     "sequence": lambda words: {
-        "steps": [words.next("the names of messages and pauses such as T#100ms"), *words.rest()]
+        "steps": [words.next("the names of messages and pauses such as T#100ms"), *words.take_rest()]
     },
 }
 
@@ -298,45 +298,45 @@ _CONTENT: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
 
 def parse_change(words: Words, project: Project) -> Change | None:
     """Return `set [KIND] NAME KEY=VALUE ...`, None where pins of an instance are set; raise UserError."""
-    kind, name = _named(words, project)
-    if not kind or (kind == INSTANCE and not _is_of_declaration(words, name, project)):
+    kind, name = _read_kind_and_name(words, project)
+    if not kind or (kind == INSTANCE and not _changes_declaration(words, name, project)):
         return None
     words.next(f"the name of a {kind}")
-    before, written = entry(kind, name, project), words.to_come()
+    before, written = find_entry(kind, name, project), words.remaining_text()
     where = f"{words.where}: {kind} {name}"
     if before is None:
         names = names_of(kind, project)
-        raise words.unknown(name, names, kind)
-    decl = read_changed(before, _changes(kind, words), project, where)
-    _check_talk(decl, with_edits(project, (changing(before, decl, project),)), where)
-    _refuse_to_leave((changing(before, decl, project),), project, where)
+        raise words.make_unknown_error(name, names, kind)
+    decl = read_change(before, _read_changes(kind, words), project, where)
+    _check_messages(decl, apply_edits(project, (make_change(before, decl, project),)), where)
+    _check_users((make_change(before, decl, project),), project, where)
     return Change(kind, name, written, before, decl)
 
 
-def _named(words: Words, project: Project) -> tuple[str, str]:
+def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
     """Return which kind `set` and `remove` are about, "" for none known, and the name; take the kind."""
-    if words.peek() in KINDS and words.peek(1) and "=" not in words.peek(1):
+    if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
-    kinds = kinds_named(name, project)
+    kinds = find_kinds(name, project)
     if len(kinds) > 1:
-        found = f"'{name}', the name of {_listed([f'a {words_of(kind)}' for kind in kinds])}"
+        found = f"'{name}', the name of {_join_kinds([f'a {kind_text(kind)}' for kind in kinds])}"
         verb = words.verb
         ways = " or ".join(f"{verb} {kind} {name} .." for kind in kinds)
-        raise words.wrong(found, ways if verb == "set" else ways.replace(" ..", ""))
+        raise words.error(found, ways if verb == "set" else ways.replace(" ..", ""))
     return (kinds[0] if kinds else ""), name
 
 
-def words_of(kind: str) -> str:
+def kind_text(kind: str) -> str:
     """Return what a kind is called in a sentence."""
     return TABLES[kind].what
 
 
-def _listed(texts: list[str]) -> str:
+def _join_kinds(texts: list[str]) -> str:
     return " and ".join(texts).replace("a instance", "an instance").replace("a ADDR", "an ADDR")
 
 
-def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
+def _changes_declaration(words: Words, name: str, project: Project) -> bool:
     """Return whether a key is none of an input, but of the instance: its CONNECT, its DATA, its task."""
     decl = project.instance(name)
     if decl is None:
@@ -345,53 +345,56 @@ def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
     of_others = set(pointer_pins()) - set(block_row(decl.block).pointers)
     wired = {row.name for row in TABLES[INSTANCE].keys if row.refers or row.name == "block"}
     keys = wired - of_others - pins
-    return any(word.partition("=")[0] in keys for word in words.ahead())
+    return any(word.partition("=")[0] in keys for word in words.remaining_words())
 
 
-def _changes(kind: str, words: Words) -> dict[str, Any]:
+def _read_changes(kind: str, words: Words) -> dict[str, Any]:
     if kind in ("message", "sequence"):
-        return _CONTENT[kind](words)
+        return _CONTENT_READERS[kind](words)
     bare = kind == "data" and "=" not in words.peek()
-    content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
+    content = _read_data(words) if bare else _read_pairs(words, runs_on=kind == "data")
     if not content:
-        raise words.wrong("nothing more", PAIRS)
+        raise words.error("nothing more", PAIRS_FORM)
     if "name" in content or TABLES[kind].called in content:
-        raise words.wrong("another name", "keys of what it is; a name stays: remove and add")
-    return {key: None if isinstance(each, Given) and not each.text else each for key, each in content.items()}
+        raise words.error("another name", "keys of what it is; a name stays: remove and add")
+    return {
+        key: None if isinstance(each, SetOverride) and not each.text else each
+        for key, each in content.items()
+    }
 
 
 def parse_remove(words: Words, project: Project) -> Remove:
     """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
-    kind, name = _named(words, project)
+    kind, name = _read_kind_and_name(words, project)
     missing = "the name of what is to be removed"
-    name = unquoted(words.rest_text(missing)) if kind == UDT else words.next(missing)
-    decl = entry(kind, name, project) if kind else None
+    name = unquote(words.take_rest_text(missing)) if kind == UDT else words.next(missing)
+    decl = find_entry(kind, name, project) if kind else None
     if decl is None:
         names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
-        raise words.unknown(name, names, words_of(kind) if kind else "name")
-    _refuse_to_leave((changing(decl, None, project),), project, f"{words.where}: {kind} {name}")
+        raise words.make_unknown_error(name, names, kind_text(kind) if kind else "name")
+    _check_users((make_change(decl, None, project),), project, f"{words.where}: {kind} {name}")
     return Remove(kind, name, decl)
 
 
 def parse_undo(words: Words, project: Project) -> Undo:
     """Return `undo`; raise UserError where there is nothing to take back."""
-    edits = taken_back(project)
+    edits = undo_edits(project)
     if not edits:
-        raise words.wrong("undo without an edit", "add, set or remove of a part of the project before it")
-    _refuse_to_leave(edits, project, f"{words.where}: undo")
+        raise words.error("undo without an edit", "add, set or remove of a part of the project before it")
+    _check_users(edits, project, f"{words.where}: undo")
     return Undo()
 
 
-def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
+def _check_users(edits: Edits, project: Project, where: str) -> None:
     """Raise UserError where these edits would take away what is in use."""
-    users = users_left(edits, project)
+    users = find_broken_users(edits, project)
     if users:
-        names = [f"{words_of(kind_name(decl))} {decl.name}" for decl, _ in users]
+        names = [f"{kind_text(kind_name(decl))} {decl.name}" for decl, _ in users]
         changed = next((edit for edit in edits if edit.after is not None), None)
         wrong = users[0][1].problems[0]
         said = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
         raise mistake(where, f"in use by {', '.join(names)}{said}", "nobody who needs it as it is")
-    after = with_edits(project, edits)
+    after = apply_edits(project, edits)
     for check in (read_routines, read_replies, check_library):
         try:
             check(after)
@@ -402,30 +405,30 @@ def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
 # -- what a line does to a project ------------------------------------------------------------------------
 
 
-def edits_of(command: Remedy, project: Project) -> Edits:
+def make_edits(command: EditCommand, project: Project) -> Edits:
     match command:
         case Add() | AddData():
             with_it = command.with_it if isinstance(command, Add) else ()
-            return tuple([adding(decl, project) for decl in (*with_it, command.decl)])
+            return tuple([make_addition(decl, project) for decl in (*with_it, command.decl)])
         case Change(kind, name, _, _, decl):
-            before = entry(kind, name, project)
-            return (changing(before, decl, project),) if before is not None else ()
+            before = find_entry(kind, name, project)
+            return (make_change(before, decl, project),) if before is not None else ()
         case Remove(kind, name):
-            gone = entry(kind, name, project)
-            return (changing(gone, None, project),) if gone is not None else ()
+            gone = find_entry(kind, name, project)
+            return (make_change(gone, None, project),) if gone is not None else ()
         case Undo():
-            return taken_back(project)
+            return undo_edits(project)
 
 
-def told(command: Remedy, project: Project) -> str:
+def describe_edit(command: EditCommand, project: Project) -> str:
     """Return what a line has done to this project: what was before it, what is now, what begins anew."""
     if isinstance(command, Add) and isinstance(command.decl, UdtFile):
-        return _types_told(command.decl, project)
+        return _describe_types(command.decl, project)
     if isinstance(command, Add | AddData):
         made = command.with_it if isinstance(command, Add) else ()
-        return f"with {', '.join(map(_made, made))}" if made else ""
-    said = [_told(edit) for edit in edits_of(command, project)]
-    anew = dict.fromkeys(what for edit in edits_of(command, project) for what in _anew(edit, project))
+        return f"with {', '.join(map(_describe_made_part, made))}" if made else ""
+    said = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
+    anew = dict.fromkeys(what for edit in make_edits(command, project) for what in _restarts(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
     return back + ", ".join(said) + (f"; begins anew: {', '.join(anew)}" if anew else "")
 
@@ -435,8 +438,8 @@ def port_text(port: int) -> str:
     return f" LocalPort={port}"
 
 
-def _made(decl: Declaration) -> str:
-    what = f"{words_of(kind_name(decl))} {decl.name}"
+def _describe_made_part(decl: Declaration) -> str:
+    what = f"{kind_text(kind_name(decl))} {decl.name}"
     match decl:
         case ConnectConfig() | UdpConfig():
             return f"{what} at {decl.local}"
@@ -446,25 +449,25 @@ def _made(decl: Declaration) -> str:
             return what
 
 
-def _told(edit: Edit) -> str:
-    what = f"{words_of(edit.kind)} {edit.name}"
+def _describe_entry_edit(edit: Edit) -> str:
+    what = f"{kind_text(edit.kind)} {edit.name}"
     if edit.before is None or edit.after is None:
-        keys = " ".join(_pair(key, value) for key, value in keys_of(edit.after)) if edit.after else ""
+        keys = " ".join(_pair_text(key, value) for key, value in keys_of(edit.after)) if edit.after else ""
         return f"{what} is added: {keys}".removesuffix(": ") if edit.after else f"{what} is removed"
     before, now = (dict(forms_of(decl)[-2:][0]) for decl in (edit.before, edit.after))
     changes = [
-        f"{key} {_shown(before.get(key))} before, {_shown(now.get(key))} now"
+        f"{key} {_value_text(before.get(key))} before, {_value_text(now.get(key))} now"
         for key in {**before, **now}
         if before.get(key) != now.get(key)
     ]
     return f"{what}: {', '.join(changes) or 'as it was'}"
 
 
-def _shown(value: KeyValue | None) -> str:
+def _value_text(value: KeyValue | None) -> str:
     return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _anew(edit: Edit, project: Project) -> list[str]:
+def _restarts(edit: Edit, project: Project) -> list[str]:
     if edit.before is None or edit.after is None:
         return []
     if edit.kind in (INSTANCE, "peer"):
@@ -478,7 +481,7 @@ def _anew(edit: Edit, project: Project) -> list[str]:
     if edit.kind not in has:
         return []
     return [
-        f"{words_of(edit.kind)} {edit.name}",
+        f"{kind_text(edit.kind)} {edit.name}",
         *(f"instance {i.name}" for i in project.instances if has[edit.kind](i)),
     ]
 
@@ -491,16 +494,16 @@ def add_line(command: Add | AddData) -> str:
     start = f"add {kind_name(decl)} {decl.name}"
     match decl:
         case DataDecl():
-            return " ".join([f"{start} {decl.type_name}", *(_pair(k, v) for k, v in keys_of(decl)[1:])])
+            return " ".join([f"{start} {decl.type_name}", *(_pair_text(k, v) for k, v in keys_of(decl)[1:])])
         case MessageDecl():
             return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
         case SequenceDecl():
             return " ".join([start, *decl.steps])
         case _:
-            return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
+            return " ".join([start, *(_pair_text(key, value) for key, value in keys_of(decl))])
 
 
-def _pair(key: str, value: KeyValue) -> str:
+def _pair_text(key: str, value: KeyValue) -> str:
     match value:
         case bool():
             return f"{key}={str(value).lower()}"

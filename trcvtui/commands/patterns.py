@@ -15,11 +15,11 @@ from trcvtui.errors import mistake
 # the match backtrack.
 
 Scan = tuple[int, bool]  # STATUS, ERROR
-Run = tuple[Scan, int]  # and how many scans of it follow each other
+ScanRun = tuple[Scan, int]  # and how many scans of it follow each other
 
 MOST_REPEATS: Final = 1_000_000
 NOTATION: Final = "0001 7002+ 7006* 7006{3} 80A1! 80C3!+ ..."
-_ATOM: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1,7}\})?")
+_ATOM_PATTERN: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1,7}\})?")
 
 
 class Atom(Struct, frozen=True):
@@ -42,7 +42,7 @@ class Atom(Struct, frozen=True):
         return "" if self.least == 1 else f"{{{self.least}}}"
 
 
-ANY: Final = Atom(None, 0, True)
+ANY_SCANS: Final = Atom(None, 0, True)
 
 
 class TracePattern(Struct, frozen=True):
@@ -57,13 +57,13 @@ def parse_pattern(text: str, where: str = "trace") -> TracePattern:
     words = text.split()
     if not words:
         raise mistake(where, "no pattern", f"STATUS words such as {NOTATION}")
-    return TracePattern(tuple(_atom(word, where) for word in words))
+    return TracePattern(tuple(_parse_atom(word, where) for word in words))
 
 
-def _atom(word: str, where: str) -> Atom:
+def _parse_atom(word: str, where: str) -> Atom:
     if word in ("...", "…"):
-        return ANY
-    found = _ATOM.fullmatch(word)
+        return ANY_SCANS
+    found = _ATOM_PATTERN.fullmatch(word)
     if found is None:
         raise mistake(where, f"'{word}'", f"four hex digits and ! + * or {{n}}, such as {NOTATION}")
     digits, mark, times = found.groups()
@@ -76,20 +76,20 @@ def _atom(word: str, where: str) -> Atom:
         case "*":
             return Atom(scan, 0, True)
         case _:
-            return _counted(scan, int(times[1:-1]), word, where)
+            return _make_counted_atom(scan, int(times[1:-1]), word, where)
 
 
-def _counted(scan: Scan, count: int, word: str, where: str) -> Atom:
+def _make_counted_atom(scan: Scan, count: int, word: str, where: str) -> Atom:
     if not 1 <= count <= MOST_REPEATS:
         raise mistake(where, f"'{word}'", f"a count from {{1}} to {{{MOST_REPEATS}}}")
     return Atom(scan, count)
 
 
-def matches(pattern: TracePattern, trace: Sequence[Run]) -> bool:
+def matches(pattern: TracePattern, trace: Sequence[ScanRun]) -> bool:
     """Return whether the pattern describes the whole trace, scan by scan."""
     length = sum(count for _, count in trace)
     everywhere = (1 << length) - 1
-    places = {atom.scan: _places_of(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
+    places = {atom.scan: _scan_bits(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
     reached = 1  # bit n: the atoms so far can have used up exactly n scans
     for atom in pattern.atoms:
         here = everywhere if atom.scan is None else places[atom.scan]
@@ -103,12 +103,12 @@ def matches(pattern: TracePattern, trace: Sequence[Run]) -> bool:
     return bool(reached >> length & 1)
 
 
-def _places_of(scan: Scan, trace: Sequence[Run]) -> int:
+def _scan_bits(scan: Scan, trace: Sequence[ScanRun]) -> int:
     """Return the number whose bit n is set where scan n of the trace is this one."""
     # Base 2 is read in linear time; the last scan is the highest bit.
     return int("".join([("1" if each == scan else "0") * count for each, count in reversed(trace)]) or "0", 2)
 
 
-def collapse(trace: Iterable[Run]) -> str:
+def format_trace(trace: Iterable[ScanRun]) -> str:
     """Return a trace in the pattern's notation, equal scans counted: `0001 7002{25} 80A1! 7002{3}`."""
     return " ".join(str(Atom(scan, count)) for scan, count in trace) or "no scan"

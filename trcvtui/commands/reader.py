@@ -10,18 +10,18 @@ from msgspec.structs import replace
 from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import block_row, known_blocks
 from trcvtui.commands.conditions import parse_instance
-from trcvtui.commands.edit import edits_of, parse_change
+from trcvtui.commands.edit import make_edits, parse_change
 from trcvtui.commands.tokens import (
     FORMS,
     Payload,
     Words,
-    duration,
+    parse_delay,
     parse_payload,
-    pin_value,
-    value_of,
+    parse_pin_value,
+    parse_value,
 )
 from trcvtui.commands.words import (
-    FOREVER,
+    TIMES_FOREVER,
     Add,
     AddData,
     BenchCommand,
@@ -48,11 +48,11 @@ from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.net.serial_line import SERIAL_CALLS
-from trcvtui.project.edit import edited, undone
-from trcvtui.project.file import WORDS
+from trcvtui.project.edit import apply_step, undo_step
+from trcvtui.project.file import RESERVED_NAMES
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, shown, whole, with_article
+from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, integer, quote, with_article
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE
 from trcvtui.udt.sources import parse_type
@@ -63,17 +63,17 @@ from trcvtui.udt.sources import parse_type
 def parse_create(words: Words, project: Project) -> Create:
     """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
     blocks = known_blocks(project.dialect.blocks)
-    block = words.one_of(blocks, "block", "a block such as TRCV_C")
-    name = _new_name(words, project)
+    block = words.next_known(blocks, "block", "a block such as TRCV_C")
+    name = _read_new_name(words, project)
     given = _read_pairs(words)
-    link = _link(given, block, words, project)
+    link = _read_link(given, block, words, project)
     data = None
     if block_row(block).data_pin:
-        data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
+        data = _read_name(given, "data", [d.name for d in project.data], "DATA", words)
     known = [d.name for d in project.data]
-    pointers = [_reference(given, key, known, "DATA", words) or "" for key in block_row(block).pointers]
-    task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
-    inputs = _inputs(given, block, words, project)
+    pointers = [_read_name(given, key, known, "DATA", words) or "" for key in block_row(block).pointers]
+    task = _read_name(given, "task", [t.name for t in project.tasks], "task", words)
+    inputs = _read_inputs(given, block, words, project)
     task = task or project.tasks[0].name
     made = InstanceDecl(
         name, block, link.name, data, task, inputs, link.addr, link.is_config, tuple(pointers)
@@ -89,55 +89,55 @@ class _Link(NamedTuple):
     is_config: bool = False
 
 
-def _link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
+def _read_link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
     row = block_row(block)
     if row.has_buffer:
-        return _Link(_must(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
+        return _Link(_demand(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
     connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
     if row.speaks_udp and not (row.datagrams and "connect" in given):
-        config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
-        return _Link(config, _must(given, "addr", addrs, "ADDR", words), is_config=True)
-    connect = _must(given, "connect", connects, "CONNECT", words)
+        config = _demand(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
+        return _Link(config, _demand(given, "addr", addrs, "ADDR", words), is_config=True)
+    connect = _demand(given, "connect", connects, "CONNECT", words)
     if row.speaks_udp:
-        return _Link(connect, _must(given, "addr", addrs, "ADDR", words))
+        return _Link(connect, _demand(given, "addr", addrs, "ADDR", words))
     takes_addr = row.connects and project.dialect.describes_connects
-    return _Link(connect, _reference(given, "addr", addrs, "ADDR", words) if takes_addr else None)
+    return _Link(connect, _read_name(given, "addr", addrs, "ADDR", words) if takes_addr else None)
 
 
-def _must(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:
-    name = _reference(given, key, names, what, words)
+def _demand(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:
+    name = _read_name(given, key, names, what, words)
     if name is None:
-        raise words.wrong(f"no {key}=", f"{key}= and the name of {with_article(what)}")
+        raise words.error(f"no {key}=", f"{key}= and the name of {with_article(what)}")
     return name
 
 
-def _new_name(words: Words, project: Project) -> str:
+def _read_new_name(words: Words, project: Project) -> str:
     name = words.next("a name for the new instance")
-    if not name.isidentifier() or name in WORDS:
-        raise words.wrong(shown(name), IDENTIFIER_TEXT)
+    if not name.isidentifier() or name in RESERVED_NAMES:
+        raise words.error(quote(name), IDENTIFIER_TEXT)
     if project.instance(name) is not None or project.data_decl(name) is not None:
-        raise words.wrong(f"{shown(name)}, which is there already", "a name of its own", "taken")
+        raise words.error(f"{quote(name)}, which is there already", "a name of its own", "taken")
     return name
 
 
 def _read_pairs(words: Words) -> dict[str, str]:
     pairs: dict[str, str] = {}
-    for word in words.rest():
+    for word in words.take_rest():
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
-            raise words.wrong(shown(word), "KEY=VALUE once each, such as connect=C1 data=rx CONT=1")
+            raise words.error(quote(word), "KEY=VALUE once each, such as connect=C1 data=rx CONT=1")
         pairs[key] = text
     return pairs
 
 
-def _reference(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str | None:
+def _read_name(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str | None:
     name = given.pop(key, None)
     if name is not None and name not in names:
-        raise words.wrong(f"{key}={name}", expected_name(name, names, what), "unknown")
+        raise words.error(f"{key}={name}", expected_name(name, names, what), "unknown")
     return name
 
 
-def _inputs(
+def _read_inputs(
     given: dict[str, str], block: str, words: Words, project: Project
 ) -> tuple[tuple[str, PinValue], ...]:
     row = block_row(block)
@@ -146,19 +146,19 @@ def _inputs(
     keys = (*link, "task", *pins)
     for key in given:
         if key == "data":
-            raise words.wrong("'data'", f"nothing: {block} has no DATA")
+            raise words.error("'data'", f"nothing: {block} has no DATA")
         if key not in pins:
             with_data = ("data", *keys) if row.data_pin else keys
-            raise words.unknown(key, with_data, "key or input")
-    return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
+            raise words.make_unknown_error(key, with_data, "key or input")
+    return tuple((key, parse_pin_value(pins[key], text, words.where)) for key, text in given.items())
 
 
 def parse_resize(words: Words, project: Project) -> Resize:
     """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
-    name = words.one_of([decl.name for decl in project.data], "DATA variable")
-    type_name = words.rest_text("an IEC type or a UDT")
+    name = words.next_known([decl.name for decl in project.data], "DATA variable")
+    type_name = words.take_rest_text("an IEC type or a UDT")
     try:
-        return Resize(name, type_name, declare(name, type_name, project, words.where))
+        return Resize(name, type_name, declare_data(name, type_name, project, words.where))
     except UserError as refused:
         if all(wrong.where.startswith(words.where) for wrong in refused.problems):
             raise
@@ -167,7 +167,7 @@ def parse_resize(words: Words, project: Project) -> Resize:
         ) from None
 
 
-def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl:
+def declare_data(name: str, type_name: str, project: Project, where: str) -> DataDecl:
     """Return a global variable of this type, laid out as it or the project says; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
     known = project.data_decl(name)
@@ -177,14 +177,14 @@ def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl
     return DataDecl(name, type_name, type_, layout, layout.size, is_optimized, choice)
 
 
-def after(command: BenchCommand, project: Project) -> Project:
+def project_after(command: BenchCommand, project: Project) -> Project:
     match command:
         case Create(decl):
             return replace(project, instances=(*project.instances, decl))
         case Add() | AddData() | Change() | Remove():
-            return edited(project, edits_of(command, project))
+            return apply_step(project, make_edits(command, project))
         case Undo():
-            return undone(project)
+            return undo_step(project)
         case Delete(name):
             return replace(project, instances=tuple(i for i in project.instances if i.name != name))
         case Resize(_, _, decl):
@@ -193,31 +193,31 @@ def after(command: BenchCommand, project: Project) -> Project:
             return project
 
 
-BREAK: Final = "break"
+BREAK_WORD: Final = "break"
 
 
-def may_be_fed(buffer: ComBufferDecl) -> bool:
+def can_be_fed(buffer: ComBufferDecl) -> bool:
     """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 
 def parse_feed(words: Words, project: Project) -> FeedLine:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
-    lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
-    name = words.one_of(lines, f'ComBuffer with source = "{SIMULATED}"')
-    if words.peek() == BREAK:
-        words.next(BREAK)
+    lines = [buffer.name for buffer in project.combuffers if can_be_fed(buffer)]
+    name = words.next_known(lines, f'ComBuffer with source = "{SIMULATED}"')
+    if words.peek() == BREAK_WORD:
+        words.next(BREAK_WORD)
         return FeedLine(name, None)
     form = words.peek()
     if form and form not in FORMS:
-        expected = expected_name(form, (*FORMS, BREAK), "form of payload")
-        raise words.wrong(shown(words.next(BREAK)), expected)
+        expected = expected_name(form, (*FORMS, BREAK_WORD), "form of payload")
+        raise words.error(quote(words.next(BREAK_WORD)), expected)
     payload = parse_payload(words, project)
     return FeedLine(name, payload.content, payload.text)
 
 
-SCANS: Final = whole(1, 1_000_000_000)
-COUNT: Final = whole(1, 1_000_000_000)
+SCAN_COUNT_KIND: Final = integer(1, 1_000_000_000)
+COUNT_KIND: Final = integer(1, 1_000_000_000)
 
 
 # -- inputs ----------------------------------------------------------------------------------------------
@@ -229,46 +229,46 @@ def parse_set(words: Words, project: Project) -> Set | Change:
         return change
     instance = parse_instance(words, project)
     pins: list[tuple[str, PinValue | Literal["blink"]]] = []
-    for word in words.rest() or [words.next("an input such as CONT=1")]:
+    for word in words.take_rest() or [words.next("an input such as CONT=1")]:
         name, equals, text = word.partition("=")
         if not equals:
-            raise words.wrong(shown(word), "PIN=VALUE such as CONT=1")
-        pin = _input(name, instance, words, project)
+            raise words.error(quote(word), "PIN=VALUE such as CONT=1")
+        pin = _find_input(name, instance, words, project)
         if text == "blink" and pin.is_bool:
             pins.append((pin.name, "blink"))
         else:
-            pins.append((pin.name, pin_value(pin, text, words.where)))
+            pins.append((pin.name, parse_pin_value(pin, text, words.where)))
     return Set(instance.name, tuple(pins))
 
 
 def parse_pulse(words: Words, project: Project) -> Pulse:
     instance = parse_instance(words, project)
-    pin = _input(words.next("an input such as EN_R"), instance, words, project)
+    pin = _find_input(words.next("an input such as EN_R"), instance, words, project)
     if not pin.is_bool:
-        raise words.wrong(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
+        raise words.error(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
     return Pulse(instance.name, pin.name)
 
 
-def _input(name: str, instance: InstanceDecl, words: Words, project: Project) -> Pin:
+def _find_input(name: str, instance: InstanceDecl, words: Words, project: Project) -> Pin:
     pins = project.pins(instance.block)
     inputs = {pin.name: pin for pin in pins if pin.direction is not Direction.OUT}
     if name in inputs:
         return inputs[name]
     if any(pin.name == name for pin in pins):
-        raise words.wrong(f"{shown(name)}, an output", f"one of {', '.join(inputs)}")
-    raise words.unknown(name, inputs, "input")
+        raise words.error(f"{quote(name)}, an output", f"one of {', '.join(inputs)}")
+    raise words.make_unknown_error(name, inputs, "input")
 
 
 # -- the PLC, the wire, faults ---------------------------------------------------------------------------
 
 
 def parse_plc_command(words: Words, project: Project) -> PlcStop | PlcRun:
-    return PlcRun() if words.choice("stop", "run") == "run" else PlcStop()
+    return PlcRun() if words.next_choice("stop", "run") == "run" else PlcStop()
 
 
 def parse_link(words: Words, project: Project) -> Link:
-    name = words.one_of(project.links(), "CONNECT")
-    return Link(name, words.choice("down", "up") == "up")
+    name = words.next_known(project.links(), "CONNECT")
+    return Link(name, words.next_choice("down", "up") == "up")
 
 
 def parse_doctor(words: Words, project: Project) -> Doctor:
@@ -276,17 +276,17 @@ def parse_doctor(words: Words, project: Project) -> Doctor:
     names = {each.name for each in project.instances} | set(project.links())
     name = words.next("") if words and words.peek() in names else ""
     cause = words.next("") if words else ""
-    if not CAUSE.fullmatch(cause):
-        raise words.wrong(shown(cause), "an instance, a CONNECT, a cause such as frame-short, or healthy")
+    if not _CAUSE_PATTERN.fullmatch(cause):
+        raise words.error(quote(cause), "an instance, a CONNECT, a cause such as frame-short, or healthy")
     return Doctor(name, cause)
 
 
-CAUSE: Final = re.compile("[a-z-]*")
+_CAUSE_PATTERN: Final = re.compile("[a-z-]*")
 MOST_INSERTED: Final = 1 << 20  # bytes: what a tap holds at most
-PLACE_IN_HELD: Final = whole(0, MOST_INSERTED)
-CONVERSATION: Final = whole(1, (1 << 32) - 1)
+HELD_OFFSET_KIND: Final = integer(0, MOST_INSERTED)
+CONVERSATION_KIND: Final = integer(1, (1 << 32) - 1)
 # What follows each verb: sizes (their mark and how many), or bytes.
-INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
+TAP_VERBS: Final[dict[str, tuple[str, str]]] = {
     "hold": ("", ""),
     "go": ("", ""),
     "drop": ("N", ""),
@@ -300,36 +300,36 @@ INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
 
 
 def parse_tap(words: Words, project: Project) -> Intervene:
-    name = words.one_of([tap.name for tap in project.taps], "tap")
-    to_plc = words.choice("to-plc", "from-plc") == "to-plc"
+    name = words.next_known([tap.name for tap in project.taps], "tap")
+    to_plc = words.next_choice("to-plc", "from-plc") == "to-plc"
     conversation = 0
     if words.peek() == "conversation":
         words.next("conversation")
-        conversation = value_of(CONVERSATION, words.next("N"), "conversation ", words.where)
-    verb = words.choice(*INTERVENTIONS)
-    tail = words.cut(lambda word: word == "conversation")
+        conversation = parse_value(CONVERSATION_KIND, words.next("N"), "conversation ", words.where)
+    verb = words.next_choice(*TAP_VERBS)
+    tail = words.cut_tail_words(lambda word: word == "conversation")
     if tail:
         if len(tail) != 2:
-            raise words.wrong(shown(" ".join(tail)), "conversation N at the end")
-        conversation = value_of(CONVERSATION, tail[1], "conversation ", words.where)
-    mark, takes_bytes = INTERVENTIONS[verb]
+            raise words.error(quote(" ".join(tail)), "conversation N at the end")
+        conversation = parse_value(CONVERSATION_KIND, tail[1], "conversation ", words.where)
+    mark, takes_bytes = TAP_VERBS[verb]
     sizes: tuple[int, ...] = ()
     if mark:
         text = words.next(mark)
         if verb == "delay":
-            sizes = (duration(text, "delay ", words.where),)
+            sizes = (parse_delay(text, "delay ", words.where),)
         else:
-            kind = PLACE_IN_HELD if verb == "edit" else COUNT
+            kind = HELD_OFFSET_KIND if verb == "edit" else COUNT_KIND
             parts = text.split(",") if verb == "split" else [text]
-            sizes = tuple([value_of(kind, part, f"{verb} ", words.where) for part in parts])
+            sizes = tuple([parse_value(kind, part, f"{verb} ", words.where) for part in parts])
     payload = parse_payload(words, project) if takes_bytes else Payload(b"", "")
     if len(payload.content) > MOST_INSERTED:
-        raise words.wrong(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
-    words.finish()
+        raise words.error(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
+    words.expect_end()
     return Intervene(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
 
 
-SERIAL_LINE: Final = 'ComBuffer with source = "serial"'
+SERIAL_BUFFER_TEXT: Final = 'ComBuffer with source = "serial"'
 
 
 def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
@@ -339,33 +339,33 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
     ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
     calls = (*KERNEL_CALLS, *SERIAL_CALLS) if ports else KERNEL_CALLS
     if call not in calls:
-        raise words.unknown(call, (*calls, "clear"), "call")
-    error = _error(words, call)
+        raise words.make_unknown_error(call, (*calls, "clear"), "call")
+    error = _read_error(words, call)
     on, counts = None, {"nth": 1, "times": 1}
     while words:
         word = words.next("")
         key, equals, text = word.partition("=")
         if word == "on" and on is None:
-            on = words.one_of(
-                *((ports, SERIAL_LINE) if call in SERIAL_CALLS else (project.links(), "CONNECT"))
+            on = words.next_known(
+                *((ports, SERIAL_BUFFER_TEXT) if call in SERIAL_CALLS else (project.links(), "CONNECT"))
             )
         elif key in counts and equals:
             forever = key == "times" and text == "forever"
-            counts[key] = FOREVER if forever else value_of(COUNT, text, f"{key}=", words.where)
+            counts[key] = TIMES_FOREVER if forever else parse_value(COUNT_KIND, text, f"{key}=", words.where)
         else:
             owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
-            raise words.wrong(shown(word), f"on {owner}, nth=1, times=1 or times=forever")
+            raise words.error(quote(word), f"on {owner}, nth=1, times=1 or times=forever")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
 
 
-def _error(words: Words, call: str) -> str | None:
+def _read_error(words: Words, call: str) -> str | None:
     if not re.match(r"[Ee]\w+$", words.peek()):
         return None
     error = words.next("")
     if error not in KNOWN_ERRORS:
         near = expected_name(error, sorted(KNOWN_ERRORS), "errno")
-        raise words.wrong(
-            shown(error), f"an errno name such as {DEFAULT_ERROR[call]}" if "," in near else near
+        raise words.error(
+            quote(error), f"an errno name such as {DEFAULT_ERROR[call]}" if "," in near else near
         )
     return error
 
@@ -376,5 +376,5 @@ def _error(words: Words, call: str) -> str | None:
 def parse_run(words: Words, project: Project) -> RunScans | RunFor:
     text = words.next("a number of scans or a duration such as T#200ms")
     if "#" in text and not text.startswith(("2#", "8#", "16#")):
-        return RunFor(duration(text, "", words.where))
-    return RunScans(value_of(SCANS, text, "", words.where))
+        return RunFor(parse_delay(text, "", words.where))
+    return RunScans(parse_value(SCAN_COUNT_KIND, text, "", words.where))

@@ -16,12 +16,12 @@ from msgspec import Struct, structs
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
 from trcvtui.commands.conditions import parse_expect, parse_instance, parse_mark, parse_wait, parse_write
-from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
+from trcvtui.commands.counters_and_checksums import DIGITS, NUMBER_KINDS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
-from trcvtui.commands.peer import SIMPLE, ActsOnPeer, parse_peer_command
-from trcvtui.commands.reader import after, parse_create, parse_resize
+from trcvtui.commands.peer import SIMPLE_VERBS, PeerActions, parse_peer_command
+from trcvtui.commands.reader import parse_create, parse_resize, project_after
 from trcvtui.commands.tokens import Words
-from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
+from trcvtui.commands.words import BenchCommand, Contains, EditCommand, FieldIs, Match, Starts, Step
 from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
@@ -31,10 +31,10 @@ from trcvtui.udt.literals import format_time, quoted
 from trcvtui.udt.resolve import KNOWN_TYPE
 
 MILLISECOND: Final = 1_000_000
-_LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
+_LITERAL_PATTERN: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
 
 
-def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
+def _pins_text(pins: tuple[tuple[str, Any], ...]) -> str:
     return " ".join(f"{name}={pin_text(name, value)}" for name, value in pins)
 
 
@@ -46,7 +46,7 @@ def pin_text(name: str, value: bool | int | str) -> str:
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
 
-def _bytes_of(data: str, offset: int, payload: bytes) -> str:
+def _bytes_text(data: str, offset: int, payload: bytes) -> str:
     return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
 
 
@@ -57,7 +57,7 @@ def create_line(c: words.Create) -> str:
     named = zip(block_row(decl.block).pointers, decl.pointers, strict=False)
     parts += [f"{key}={name}" for key, name in named if name]
     parts += [f"task={decl.task}"] if decl.task else []
-    return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
+    return " ".join(parts + [_pins_text(decl.inputs)] * bool(decl.inputs))
 
 
 def feed_line(c: words.FeedLine) -> str:
@@ -69,7 +69,7 @@ def message_text(c: words.PeerSend) -> str:
     if c.text.startswith("message "):
         return c.text  # the library has the rest
     parts = [c.text or f"hex {c.payload.hex(' ')}"]
-    parts += [_fill(fill) for fill in c.fills if not (fill.hole and c.text)]
+    parts += [_fill_text(fill) for fill in c.fills if not (fill.hole and c.text)]
     if c.split:
         parts.append(f"split={','.join(map(str, c.split))}")
     if c.gap_ns or c.gaps_ns:
@@ -81,9 +81,9 @@ def message_text(c: words.PeerSend) -> str:
     return " ".join(parts)
 
 
-def _fill(fill: Fill) -> str:
+def _fill_text(fill: Fill) -> str:
     text = f"{fill.kind}={fill.offset}"
-    if fill.kind in NUMBERS:
+    if fill.kind in NUMBER_KINDS:
         text += f":{fill.width}"
     return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DIGITS else "")
 
@@ -134,7 +134,7 @@ def fault_line(c: words.FaultOn) -> str:
     if c.nth != 1:
         parts.append(f"nth={c.nth}")
     if c.times != 1:
-        parts.append(f"times={'forever' if c.times == words.FOREVER else c.times}")
+        parts.append(f"times={'forever' if c.times == words.TIMES_FOREVER else c.times}")
     return " ".join(parts)
 
 
@@ -152,13 +152,13 @@ def condition_text(condition: words.Condition) -> str:
     """Return a condition as `wait` and `expect` write it."""
     match condition:
         case words.PinsAre(instance, pins):
-            return f"{instance} {_pins(pins)}"
+            return f"{instance} {_pins_text(pins)}"
         case words.PeerIs(peer, state):
             return f"peer {peer} {state}"
         case words.PeerReceived(peer, payload, text):
             return f"peer {peer} received {text or ('hex ' + payload.hex(' ') if payload else 'nothing')}"
         case words.DataIs(data, offset, payload, text):
-            return text or _bytes_of(data, offset, payload)
+            return text or _bytes_text(data, offset, payload)
         case words.MemberIs(data, path, value):
             return f"{data}{'.' if path and not path.startswith('[') else ''}{path} {value_text(value)}"
 
@@ -170,7 +170,7 @@ def value_text(value: Value) -> str:
         case float() if not math.isfinite(value):
             return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
         case str():
-            return value if _LITERAL.fullmatch(value) else quoted(value)
+            return value if _LITERAL_PATTERN.fullmatch(value) else quoted(value)
         case _:
             return repr(value)
 
@@ -180,34 +180,34 @@ LONGEST_SHOWN: Final = 60
 NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
-class ActsOnBench(Protocol):
+class BenchActions(Protocol):
     """What the rows ask of the bench; each answers what is wrong, or ""."""
 
     now: int
 
     @property
-    def peers(self) -> Mapping[str, ActsOnPeer]:
+    def peers(self) -> Mapping[str, PeerActions]:
         """Return the peers by name."""
 
     def submit(self, *orders: commands.Command) -> str:
         """Tell the PLC what to do in its next scan."""
 
-    def change(self, command: BenchCommand, order: commands.Command) -> str:
+    def apply_change(self, command: BenchCommand, order: commands.Command) -> str:
         """Change the project, and tell the PLC."""
 
-    def mend(self, command: Remedy) -> str:
+    def edit_project(self, command: EditCommand) -> str:
         """Let the project be another one, and what runs with it."""
 
-    def check_on(self, command: words.CheckOn) -> str:
+    def start_check(self, command: words.CheckOn) -> str:
         """Let a peer send self-checking traffic."""
 
-    def check_off(self, command: words.CheckOff) -> str:
+    def stop_check(self, command: words.CheckOff) -> str:
         """End the self-checking traffic of a peer."""
 
     def set_link(self, command: words.Link) -> str:
         """Let the wire go silent, or speak again."""
 
-    def tap(self, command: words.Intervene) -> str:
+    def order_tap(self, command: words.Intervene) -> str:
         """Let a tap do something with the bytes of a direction."""
 
     def arm_fault(self, command: words.FaultOn) -> str:
@@ -222,7 +222,7 @@ class RecordRow(Struct, frozen=True):
 
     record: type
     write: Callable[[Any], str]
-    act: Callable[[ActsOnBench, Any], str] | None = None
+    act: Callable[[BenchActions, Any], str] | None = None
 
 
 class CommandRow(Struct, frozen=True):
@@ -235,7 +235,7 @@ class CommandRow(Struct, frozen=True):
     at_prompt: bool = True
 
 
-def _set(bench: ActsOnBench, c: words.Set) -> str:
+def _set_inputs(bench: BenchActions, c: words.Set) -> str:
     orders = [
         commands.BlinkInput(c.instance, pin)
         if isinstance(value, str)
@@ -245,8 +245,8 @@ def _set(bench: ActsOnBench, c: words.Set) -> str:
     return bench.submit(*orders)
 
 
-_MENDED: Final = tuple(
-    RecordRow(record, write, lambda bench, c: bench.mend(c))
+_EDIT_ROWS: Final = tuple(
+    RecordRow(record, write, lambda bench, c: bench.edit_project(c))
     for record, write in (
         (words.Change, lambda c: f"set {c.kind} {c.name} {c.written}"),
         (words.Add, add_line),
@@ -257,7 +257,7 @@ _MENDED: Final = tuple(
 )
 
 
-_PEER: Final = (
+_PEER_ROWS: Final = (
     RecordRow(
         words.PeerSend,
         lambda c: f"peer {c.peer} send {message_text(c)}",
@@ -271,7 +271,7 @@ _PEER: Final = (
     RecordRow(
         words.PeerAction,
         lambda c: f"peer {c.peer} {c.verb}",
-        lambda bench, c: SIMPLE[c.verb](bench.peers[c.peer], bench.now),
+        lambda bench, c: SIMPLE_VERBS[c.verb](bench.peers[c.peer], bench.now),
     ),
     RecordRow(
         words.ReplyOn,
@@ -283,16 +283,16 @@ _PEER: Final = (
         lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
         lambda bench, c: bench.peers[c.peer].replies.remove(c.number, c.peer),
     ),
-    RecordRow(words.CheckOn, check_line, lambda bench, c: bench.check_on(c)),
-    RecordRow(words.CheckOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.check_off(c)),
+    RecordRow(words.CheckOn, check_line, lambda bench, c: bench.start_check(c)),
+    RecordRow(words.CheckOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.stop_check(c)),
     RecordRow(words.TrySplits, try_splits_line),
     # a test of splits in a scenario has ended with its step
     RecordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
 )
-_MARK: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
+_MARK_ROW: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
 
 
-def _row(
+def _make_row(
     verb: str,
     read: Callable[[Words, Project], BenchCommand],
     next_words: completion.NextWords,
@@ -303,15 +303,15 @@ def _row(
 
 
 # In the order in which completion offers them.
-ROWS: Final = (
-    _row(
+COMMAND_ROWS: Final = (
+    _make_row(
         "set",
         reader.parse_set,
         completion.after_set,
-        RecordRow(words.Set, lambda c: f"set {c.instance} {_pins(c.pins)}", _set),
-        _MENDED[0],
+        RecordRow(words.Set, lambda c: f"set {c.instance} {_pins_text(c.pins)}", _set_inputs),
+        _EDIT_ROWS[0],
     ),
-    _row(
+    _make_row(
         "pulse",
         reader.parse_pulse,
         completion.after_pulse,
@@ -321,25 +321,25 @@ ROWS: Final = (
             lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
         ),
     ),
-    _row("peer", parse_peer_command, completion.after_peer, *_PEER),
-    _row(
+    _make_row("peer", parse_peer_command, completion.after_peer, *_PEER_ROWS),
+    _make_row(
         "write",
         parse_write,
         completion.after_write,
         RecordRow(
             words.Write,
-            lambda c: f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}",
+            lambda c: f"write {c.text or _bytes_text(c.data, c.offset, c.payload)}",
             lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
         ),
     ),
-    _row(
+    _make_row(
         "fault",
         reader.parse_fault,
         completion.after_fault,
         RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
         RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
     ),
-    _row(
+    _make_row(
         "link",
         reader.parse_link,
         completion.after_link,
@@ -349,69 +349,69 @@ ROWS: Final = (
             lambda bench, c: bench.set_link(c),
         ),
     ),
-    _row(
+    _make_row(
         "plc",
         reader.parse_plc_command,
-        completion.only("stop", "run"),
+        completion.offer_words("stop", "run"),
         RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
         RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
     ),
-    _row(
+    _make_row(
         "run",
         reader.parse_run,
-        completion.nothing,
+        completion.offer_none,
         RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
         RecordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
     ),
-    _row(
+    _make_row(
         "expect",
         parse_expect,
         completion.after_expect,
         RecordRow(words.Expect, expect_line),
         RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
     ),
-    _row(
+    _make_row(
         "create",
         parse_create,
         completion.after_create,
         RecordRow(
-            words.Create, create_line, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
+            words.Create, create_line, lambda bench, c: bench.apply_change(c, commands.CreateInstance(c.decl))
         ),
     ),
-    _row(
+    _make_row(
         "delete",
         lambda line, project: words.Delete(parse_instance(line, project).name),
-        completion.an_instance,
+        completion.after_instance_verb,
         RecordRow(
             words.Delete,
             lambda c: f"delete {c.instance}",
-            lambda bench, c: bench.change(c, commands.DeleteInstance(c.instance)),
+            lambda bench, c: bench.apply_change(c, commands.DeleteInstance(c.instance)),
         ),
     ),
-    _row(
+    _make_row(
         "download",
         lambda line, project: words.Download(parse_instance(line, project).name),
-        completion.an_instance,
+        completion.after_instance_verb,
         RecordRow(
             words.Download,
             lambda c: f"download {c.instance}",
-            lambda bench, c: bench.change(c, commands.DownloadInstance(c.instance)),
+            lambda bench, c: bench.apply_change(c, commands.DownloadInstance(c.instance)),
         ),
     ),
-    _row(
+    _make_row(
         "resize",
         parse_resize,
         completion.after_resize,
         RecordRow(
             words.Resize,
             lambda c: f"resize {c.data} {c.type_name}",
-            lambda bench, c: bench.change(c, commands.ResizeData(c.decl)),
+            lambda bench, c: bench.apply_change(c, commands.ResizeData(c.decl)),
         ),
     ),
-    _row("add", parse_add, completion.after_add, *_MENDED[1:3]),
-    _row("remove", parse_remove, completion.after_remove, _MENDED[3]),
-    _row("undo", parse_undo, completion.nothing, _MENDED[4]),
-    _row(
+    _make_row("add", parse_add, completion.after_add, *_EDIT_ROWS[1:3]),
+    _make_row("remove", parse_remove, completion.after_remove, _EDIT_ROWS[3]),
+    _make_row("undo", parse_undo, completion.offer_none, _EDIT_ROWS[4]),
+    _make_row(
         "feed",
         reader.parse_feed,
         completion.after_feed,
@@ -421,31 +421,31 @@ ROWS: Final = (
             lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
         ),
     ),
-    _row("prefix", partial(parse_mark, "prefix"), completion.after_mark, _MARK),
-    _row("suffix", partial(parse_mark, "suffix"), completion.after_mark),
-    _row(
+    _make_row("prefix", partial(parse_mark, "prefix"), completion.after_mark, _MARK_ROW),
+    _make_row("suffix", partial(parse_mark, "suffix"), completion.after_mark),
+    _make_row(
         "doctor",
         reader.parse_doctor,
         completion.after_doctor,
         RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
     ),
-    _row("wait", parse_wait, completion.nothing, RecordRow(words.Wait, wait_line), at_prompt=False),
-    _row(
+    _make_row("wait", parse_wait, completion.offer_none, RecordRow(words.Wait, wait_line), at_prompt=False),
+    _make_row(
         "tap",
         reader.parse_tap,
         completion.after_tap,
-        RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),
+        RecordRow(words.Intervene, tap_line, lambda bench, c: bench.order_tap(c)),
     ),
 )
-COMMANDS: Final = {row.verb: row for row in ROWS}
+COMMANDS: Final = {row.verb: row for row in COMMAND_ROWS}
 
 
-def to_line(command: BenchCommand) -> str:
+def format_command(command: BenchCommand) -> str:
     """Return the line that `parse_line` reads as this command."""
-    return record_row(type(command)).write(command)
+    return find_record_row(type(command)).write(command)
 
 
-def record_row(record: type) -> RecordRow:
+def find_record_row(record: type) -> RecordRow:
     return next(known for row in COMMANDS.values() for known in row.records if known.record is record)
 
 
@@ -456,17 +456,17 @@ def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
     """
     if len(text) > LONGEST_LINE:
         raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))
-    return read_line(text, project, where)
+    return parse_unbounded_line(text, project, where)
 
 
-def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
+def parse_unbounded_line(text: str, project: Project, where: str) -> BenchCommand | None:
     """Return the command of a line that may be as long as a command in words is."""
     tokens = Words(text, where)
     if not tokens:
         return None
     verb = tokens.next("a command")
     if verb not in COMMANDS:
-        raise tokens.unknown(verb, COMMANDS, "command")
+        raise tokens.make_unknown_error(verb, COMMANDS, "command")
     try:
         command = COMMANDS[verb].read(tokens, project)
     except UserError as refused:
@@ -475,7 +475,7 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
             structs.replace(each, expected=each.expected + hint * (each.expected == KNOWN_TYPE))
             for each in refused.problems
         ) from None
-    tokens.finish()
+    tokens.expect_end()
     return command
 
 
@@ -490,14 +490,14 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
             number += 1
             command = None
             with noting(problems):
-                command = parse_line(line, project, f"{where}: step {number} ({_short(line)})")
+                command = parse_line(line, project, f"{where}: step {number} ({_shorten(line)})")
             if command is not None:
                 steps.append(Step(number, line, command))
-                project = after(command, project)
+                project = project_after(command, project)
     return steps
 
 
-def written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
+def collect_written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
     """Return the variables of a project that commands write, each as it is after them."""
     found = {decl.name: bytearray(decl.size) for decl in project.data}
     writes = [
@@ -508,5 +508,5 @@ def written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
     return {write.data: bytes(found[write.data]) for write in writes}
 
 
-def _short(line: str) -> str:
+def _shorten(line: str) -> str:
     return line if len(line) <= LONGEST_SHOWN else line[: LONGEST_SHOWN - 3] + "..."

@@ -19,9 +19,9 @@ from msgspec.structs import replace
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
-from trcvtui.project.keys import kind_of
+from trcvtui.project.keys import pin_kind
 from trcvtui.project.project import Project
-from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole, with_article
+from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, integer, quote, with_article
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
 from trcvtui.udt.layout.values import encode, encode_leaf
@@ -29,67 +29,67 @@ from trcvtui.udt.literals import NAME
 from trcvtui.udt.sources import parse_type
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` after it.
-_STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
-_PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
-_STRUCT: Final = re.compile(r"(.*?\bEND_STRUCT)\s*;?\s*(\{.*)", re.IGNORECASE | re.DOTALL)
-INLINE: Final = "STRUCT a : INT; END_STRUCT {a=1}"
-_EMPTY: Final = re.compile(r"\{\s*\}")
-_PLAIN: Final = re.compile(r"[^,{}'\"]*")
-_END: Final = re.compile(r"\s*([,}])")
-_QUOTED: Final = re.compile(r"""'((?:[^$']|\$.)*)'|"((?:[^\\"]|\\.)*)\"""", re.DOTALL)
+_STEPS_PATTERN: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
+_PATH_PATTERN: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS_PATTERN})\s*=\s*")
+_STRUCT_PATTERN: Final = re.compile(r"(.*?\bEND_STRUCT)\s*;?\s*(\{.*)", re.IGNORECASE | re.DOTALL)
+INLINE_STRUCT_FORM: Final = "STRUCT a : INT; END_STRUCT {a=1}"
+_EMPTY_BRACES: Final = re.compile(r"\{\s*\}")
+_PLAIN_VALUE: Final = re.compile(r"[^,{}'\"]*")
+_VALUE_END: Final = re.compile(r"\s*([,}])")
+_QUOTED_TEXT: Final = re.compile(r"""'((?:[^$']|\$.)*)'|"((?:[^\\"]|\\.)*)\"""", re.DOTALL)
 _IEC_ESCAPE: Final = re.compile(r"\$([0-9A-Fa-f]{2}|.)", re.DOTALL)
 _C_ESCAPE: Final = re.compile(r"\\(x[0-9A-Fa-f]{2}|.)", re.DOTALL)
-_NAMED: Final = {"r": "\r", "n": "\n", "l": "\n", "t": "\t", "p": "\f"}
+_NAMED_ESCAPES: Final = {"r": "\r", "n": "\n", "l": "\n", "t": "\t", "p": "\f"}
 VALUES_FORM: Final = "members such as {speed=1.5, name='x', arr[0]=3}"
 
 
-def unquoted(text: str) -> str:
+def unquote(text: str) -> str:
     r"""Return the text inside IEC quotes ('$N' escapes) or double quotes ("\n" escapes), else the text."""
-    found = _QUOTED.fullmatch(text)
+    found = _QUOTED_TEXT.fullmatch(text)
     if found is None:
         return text
     if found[1] is not None:
-        return _IEC_ESCAPE.sub(lambda e: _named(e[1], e[1]), found[1])
-    return _C_ESCAPE.sub(lambda e: _named(e[1], e[1][1:]), found[2])
+        return _IEC_ESCAPE.sub(lambda e: _unescape(e[1], e[1]), found[1])
+    return _C_ESCAPE.sub(lambda e: _unescape(e[1], e[1][1:]), found[2])
 
 
-def _named(letter: str, digits: str) -> str:
+def _unescape(letter: str, digits: str) -> str:
     if len(digits) == 2:
         return chr(int(digits, 16))
-    return _NAMED.get(letter.lower(), letter)
+    return _NAMED_ESCAPES.get(letter.lower(), letter)
 
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
     """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
-    values = dict(members_of(braces, where))
-    with within(where):
+    values = dict(parse_members(braces, where))
+    with prefix_problems(where):
         return encode(layout, values)
 
 
-def members_of(braces: str, where: str) -> list[tuple[str, str]]:
+def parse_members(braces: str, where: str) -> list[tuple[str, str]]:
     """Return `{speed=1.5, st={x=1}}` as paths and texts without quotes; raise UserError."""
     members, end = _read_braces(braces, 0, where)
     if end != len(braces):
-        raise mistake(where, shown(braces[end:]), VALUES_FORM)
+        raise mistake(where, quote(braces[end:]), VALUES_FORM)
     return members
 
 
 def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]], int]:
     if text[at : at + 1] != "{":
-        raise mistake(where, shown(text[at:]), VALUES_FORM)
-    empty = _EMPTY.match(text, at)
+        raise mistake(where, quote(text[at:]), VALUES_FORM)
+    empty = _EMPTY_BRACES.match(text, at)
     if empty is not None:
         return [], empty.end()
     members: list[tuple[str, str]] = []
     while True:
-        path = _PATH.match(text, at + 1)  # after { or ,
+        path = _PATH_PATTERN.match(text, at + 1)  # after { or ,
         if path is None:
-            raise mistake(where, shown(text[at:]), VALUES_FORM)
+            raise mistake(where, quote(text[at:]), VALUES_FORM)
         inner, at = _read_value(text, path.end(), where)
-        members += [(_joined(path[1], name), value) for name, value in inner]
-        end = _END.match(text, at)
+        members += [(_join_path(path[1], name), value) for name, value in inner]
+        end = _VALUE_END.match(text, at)
         if end is None:
-            raise mistake(where, shown(text[at:]), ", or } after a value")
+            raise mistake(where, quote(text[at:]), ", or } after a value")
         if end[1] == "}":
             return members, end.end()
         at = end.end() - 1
@@ -98,23 +98,23 @@ def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]],
 def _read_value(text: str, at: int, where: str) -> tuple[list[tuple[str, str]], int]:
     if text[at : at + 1] == "{":
         return _read_braces(text, at, where)
-    found = _QUOTED.match(text, at) or _PLAIN.match(text, at)
+    found = _QUOTED_TEXT.match(text, at) or _PLAIN_VALUE.match(text, at)
     assert found is not None
-    return [("", unquoted(found[0].strip()))], found.end()
+    return [("", unquote(found[0].strip()))], found.end()
 
 
-def _joined(path: str, name: str) -> str:
+def _join_path(path: str, name: str) -> str:
     return path + name if not name or name.startswith("[") else f"{path}.{name}"
 
 
 def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
     """Return the bytes of one value, such as 12.5, TRUE, T#5s or 'abc'."""
-    with within(where):
-        return encode_leaf(layout, leaf, unquoted(text))
+    with prefix_problems(where):
+        return encode_leaf(layout, leaf, unquote(text))
 
 
 @contextmanager
-def within(where: str) -> Iterator[None]:
+def prefix_problems(where: str) -> Iterator[None]:
     """Let the mistakes inside begin with where they stand."""
     try:
         yield
@@ -126,21 +126,21 @@ def within(where: str) -> Iterator[None]:
 
 MOST_BYTES: Final = 16 * 1024 * 1024
 KEPT_BYTES: Final = 65536  # of what a peer has received: one job of the largest LEN
-ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
-_PIECE: Final = re.compile(r"\\(?:x([0-9A-Fa-f]{2})|(.?))|([^\\]+)", re.DOTALL)
+TEXT_ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
+_TEXT_PIECE: Final = re.compile(r"\\(?:x([0-9A-Fa-f]{2})|(.?))|([^\\]+)", re.DOTALL)
 
 
 def text_bytes(text: str, where: str = "text") -> bytes:
     r"""Return the bytes of a text: UTF-8, with the escapes \r \n \t \0 \\ \" \' and \xNN."""
     parts = []
-    for piece in _PIECE.finditer(text):
+    for piece in _TEXT_PIECE.finditer(text):
         hexadecimal, letter, plain = piece.groups()
         if plain is not None:
             parts.append(plain.encode("utf-8", "surrogatepass"))
         elif hexadecimal is not None:
             parts.append(bytes.fromhex(hexadecimal))
-        elif letter in ESCAPES:
-            parts.append(ESCAPES[letter])
+        elif letter in TEXT_ESCAPES:
+            parts.append(TEXT_ESCAPES[letter])
         else:
             raise mistake(where, f"'\\{letter}'", r"an escape: \r \n \t \0 \\ \" or \xNN")
     return b"".join(parts)
@@ -175,40 +175,40 @@ def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
     return tuple(piece for piece in pieces if len(piece))
 
 
-_WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)
+_HEX_WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)
 
 
-def pin_value(pin: Pin, text: str, where: str) -> PinValue:
+def parse_pin_value(pin: Pin, text: str, where: str) -> PinValue:
     """Return the value of a pin: 0 1 TRUE FALSE, a number, or a STATUS word in hex."""
     if pin.is_bool:
         truth = TRUTH_WORDS.get(text.upper())
         if truth is None:
-            raise mistake(where, f"{pin.name}={shown(text)}", f"{pin.name}=0 or {pin.name}=1")
+            raise mistake(where, f"{pin.name}={quote(text)}", f"{pin.name}=0 or {pin.name}=1")
         return truth
     if pin.iec_type == "WORD":
-        found = _WORD.fullmatch(text)
+        found = _HEX_WORD.fullmatch(text)
         if found is None:
-            raise mistake(where, f"{pin.name}={shown(text)}", "four hex digits such as 7006")
+            raise mistake(where, f"{pin.name}={quote(text)}", "four hex digits such as 7006")
         return int(found[1], 16)
-    number: int = value_of(kind_of(pin), text, f"{pin.name}=", where)
+    number: int = parse_value(pin_kind(pin), text, f"{pin.name}=", where)
     return number
 
 
-def value_of(kind: Kind[T], text: str, before: str, where: str) -> T:
+def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
     """Return a text read as a kind; `before` is what stands in front of it, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
-        raise mistake(where, f"{before}{shown(text)}", kind.wanted(text))
+        raise mistake(where, f"{before}{quote(text)}", kind.expected_for(text))
     return found
 
 
-def duration(text: str, before: str, where: str) -> int:
+def parse_delay(text: str, before: str, where: str) -> int:
     """Return the ns of a duration such as T#20ms, not negative."""
-    return value_of(DELAY, text, before, where)
+    return parse_value(DELAY, text, before, where)
 
 
-CLOSING: Final = {'"': '"', "'": "'", "{": "}"}
-ESCAPE: Final = {'"': "\\", "'": "$"}
+CLOSING_MARKS: Final = {'"': '"', "'": "'", "{": "}"}
+QUOTE_ESCAPES: Final = {'"': "\\", "'": "$"}
 MOST_NESTED: Final = 32
 
 
@@ -218,7 +218,7 @@ class Token(Struct, frozen=True):
     end: int
 
 
-def tokens_of(line: str, where: str) -> list[Token]:
+def split_tokens(line: str, where: str) -> list[Token]:
     """Return the words of a line; raise UserError for a quote or brace that is not closed."""
     found: list[Token] = []
     at = 0
@@ -236,22 +236,22 @@ def tokens_of(line: str, where: str) -> list[Token]:
 
 def _word_end(line: str, at: int, where: str) -> int:
     while at < len(line) and not line[at].isspace():
-        at = _closed(line, at, where) if line[at] in CLOSING else at + 1
+        at = _find_closing(line, at, where) if line[at] in CLOSING_MARKS else at + 1
     return at
 
 
-def _closed(line: str, start: int, where: str, depth: int = 1) -> int:
+def _find_closing(line: str, start: int, where: str, depth: int = 1) -> int:
     opening, at = line[start], start + 1
     if depth > MOST_NESTED:
         raise mistake(where, "braces nested too deeply", f"at most {MOST_NESTED} levels")
     while at < len(line):
-        if line[at] == CLOSING[opening]:
+        if line[at] == CLOSING_MARKS[opening]:
             return at + 1
-        if opening == "{" and line[at] in CLOSING:
-            at = _closed(line, at, where, depth + 1)
+        if opening == "{" and line[at] in CLOSING_MARKS:
+            at = _find_closing(line, at, where, depth + 1)
         else:
-            at += 2 if line[at] == ESCAPE.get(opening) else 1
-    raise mistake(where, shown(line[start:]), f"a closing {CLOSING[opening]}")
+            at += 2 if line[at] == QUOTE_ESCAPES.get(opening) else 1
+    raise mistake(where, quote(line[start:]), f"a closing {CLOSING_MARKS[opening]}")
 
 
 class Words:
@@ -260,7 +260,7 @@ class Words:
     def __init__(self, line: str, where: str) -> None:
         self.where = where
         self._line = line
-        self._tokens = tokens_of(line, where)
+        self._tokens = split_tokens(line, where)
         self.place = 0  # how many words have been taken
 
     def __bool__(self) -> bool:
@@ -269,7 +269,7 @@ class Words:
     def next(self, expected: str) -> str:
         """Take the next word; raise UserError when there is none."""
         if not self:
-            raise self.wrong("nothing more", expected, "missing")
+            raise self.error("nothing more", expected, "missing")
         self.place += 1
         return self._tokens[self.place - 1].text
 
@@ -278,7 +278,7 @@ class Words:
         at = self.place + ahead
         return self._tokens[at].text if at < len(self._tokens) else ""
 
-    def ahead(self) -> list[str]:
+    def remaining_words(self) -> list[str]:
         """Return all words that are left, without taking them."""
         return [token.text for token in self._tokens[self.place :]]
 
@@ -286,32 +286,32 @@ class Words:
     def verb(self) -> str:
         return self._tokens[0].text if self._tokens else ""
 
-    def rest(self) -> list[str]:
-        left = self.ahead()
+    def take_rest(self) -> list[str]:
+        left = self.remaining_words()
         self.place = len(self._tokens)
         return left
 
-    def rest_text(self, expected: str) -> str:
+    def take_rest_text(self, expected: str) -> str:
         """Take what is left, as it is written; raise UserError when there is nothing."""
         start = self.place
         self.next(expected)
-        self.rest()
-        return self.written(start)
+        self.take_rest()
+        return self.text_since(start)
 
-    def to_come(self) -> str:
+    def remaining_text(self) -> str:
         """Return what is left as it is written, without taking it."""
         left = self._tokens[self.place :]
         return self._line[left[0].start : left[-1].end] if left else ""
 
-    def written(self, start: int) -> str:
+    def text_since(self, start: int) -> str:
         """Return the taken words from number `start` on, as they are written."""
         return self._line[self._tokens[start].start : self._tokens[self.place - 1].end]
 
-    def cut(self, begins: Callable[[str], bool]) -> list[str]:
+    def cut_tail_words(self, begins: Callable[[str], bool]) -> list[str]:
         """Take the words from the first one to come that `begins` away from the end, and return them."""
-        return self.apart(begins).ahead()
+        return self.cut_tail(begins).remaining_words()
 
-    def apart(self, begins: Callable[[str], bool]) -> Words:
+    def cut_tail(self, begins: Callable[[str], bool]) -> Words:
         """Take the words from the first one to come that `begins` away from the end, as words apart."""
         after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
@@ -320,35 +320,35 @@ class Words:
         self._tokens = self._tokens[:number]
         return tail
 
-    def finish(self) -> None:
+    def expect_end(self) -> None:
         """Raise UserError when words are left."""
         if self:
-            raise self.wrong(shown(self.peek()), "the end of the command", "surplus")
+            raise self.error(quote(self.peek()), "the end of the command", "surplus")
 
-    def wrong(self, found: str, expected: str, kind: str = "value") -> UserError:
+    def error(self, found: str, expected: str, kind: str = "value") -> UserError:
         return mistake(self.where, found, expected, kind)
 
-    def one_of(self, known: Collection[str], what: str, expected: str = "") -> str:
+    def next_known(self, known: Collection[str], what: str, expected: str = "") -> str:
         """Take the next word, which is one of those that are known; raise UserError."""
         word = self.next(expected or f"the name of {with_article(what)}")
         if word not in known:
-            raise self.unknown(word, known, what)
+            raise self.make_unknown_error(word, known, what)
         return word
 
-    def choice(self, *known: str) -> str:
+    def next_choice(self, *known: str) -> str:
         """Take the next word, which is one of a few; raise UserError."""
         word = self.next(" or ".join(known))
         if word not in known:
-            raise self.wrong(shown(word), " or ".join(known))
+            raise self.error(quote(word), " or ".join(known))
         return word
 
-    def unknown(self, name: str, known: Iterable[str], what: str) -> UserError:
+    def make_unknown_error(self, name: str, known: Iterable[str], what: str) -> UserError:
         """Return the mistake that a name is none of those that are known; `what` says what they are."""
-        return self.wrong(shown(name), expected_name(name, known, what), "unknown")
+        return self.error(quote(name), expected_name(name, known, what), "unknown")
 
 
-SEED: Final = whole(0, (1 << 63) - 1)
-COUNT: Final = whole(1, MOST_BYTES)
+SEED_KIND: Final = integer(0, (1 << 63) - 1)
+RANDOM_COUNT_KIND: Final = integer(1, MOST_BYTES)
 
 
 class Payload(Struct, frozen=True):
@@ -363,80 +363,80 @@ def parse_payload(words: Words, project: Project) -> Payload:
     start = words.place
     form = words.next("hex, text, udt, file or random")
     if form not in FORMS:
-        raise words.unknown(form, FORMS, "form of payload")
+        raise words.make_unknown_error(form, FORMS, "form of payload")
     content = FORMS[form](words, project)
-    return Payload(content, words.written(start))
+    return Payload(content, words.text_since(start))
 
 
-def _hex(words: Words, project: Project) -> bytes:
+def _read_hex(words: Words, project: Project) -> bytes:
     expected = "hex bytes such as 01 02 0A"
-    content = parse_hex(words.rest_text(expected), f"{words.where}: hex")
+    content = parse_hex(words.take_rest_text(expected), f"{words.where}: hex")
     if not content:
-        raise words.wrong("no bytes", expected)
+        raise words.error("no bytes", expected)
     return content
 
 
-def text_in_quotes(words: Words) -> str:
+def read_quoted_text(words: Words) -> str:
     """Take the last word, and return what is in its double quotes; raise UserError."""
     written = words.next('a text such as "abc"')
-    words.finish()
+    words.expect_end()
     if len(written) < 2 or written[0] != '"' or written[-1] != '"':
-        raise words.wrong(shown(written), 'a text in double quotes such as "abc"')
+        raise words.error(quote(written), 'a text in double quotes such as "abc"')
     return written[1:-1]
 
 
-def _text(words: Words, project: Project) -> bytes:
-    content = text_bytes(text_in_quotes(words), f"{words.where}: text")
+def _read_text(words: Words, project: Project) -> bytes:
+    content = text_bytes(read_quoted_text(words), f"{words.where}: text")
     if not content:
-        raise words.wrong('""', "at least one character")
+        raise words.error('""', "at least one character")
     return content
 
 
-def _udt(words: Words, project: Project) -> bytes:
+def _read_udt(words: Words, project: Project) -> bytes:
     if words.peek().upper() == "STRUCT":
-        text = words.rest_text(INLINE)
-        if (found := _STRUCT.fullmatch(text)) is None:
-            raise words.wrong(shown(text), INLINE)
+        text = words.take_rest_text(INLINE_STRUCT_FORM)
+        if (found := _STRUCT_PATTERN.fullmatch(text)) is None:
+            raise words.error(quote(text), INLINE_STRUCT_FORM)
         name, rules, braces = "STRUCT", project.layout, found[2]
         type_ = parse_type(found[1], project.types, words.where)
     else:
         name = words.next("the name of a UDT")
         if name.casefold() not in project.types.types:
-            raise words.unknown(name, project.types.names(), "UDT")
-        type_, rules = project.types.named(name), project.rules_of(name)
-        braces = words.rest_text("members in braces such as {speed=1.5}")
+            raise words.make_unknown_error(name, project.types.names(), "UDT")
+        type_, rules = project.types.named(name), project.layout_rules_of(name)
+        braces = words.take_rest_text("members in braces such as {speed=1.5}")
     content = struct_bytes(lay_out(type_, rules, name), braces, words.where)
     if not content:
-        raise words.wrong(f"{name}, which has no bytes", "a UDT with members")
+        raise words.error(f"{name}, which has no bytes", "a UDT with members")
     return content
 
 
-def _file(words: Words, project: Project) -> bytes:
+def _read_file(words: Words, project: Project) -> bytes:
     name = words.next("the name of a file")
-    words.finish()
-    return file_bytes(project.base / _bare(name), f"{words.where}: file")
+    words.expect_end()
+    return file_bytes(project.base / _strip_quotes(name), f"{words.where}: file")
 
 
-def _bare(name: str) -> str:
+def _strip_quotes(name: str) -> str:
     return name[1:-1] if len(name) > 2 and name[0] == name[-1] and name[0] in "\"'" else name
 
 
-def _random(words: Words, project: Project) -> bytes:
-    count = value_of(COUNT, words.next("a number of bytes"), "", words.where)
+def _read_random(words: Words, project: Project) -> bytes:
+    count = parse_value(RANDOM_COUNT_KIND, words.next("a number of bytes"), "", words.where)
     seed = 0
     if words:
         key, _, text = words.next("seed=1").partition("=")
         if key != "seed":
-            raise words.wrong(shown(key), "seed=1 or the end of the command")
-        seed = value_of(SEED, text, "seed=", words.where)
-    words.finish()
+            raise words.error(quote(key), "seed=1 or the end of the command")
+        seed = parse_value(SEED_KIND, text, "seed=", words.where)
+    words.expect_end()
     return random_bytes(count, seed)
 
 
 FORMS: Final[dict[str, Callable[[Words, Project], bytes]]] = {
-    "hex": _hex,
-    "text": _text,
-    "udt": _udt,
-    "file": _file,
-    "random": _random,
+    "hex": _read_hex,
+    "text": _read_text,
+    "udt": _read_udt,
+    "file": _read_file,
+    "random": _read_random,
 }

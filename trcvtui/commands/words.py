@@ -62,8 +62,8 @@ class Undo(Struct, frozen=True):
     """`undo`: the newest edit of the project is taken back."""
 
 
-Remedy = Add | AddData | Change | Remove | Undo
-MENDS = (Add, AddData, Change, Remove, Undo)
+EditCommand = Add | AddData | Change | Remove | Undo
+EDIT_COMMANDS = (Add, AddData, Change, Remove, Undo)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class FieldIs:
 Match = Contains | Starts | FieldIs
 
 
-NONE: Final = "none"
+NO_MARK: Final = "none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,14 +118,14 @@ class SetMark:
         return (*write, *length)
 
     def line(self) -> str:
-        written = self.text or (f"hex {self.payload.hex(' ')}" if self.payload else NONE)
+        written = self.text or (f"hex {self.payload.hex(' ')}" if self.payload else NO_MARK)
         return f"{self.mark} {self.instance} {written}"
 
 
 DEFAULT_LIMIT_NS: Final = 10_000_000_000
 DEFAULT_CHECK_NS: Final = 100_000_000
 DEFAULT_CHECK_SIZE: Final = 64
-FOREVER: Final = 0  # FaultOn.times
+TIMES_FOREVER: Final = 0  # FaultOn.times
 PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
 
 
@@ -412,7 +412,7 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    Set | Pulse | Write | Create | Delete | Remedy | Download | Resize | PlcStop | PlcRun | PeerAction
+    Set | Pulse | Write | Create | Delete | EditCommand | Download | Resize | PlcStop | PlcRun | PeerAction
     | PeerSend | PeerPlay | CheckOn | CheckOff | ReplyOn | ReplyOff | TrySplits | TryStop | FeedLine
     | SetMark | Link | Intervene | Doctor | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect
     | ExpectTrace

@@ -13,7 +13,7 @@ from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.peer import read_routines
-from trcvtui.commands.table import parse_script, written_data
+from trcvtui.commands.table import collect_written_data, parse_script
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import weighed
 from trcvtui.diagnosis.data_values import unwritten_members
@@ -74,7 +74,7 @@ def _as_started(
             for each in project.instances
         ]
     )
-    return replace(project, instances=instances), written_data(steps, project)
+    return replace(project, instances=instances), collect_written_data(steps, project)
 
 
 def _steps(project: Project) -> Iterator[words.Step]:

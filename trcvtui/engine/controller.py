@@ -21,10 +21,10 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.bench.split_test import SplitTests
 from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
-from trcvtui.commands.edit import ends_of, free_port, port_text
-from trcvtui.commands.edit import told as told_of
-from trcvtui.commands.table import parse_line, to_line
-from trcvtui.commands.words import Remedy
+from trcvtui.commands.edit import describe_edit as told_of
+from trcvtui.commands.edit import free_port, listening_ends, port_text
+from trcvtui.commands.table import format_command, parse_line
+from trcvtui.commands.words import EditCommand
 from trcvtui.diagnosis.judges import RunJudge
 from trcvtui.engine.project_edits import ProjectEdits, moved
 from trcvtui.engine.trigger_watch import TriggerWatch
@@ -40,10 +40,10 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.runtime import Runtime
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.project.edit import types_now
-from trcvtui.project.file import udts_now
+from trcvtui.project.edit import types_of_project
+from trcvtui.project.file import reread_udts
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import quote
 from trcvtui.scenario.player import Player, refuse_too_many_steps
 from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.scenario.scenario import load_scenario, start_steps
@@ -69,13 +69,13 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
-        raise mistake(where, shown(f"udt {rest}".strip()), LINES)
+        raise mistake(where, quote(f"udt {rest}".strip()), LINES)
     given = constants_of(pairs.split()) if word == CONSTANT else {}
     constants = {**project.constants, **given}
-    fresh = replace(project, udts=udts_now(project), constants=constants)
+    fresh = replace(project, udts=reread_udts(project), constants=constants)
     if not fresh.udts:
         return fresh, given, "the project names no UDT files"
-    types = types_now(fresh)
+    types = types_of_project(fresh)
     names = project.types.types
     used = {decl.type_name.casefold() for decl in project.data} & names.keys()
     bad = [name for name in sorted(used) if name not in types.types]
@@ -124,7 +124,7 @@ def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> s
 
 
 MOST_ANSWERS: Final = 64
-EDITS: Final = (*words.MENDS, words.Create, words.Delete, words.Resize)
+EDITS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Resize)
 MOST_DATA: Final = 65_536  # of one variable in a picture: as much as a job writes; more would block the pipe
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
@@ -236,7 +236,7 @@ class Controller:
             return ""
         if isinstance(command, words.Add) and command.port:
             command = self._at_a_free_port(command)
-            line = to_line(command)
+            line = format_command(command)
         try:
             wrong = self._act(command)
         except UserError as error:  # nobody keeps the run
@@ -277,7 +277,7 @@ class Controller:
                 return self.bench.do(command)
 
     def _at_a_free_port(self, command: words.Add) -> words.Add:
-        [end] = ends_of(command.with_it)[:1]
+        [end] = listening_ends(command.with_it)[:1]
         port = command.port
         while not self.bench.is_free(Endpoint(end.address, port)):
             port = free_port(self.bench.project, port)
@@ -286,7 +286,7 @@ class Controller:
         assert isinstance(other, words.Add)
         return other
 
-    def _mend(self, command: Remedy) -> str:
+    def _mend(self, command: EditCommand) -> str:
         told = told_of(command, self.bench.project)
         mine = None
         if self.player is None:

@@ -14,7 +14,7 @@ from trcvtui.engine.trigger_watch import COMPARE, ConditionText, read_comparison
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedLeaf, find
 
@@ -45,7 +45,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
     named, _, rest = comparison.subject.partition(" ")
     if rest and project.instance(named) is not None:
         if named != instance:
-            raise mistake(where, shown(named), instance)
+            raise mistake(where, quote(named), instance)
         comparison = comparison._replace(subject=rest.strip())
     pins = [pin for pin in project.pins(decl.block) if pin.direction is Direction.OUT]
     return _filter(comparison, instance, pins, project.received_data(instance))
@@ -102,4 +102,4 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
 
 def unknown_member(where: str, name: str, names: Iterable[str]) -> UserError:
     """Return the mistake that a name is no member, with the nearest one."""
-    return mistake(where, shown(name), expected_name(name, names, "member"), "unknown")
+    return mistake(where, quote(name), expected_name(name, names, "member"), "unknown")

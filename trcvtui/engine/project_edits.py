@@ -19,19 +19,19 @@ from typing import Any, Final, TextIO
 
 from msgspec.structs import replace
 
-from trcvtui.commands.reader import after
-from trcvtui.commands.table import parse_line, to_line
-from trcvtui.commands.words import MENDS, Remedy
+from trcvtui.commands.reader import project_after
+from trcvtui.commands.table import format_command, parse_line
+from trcvtui.commands.words import EDIT_COMMANDS, EditCommand
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, make_folder, read_bytes, write_file
 from trcvtui.paths import configs_path, demo_path
-from trcvtui.project.edit import difference, entry, same
+from trcvtui.project.edit import diff_projects, find_entry, is_same_entry
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import EDITED, forms_of, names_of
 from trcvtui.project.project import Edit, Edits, Project, UdtFile
-from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
-from trcvtui.project.text import way_to, with_change, with_constants, with_entries, with_files_from
+from trcvtui.project.tables import LARGEST_FILE, parse_toml, quote, read_text
+from trcvtui.project.text import add_constants, append_entries, change_entry, relocate, relocate_files
 from trcvtui.scenario.recorded_session import SUFFIX, target
 from trcvtui.scenario.scenario import check_bench
 from trcvtui.wording import count
@@ -97,7 +97,7 @@ def target_of(words: str, own: Path, written: Collection[str], where: str) -> Pa
         return own
     path = target(name, where)
     if not name.strip("\"'").endswith(SUFFIX):
-        raise mistake(where, shown(name), f"a name that ends in {SUFFIX}")
+        raise mistake(where, quote(name), f"a name that ends in {SUFFIX}")
     whole = os.path.realpath(path)
     is_ours = whole in written or whole == os.path.realpath(own)
     if is_ours:
@@ -121,12 +121,12 @@ def edited_text(
     """Return the text of `own` with these edits, and what it loads as in `path`; raise UserError."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
-        text = with_entries(text, added, str(own))
+        text = append_entries(text, added, str(own))
     for edit in edits:
         if edit.before is not None:
             text = _with_change(text, edit, own, path)
     if constants:
-        text = with_constants(text, constants, str(own))
+        text = add_constants(text, constants, str(own))
     loaded = _loaded(text, path, edits)
     if any(loaded.constants.get(name) != number for name, number in constants.items()):
         raise mistake(str(path), "other constants", "the ones that were given")
@@ -137,7 +137,7 @@ def _with_change(text: str, edit: Edit, own: Path, path: Path) -> str:
     refused: UserError | None = None
     for form in range(len(forms_of(edit.after)) if edit.after is not None else 1):
         try:
-            changed = with_change(text, edit, form, str(own))
+            changed = change_entry(text, edit, form, str(own))
             if edit.after is None or _stands(edit, _read(changed, path)):
                 return changed
         except UserError as wrong:
@@ -162,8 +162,8 @@ def _loaded(text: str, path: Path, edits: Edits) -> Project:
 
 
 def _stands(edit: Edit, loaded: Project) -> bool:
-    found = entry(edit.kind, edit.name, loaded)
-    return found is None if edit.after is None else found is not None and same(edit.after, found)
+    found = find_entry(edit.kind, edit.name, loaded)
+    return found is None if edit.after is None else found is not None and is_same_entry(edit.after, found)
 
 
 def _another(edit: Edit, path: Path) -> UserError:
@@ -205,16 +205,16 @@ class ProjectEdits:
     def begin(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
-    def check(self, command: Remedy) -> Remedy:
+    def check(self, command: EditCommand) -> EditCommand:
         """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
-        mine = parse_line(to_line(command), self.project, WHERE)
-        assert isinstance(mine, MENDS)
-        check_bench(after(mine, self.project))
+        mine = parse_line(format_command(command), self.project, WHERE)
+        assert isinstance(mine, EDIT_COMMANDS)
+        check_bench(project_after(mine, self.project))
         return mine
 
-    def note(self, command: Remedy) -> None:
-        self.project = after(command, self.project)
-        self._edits = difference(self._in_file, self.project)
+    def note(self, command: EditCommand) -> None:
+        self.project = project_after(command, self.project)
+        self._edits = diff_projects(self._in_file, self.project)
         self.done += 1
 
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
@@ -246,12 +246,12 @@ class ProjectEdits:
         before = self.text if self.before is None and self._begun_from_file else self.before
         old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
         self._restore_types(old)
-        text = with_files_from(text, old, path.parent, str(own))
+        text = relocate_files(text, old, path.parent, str(own))
         edits = _moved(self._edits, old, path.parent)
         text, new = edited_text(text, own, path, edits, self._constants)
         bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
         write_file(path, bom + text.encode(), WHERE, is_own=True)
-        self.before = before and with_files_from(before, old, path.parent, str(own))
+        self.before = before and relocate_files(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()
         self.saved = self.done
@@ -305,7 +305,7 @@ def moved(project: Project, path: Path) -> Project:
 
 def _moved(part: Any, old: Path, new: Path) -> Any:
     if isinstance(part, UdtFile):
-        return replace(part, name=way_to(part.name, old, new))
+        return replace(part, name=relocate(part.name, old, new))
     if isinstance(part, Edit):
         return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
     return tuple([_moved(each, old, new) for each in part]) if isinstance(part, tuple) else part

@@ -20,7 +20,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.commands.conditions import base_name, parse_instance, parse_target
-from trcvtui.commands.tokens import Words, leaf_bytes, pin_value
+from trcvtui.commands.tokens import Words, leaf_bytes, parse_pin_value
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
@@ -28,7 +28,7 @@ from trcvtui.history.records import Facts
 from trcvtui.plc.ledger import InputEdge, StampedEvent
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import quote
 from trcvtui.snapshots.bench import PeerSnapshot, TriggerEvent
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.layout.values import decode_leaf
@@ -119,7 +119,7 @@ def _condition(text: str, project: Project, where: str) -> Condition:
         return _pin(words, comparison, project, edge is not None)
     if project.data_decl(base_name(word)) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
-        raise words.unknown(word, names, "an instance or a DATA variable")
+        raise words.make_unknown_error(word, names, "an instance or a DATA variable")
     return _member(words, comparison, project, edge is not None)
 
 
@@ -133,7 +133,7 @@ class ConditionText(NamedTuple):
 
     def of_pin(self, instance: str, pin: Pin) -> PinCondition:
         self._check_order(f"'{pin.name}', a {pin.iec_type}", pin.is_bool or pin.iec_type == "WORD")
-        return PinCondition(instance, pin.name, self.operator, pin_value(pin, self.value, self.where))
+        return PinCondition(instance, pin.name, self.operator, parse_pin_value(pin, self.value, self.where))
 
     def of_leaf(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
         self._check_order("a text", isinstance(leaf.type, StringType))
@@ -157,7 +157,7 @@ def read_comparison(text: str, where: str, form: str) -> ConditionText:
     """Return `weight > 3` in its parts; raise UserError with the form that is expected."""
     found = _COMPARISON.fullmatch(text)
     if found is None:
-        raise mistake(where, shown(text) if text else "nothing more", form)
+        raise mistake(where, quote(text) if text else "nothing more", form)
     return ConditionText(found[1], found[2], found[3], where)
 
 
@@ -165,22 +165,22 @@ def _pin(words: Words, comparison: ConditionText, project: Project, is_edge: boo
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
-    words.finish()
+    words.expect_end()
     if name not in pins:
-        raise words.unknown(name, pins, "pin")
+        raise words.make_unknown_error(name, pins, "pin")
     pin = pins[name]
     if is_edge and not pin.is_bool:
-        raise words.wrong(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
+        raise words.error(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
     return comparison.of_pin(instance.name, pin)
 
 
 def _member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
-    words.finish()
+    words.expect_end()
     leaf, layout = target.leaf(words), target.decl.layout
     if is_edge and leaf.coding.code != "?":
         name = leaf.path or target.decl.name
-        raise words.wrong(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
+        raise words.error(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
     return comparison.of_leaf(target.decl.name, layout, leaf)
 
 

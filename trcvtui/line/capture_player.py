@@ -36,10 +36,10 @@ from trcvtui.line.shadows import (
     rows_of_taps,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.project.convert_dialect import dialect_named, in_dialect
-from trcvtui.project.edit import changing, entry, read_changed, with_edits
+from trcvtui.project.convert_dialect import convert_project, find_dialect
+from trcvtui.project.edit import apply_edits, find_entry, make_change, read_change
 from trcvtui.project.project import Project
-from trcvtui.project.tables import Given, shown
+from trcvtui.project.tables import SetOverride, quote
 from trcvtui.recording.seam import Seam
 from trcvtui.scenario.scenario import load_bench
 
@@ -372,7 +372,7 @@ def planned(
     loaded, notes = load_bench(project, sets), tuple[str, ...]()
     loaded = replace(loaded, watches=loaded.watches or rows_of_taps(loaded.taps))
     if dialect is not None:
-        loaded, notes = in_dialect(loaded, dialect_named(dialect))
+        loaded, notes = convert_project(loaded, find_dialect(dialect))
     return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
 
 
@@ -382,14 +382,14 @@ def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
     for text in sets:
         path, _, value = text.partition("=")
         kind, name, key, *_ = (*path.strip().split("."), "", "", "")
-        decl = entry(kind, name, project) if kind in ("instance", "data") else None
+        decl = find_entry(kind, name, project) if kind in ("instance", "data") else None
         if decl is None:
             shadows = ", ".join(each.name for each in project.instances)
             raise mistake(
-                f"--set {path.strip()}", shown(name or kind), f"instance.NAME.PIN; a NAME of {shadows}"
+                f"--set {path.strip()}", quote(name or kind), f"instance.NAME.PIN; a NAME of {shadows}"
             )
-        after = read_changed(
-            decl, {key: Given(path.strip(), value.strip())}, project, f"--set {path.strip()}"
+        after = read_change(
+            decl, {key: SetOverride(path.strip(), value.strip())}, project, f"--set {path.strip()}"
         )
-        project = with_edits(project, (changing(decl, after, project),))
+        project = apply_edits(project, (make_change(decl, after, project),))
     return plan._replace(project=project)

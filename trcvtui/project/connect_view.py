@@ -22,47 +22,47 @@ INDENT: Final = "    "
 REMARK: Final = "  // "
 
 
-class Initial(NamedTuple):
+class Setting(NamedTuple):
     """One field with its value, `ID := 1`, and what is to say of it."""
 
     text: str
     remark: str = ""
 
 
-def declaration(config: ConnectConfig, indent: str = "") -> str:
+def declare_connect(config: ConnectConfig, indent: str = "") -> str:
     """Return a CONNECT that is a description as its declaration; the first line is not indented."""
     assert config.description is not None
     flaw = config.flaw
     if not _is_whole(config.description) or (flaw is not None and flaw.flaw is Flaw.NO_DESCRIPTION):
         why = flaw.text if flaw is not None else "no whole structure"
-        return _as_bytes(config.name, config.description.data, why)
+        return _bytes_declaration(config.name, config.description.data, why)
     remarks = {flaw.field: f"a CPU refuses this: {flaw.text}"} if flaw is not None else {}
     if isinstance(config.remote_port, str):
         remarks.setdefault(
             field_name(config.description, "RemotePort"), f"where {config.remote_port} listens"
         )
     values = initial_values(config.description, remarks)
-    return record(config.name, config.description.structure.name, values, indent, remarks.get("", ""))
+    return declare(config.name, config.description.structure.name, values, indent, remarks.get("", ""))
 
 
-def declaration_of_addr(addr: AddrParam, indent: str = "") -> str:
+def addr_declaration(addr: AddrParam, indent: str = "") -> str:
     """Return an ADDR as its declaration: TADDR_Param, or the bytes that it is instead."""
     description = addr.effective_description
     if not _is_whole(description):
         what = f"{len(description.data)} bytes, {description.structure.name} has {description.structure.size}"
-        return _as_bytes(addr.name, description.data, what)
-    port = next(field.name for field in description.structure.fields if field.name in PORTS)
+        return _bytes_declaration(addr.name, description.data, what)
+    port = next(field.name for field in description.structure.fields if field.name in PORT_FIELDS)
     remarks = {port: f"where {addr.remote_port} listens"} if isinstance(addr.remote_port, str) else {}
-    values = initial_values(description, remarks, _ADDRESS_IN_ADDR)
-    return record(addr.name, description.structure.name, values, indent)
+    values = initial_values(description, remarks, _ADDRESS_ARRAY_FORM)
+    return declare(addr.name, description.structure.name, values, indent)
 
 
-PORTS: Final = ("rem_port_nr", "RemotePort")
-_ADDRESS_IN_ADDR: Final = "[{}]"  # an ARRAY; that of a description is an IP_V4
-_IP_V4: Final = "(ADDR := [{}])"
+PORT_FIELDS: Final = ("rem_port_nr", "RemotePort")
+_ADDRESS_ARRAY_FORM: Final = "[{}]"  # an ARRAY; that of a description is an IP_V4
+_IP_V4_FORM: Final = "(ADDR := [{}])"
 
 
-def record(name: str, type_name: str, fields: Sequence[Initial], indent: str = "", remark: str = "") -> str:
+def declare(name: str, type_name: str, fields: Sequence[Setting], indent: str = "", remark: str = "") -> str:
     """Return the declaration of a structure."""
     head = f"{name} : {type_name} := ({REMARK + remark if remark else ''}"
     lines = []
@@ -74,11 +74,11 @@ def record(name: str, type_name: str, fields: Sequence[Initial], indent: str = "
 
 
 def initial_values(
-    description: Description, remarks: Mapping[str, str], address: str = _IP_V4
-) -> tuple[Initial, ...]:
+    description: Description, remarks: Mapping[str, str], address: str = _IP_V4_FORM
+) -> tuple[Setting, ...]:
     """Return the fields as the initial values of a DB; `remarks` are by field name."""
     return tuple(
-        Initial(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
+        Setting(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
         for field in description.structure.fields
     )
 
@@ -88,14 +88,14 @@ def _is_whole(description: Description) -> bool:
     return structure.size - structure.spare <= size <= structure.size
 
 
-def _as_bytes(name: str, data: bytes, why: str) -> str:
+def _bytes_declaration(name: str, data: bytes, why: str) -> str:
     if not data:
         return f"// {name} holds no byte: {why}"
-    lines = ",\n".join(_rows(data))
+    lines = ",\n".join(_hex_rows(data))
     return f"{name} : ARRAY[0..{len(data) - 1}] OF BYTE := [{REMARK}a CPU refuses this: {why}\n{lines}\n];"
 
 
-def _rows(data: bytes) -> Iterator[str]:
+def _hex_rows(data: bytes) -> Iterator[str]:
     for at in range(0, len(data), 8):
         yield INDENT + ", ".join(f"16#{byte:02X}" for byte in data[at : at + 8])
 
@@ -109,23 +109,23 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
             return address.format(", ".join(value.split(".")))
         case FieldType.SELECTOR, bytes():
             size = int.from_bytes(description.data[field.offset : field.offset + 2], "big")
-            return f"(TSelLength := {size}, TSel := {_array(value)})"  # also a length that does not fit
+            return f"(TSelLength := {size}, TSel := {_to_array(value)})"  # also a length that does not fit
         case FieldType.NAME, str():
             return quoted(value)
         case FieldType.BYTES, bytes():
-            return _array(value)
+            return _to_array(value)
         case _:
             return str(value)
 
 
-def _array(data: bytes) -> str:
+def _to_array(data: bytes) -> str:
     return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
 
 
-TLS: Final = "TLS"
-UNCHECKED: Final = "TLS NOT CHECKED"
-WARNING: Final = f'the certificate of the partner is not checked: verify = "{UNSAFE}"'
-NOBODY_CHECKED: Final = "not asked for: any client may come"
+TLS_TEXT: Final = "TLS"
+TLS_UNCHECKED_TEXT: Final = "TLS NOT CHECKED"
+UNVERIFIED_WARNING: Final = f'the certificate of the partner is not checked: verify = "{UNSAFE}"'
+NO_CLIENT_CHECK_TEXT: Final = "not asked for: any client may come"
 MOST_FILES: Final = 3
 
 
@@ -142,7 +142,7 @@ def security_of(config: ConnectConfig | None) -> Security | None:
     if tls is None:
         return None
     unsafe = tls.is_unverified
-    return Security(UNCHECKED if unsafe else TLS, unsafe)
+    return Security(TLS_UNCHECKED_TEXT if unsafe else TLS_TEXT, unsafe)
 
 
 def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
@@ -151,26 +151,26 @@ def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
     if session is None:
         return {}
     own, partners = ("Client", "Server") if config.active else ("Server", "Client")
-    trusted = _trusted(session)
+    trusted = _describe_trust(session)
     if not config.active and not session.asks_client:
-        trusted = NOBODY_CHECKED
-    shown = f"shows {_file(session.certificate)}" if session.certificate else "shows none"
+        trusted = NO_CLIENT_CHECK_TEXT
+    shown = f"shows {_short_path(session.certificate)}" if session.certificate else "shows none"
     return {f"TLS{own}CertRef": shown, f"TLS{partners}CertRef": trusted}
 
 
-def _trusted(session: Credentials) -> str:
+def _describe_trust(session: Credentials) -> str:
     if session.is_unverified:
         return "! NOT CHECKED: any certificate is taken"
-    return f"trusts {_files(session.authorities)}" if session.authorities else "trusts nobody"
+    return f"trusts {_short_paths(session.authorities)}" if session.authorities else "trusts nobody"
 
 
-def _files(paths: Iterable[str]) -> str:
-    shown = [_file(path) for path in paths]
+def _short_paths(paths: Iterable[str]) -> str:
+    shown = [_short_path(path) for path in paths]
     rest = len(shown) - MOST_FILES
     return ", ".join(shown[:MOST_FILES]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def _file(path: str) -> str:
+def _short_path(path: str) -> str:
     return "/".join(Path(path).parts[-2:])
 
 
@@ -200,20 +200,21 @@ def description_view(config: ConnectConfig, listens: str = "") -> DescriptionVie
     if description is None:
         return None
     flaw = config.flaw
-    remarks = _remarks(config) | certificate_remarks(config)
+    remarks = _bench_remarks(config) | certificate_remarks(config)
     if flaw is not None:
         remarks[flaw.field] = f"! {flaw.text}"
     security = security_of(config)
     return DescriptionView(
         structure=description.structure.name,
-        says=_says(config, listens) + ("" if description.structure.is_verified else f"; {UNVERIFIED_NOTE}"),
+        says=_describe(config, listens)
+        + ("" if description.structure.is_verified else f"; {UNVERIFIED_NOTE}"),
         rows=rows(description, remarks),
         flaw=flaw.text if flaw is not None else "",
-        warning=WARNING if security is not None and security.is_unsafe else "",
+        warning=UNVERIFIED_WARNING if security is not None and security.is_unsafe else "",
     )
 
 
-def _says(config: ConnectConfig, listens: str) -> str:
+def _describe(config: ConnectConfig, listens: str) -> str:
     assert config.description is not None
     if config.flaw is not None and config.flaw.flaw is Flaw.NO_DESCRIPTION:
         return "no connection description"
@@ -233,7 +234,7 @@ def _own_end(config: ConnectConfig, listens: str) -> str:
     return f"{listens}, a free port" if listens else f"{config.local.address}, a free port"
 
 
-def _remarks(config: ConnectConfig) -> dict[str, str]:
+def _bench_remarks(config: ConnectConfig) -> dict[str, str]:
     assert config.description is not None
     says = read_spec(config.description)
     found = dict.fromkeys(TYPE_FIELDS, str(says.protocol))

@@ -31,7 +31,7 @@ from trcvtui.project.descriptions import LOOPBACK
 from trcvtui.project.key_rows import context_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
-from trcvtui.project.tables import Table, expected_name, shown
+from trcvtui.project.tables import Table, expected_name, quote
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 
@@ -43,18 +43,18 @@ class Translation(NamedTuple):
     notes: tuple[str, ...]
 
 
-def dialect_named(name: str) -> Dialect:
+def find_dialect(name: str) -> Dialect:
     if name not in DIALECTS:
-        raise mistake("--dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
+        raise mistake("--dialect", quote(name), expected_name(name, DIALECTS, "dialect"))
     return DIALECTS[name]
 
 
-def in_dialect(project: Project, dialect: Dialect) -> Translation:
+def convert_project(project: Project, dialect: Dialect) -> Translation:
     """Return the project in that dialect; raise UserError when a CONNECT cannot be described in it."""
     if dialect.name == project.dialect.name:
         return Translation(project, ())
     notes: list[str] = []
-    options = _options(project, dialect, notes)
+    options = _convert_options(project, dialect, notes)
     model = project.model if project.model in dialect.models else dialect.default_model
     layout = rules_for(dialect.layout)
     other = replace(
@@ -65,12 +65,12 @@ def in_dialect(project: Project, dialect: Dialect) -> Translation:
         options=options,
         rules=dialect.answer(options),
         layout=layout,
-        data=tuple(_data(decl, layout) for decl in project.data),
+        data=tuple(_convert_data(decl, layout) for decl in project.data),
     )
     other = replace(
         other,
-        connects=tuple(_connect(c, n, project, other, notes) for n, c in enumerate(project.connects, 1)),
-        instances=_instances(project, other, notes),
+        connects=tuple(_convert(c, n, project, other, notes) for n, c in enumerate(project.connects, 1)),
+        instances=_convert_instances(project, other, notes),
     )
     return Translation(other, tuple(notes))
 
@@ -78,7 +78,7 @@ def in_dialect(project: Project, dialect: Dialect) -> Translation:
 # -- switches ----------------------------------------------------------------------------------------------
 
 
-def _options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, SwitchValue]:
+def _convert_options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, SwitchValue]:
     known = {switch.name for switch in dialect.switches}
     raw: dict[str, object] = {}
     for switch in project.dialect.switches:
@@ -100,23 +100,23 @@ def _options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, 
 # -- DATA, instances -----------------------------------------------------------------------------------------
 
 
-def _data(decl: DataDecl, rules: LayoutRules) -> DataDecl:
+def _convert_data(decl: DataDecl, rules: LayoutRules) -> DataDecl:
     layout = lay_out(decl.type, decl.choice.rules(rules), decl.name)
     return replace(decl, layout=layout, size=layout.size)
 
 
-def _instances(project: Project, other: Project, notes: list[str]) -> tuple[InstanceDecl, ...]:
+def _convert_instances(project: Project, other: Project, notes: list[str]) -> tuple[InstanceDecl, ...]:
     blocks = known_blocks(other.dialect.blocks)
     kept = []
     for decl in project.instances:
         if decl.block in blocks:
-            kept.append(_with_own_pins(decl, project, other, notes))
+            kept.append(_convert_pins(decl, project, other, notes))
         else:
             notes.append(f"{decl.name} is left out: {other.dialect.name} has no {decl.block}")
     return tuple(kept)
 
 
-def _with_own_pins(decl: InstanceDecl, project: Project, other: Project, notes: list[str]) -> InstanceDecl:
+def _convert_pins(decl: InstanceDecl, project: Project, other: Project, notes: list[str]) -> InstanceDecl:
     pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
     was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
     is_adhoc = inputs.get("ADHOC") or inputs.get("LEN", 0) in project.rules.area.adhoc_lens
@@ -131,22 +131,22 @@ def _with_own_pins(decl: InstanceDecl, project: Project, other: Project, notes: 
 # -- CONNECTs ------------------------------------------------------------------------------------------------
 
 
-def _connect(
+def _convert(
     config: ConnectConfig, number: int, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
     if config.description is None and other.dialect.describes_connects:
-        return _described(config, number, other, notes)
+        return _describe(config, number, other, notes)
     if config.description is not None and not other.dialect.describes_connects:
-        return _plain(config, config.description, project, other, notes)
+        return _convert_to_plain_tcp(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
         policy = other.rules.policy
         own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
         flaw = check_narrow_tsap(config.session.local) if policy.narrow_tsaps else None
         config = replace(config, session=own, flaw=config.flaw or flaw)
-    return _in_its_structure(config, other.dialect, notes)
+    return _convert_structure(config, other.dialect, notes)
 
 
-def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
+def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
     """Return a CONNECT in a structure that the other dialect takes; what none can say keeps its own."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
@@ -162,7 +162,7 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
     return replace(config, flaw=DescriptionFlaw(Flaw.STRUCTURE, "", text), session=None)
 
 
-def _described(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
+def _describe(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
     record: dict[str, object] = {
         "name": config.name,
         "ActiveEstablished": config.active,
@@ -185,10 +185,10 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
     return replace(described, history=config.history)
 
 
-def _plain(
+def _convert_to_plain_tcp(
     config: ConnectConfig, description: Description, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
-    _must_be_plain_tcp(config, description, other)
+    _check_plain_tcp(config, description, other)
     notes.append(
         f"{config.name}: {description.structure.name} is written as a TCP_CONNECTCONFIG, without its ID"
     )
@@ -209,7 +209,7 @@ def _plain(
     )
 
 
-def _must_be_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
+def _check_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
     says = read_spec(description)
     found = ""
     if says.protocol is not Transport.TCP:

@@ -49,7 +49,7 @@ from trcvtui.net.layer import LayerSettings, tls_credentials_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.received_ring import DEFAULT_HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, parse_octets
-from trcvtui.project.key_rows import Keys
+from trcvtui.project.key_rows import KeyPairs
 from trcvtui.project.project import CertificateDecl, Certificates
 from trcvtui.project.tables import (
     ADDRESS,
@@ -60,10 +60,10 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    of_text,
+    integer,
     parse_reference,
-    shown,
-    whole,
+    quote,
+    text_kind,
 )
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.wording import exact_size
@@ -73,23 +73,23 @@ if TYPE_CHECKING:
 
 LONGEST_MESSAGE: Final = 65536
 SIZES: Final = {1 << code: code for code in range(7, 14)}  # 128 .. 8192 bytes
-_TIA: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA writes a TSAP of two bytes
+_TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA writes a TSAP of two bytes
 
 
 def parse_selector(text: str) -> bytes | None:
     """Return a TSAP: `16#E002` and TIA's `E0.02` are bytes, `text:E002` and what cannot be hex are text.
 
-    What could be either is None (`either_way` says how to write each), and so is what no TSAP can be.
+    What could be either is None (`unambiguous_spellings` says how to write each), and so is what no TSAP can be.
     `hex E0 02` and `text E0 02` are from older files.
     """
     if text.startswith(("16#", "hex ")):
-        found = hex_of(text[3:].replace(".", " ")) or None
+        found = try_parse_hex(text[3:].replace(".", " ")) or None
     elif text.startswith(("text:", "text ")):
-        found = _ascii(text[5:])
-    elif _TIA.fullmatch(text):
+        found = _encode_ascii(text[5:])
+    elif _TIA_TSAP.fullmatch(text):
         found = bytes.fromhex(text.replace(".", ""))
     else:
-        found = None if _is_ambiguous(text) else _ascii(text)
+        found = None if _is_ambiguous(text) else _encode_ascii(text)
     return found if found is not None and len(found) <= LONGEST_SELECTOR else None
 
 
@@ -97,9 +97,9 @@ def _is_ambiguous(text: str) -> bool:
     return bool(text) and not text.strip("0123456789abcdefABCDEF .")
 
 
-def either_way(text: str) -> str:
+def unambiguous_spellings(text: str) -> str:
     """Return how to write the two things that a text of hex digits can be, "" where it is none."""
-    if not _is_ambiguous(text) or _TIA.fullmatch(text):
+    if not _is_ambiguous(text) or _TIA_TSAP.fullmatch(text):
         return ""
     digits = "".join(char for char in text if char not in " .").upper()
     digits = digits.zfill(len(digits) + len(digits) % 2)
@@ -109,28 +109,28 @@ def either_way(text: str) -> str:
     return f'"16#{digits}" (the bytes {selector_hex(bytes.fromhex(digits))}) or {as_text}'
 
 
-def hex_of(text: str) -> bytes | None:
+def try_parse_hex(text: str) -> bytes | None:
     try:
         return parse_hex(text)
     except UserError:
         return None
 
 
-def db_bytes(text: str) -> bytes | None:
+def parse_db_bytes(text: str) -> bytes | None:
     """Return the bytes of a DB; a lone digit is a copy that was cut off, not a byte."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
-    return None if lone else hex_of(text)
+    return None if lone else try_parse_hex(text)
 
 
-def _ascii(text: str) -> bytes | None:
+def _encode_ascii(text: str) -> bytes | None:
     return text.encode("ascii") if text.isascii() else None
 
 
-TSAP: Final = of_text(
+TSAP: Final = text_kind(
     'a TSAP of at most 32 bytes such as "16#E002", "E0.02" or "TCP-1"',
     parse_selector,
-    either_way,
+    unambiguous_spellings,
     write=lambda tsap: f"16#{tsap.hex().upper()}",
 )
 TPDU: Final[Kind[int]] = Kind(
@@ -141,29 +141,29 @@ TPDU: Final[Kind[int]] = Kind(
 )
 
 
-DB_BYTES: Final = of_text(
-    'the bytes of a DB in hex, two digits each, such as "00 40 00 01 0b 01 ..."', db_bytes
+DB_BYTES: Final = text_kind(
+    'the bytes of a DB in hex, two digits each, such as "00 40 00 01 0b 01 ..."', parse_db_bytes
 )
 
 
 UNSAFE: Final = "none, this is unsafe"
-NUMBER: Final = whole(1, (1 << 32) - 1)
-VERIFY: Final = of_text(
+CERTIFICATE_NUMBER: Final = integer(1, (1 << 32) - 1)
+VERIFY: Final = text_kind(
     f'"{UNSAFE}", or no such key: certificates are verified', lambda text: text if text == UNSAFE else None
 )
-HOST: Final = of_text("the name or address that the certificate must bear", lambda text: text or None)
+HOST: Final = text_kind("the name or address that the certificate must bear", lambda text: text or None)
 TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "server_name", "verify")
 
 
-def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
+def make_certificate(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
     """Return a certificate whose files have been looked at."""
     from trcvtui.net.layers import tls  # with the TLS library: only a project with certificates waits
 
     found = CertificateDecl(number, whole_name(base / file), whole_name(base / key) if key else "")
     if flaw := tls.find_certificate_flaw(found.file, ""):
-        table.wrong("file", flaw, "a PEM file")
+        table.report("file", flaw, "a PEM file")
     elif found.key and (flaw := tls.find_certificate_flaw(found.file, found.key)):
-        table.wrong("key", flaw, "a PEM file")
+        table.report("key", flaw, "a PEM file")
     return found
 
 
@@ -175,7 +175,7 @@ def is_secure(description: Description) -> bool:
     return bool(description.number("ActivateSecureConn"))
 
 
-def secure(
+def resolve_tls(
     description: Description, says: LinkSpec, known: Certificates, is_unverified: bool
 ) -> TlsSettings | DescriptionFlaw:
     """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
@@ -217,9 +217,9 @@ def tls_of_peer(
     values: Mapping[str, Any], table: Table, known: Certificates
 ) -> tuple[TlsSettings, tuple[tuple[str, bool | int | str], ...]]:
     """Return what a peer's table says of TLS: as settings, and as its keys."""
-    own, authority = [_known(table, key, values[key], known) for key in ("certificate", "authority")]
+    own, authority = [_look_up(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
-        table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
+        table.report("certificate", f"{own.number}, which has no key", "one with a key")
     name = values["server_name"]
     from trcvtui.net.layers.tls import TlsSettings
 
@@ -235,10 +235,10 @@ def tls_of_peer(
     return settings, tuple([(key, values[key]) for key in TLS_KEYS if values[key]])
 
 
-def _known(table: Table, key: str, number: int | None, known: Certificates) -> CertificateDecl | None:
+def _look_up(table: Table, key: str, number: int | None, known: Certificates) -> CertificateDecl | None:
     if number is not None and number not in known:
         numbers = ", ".join(map(str, known)) or "of a [[certificate]]"
-        table.wrong(key, shown(number), f"a number {numbers}" if known else f"the number {numbers}")
+        table.report(key, quote(number), f"a number {numbers}" if known else f"the number {numbers}")
     return None if number is None else known.get(number)
 
 
@@ -255,8 +255,8 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     """Return what a structure says of an ADDR, None where it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
-        table.unknown("type", type_name, ADDRESSES, "structure")
-        table.know(*table.rest())
+        table.add_unknown_name("type", type_name, ADDRESSES, "structure")
+        table.mark_known(*table.unread_keys())
         return None
     raw = table.read("bytes", DB_BYTES)
     if table.has("bytes"):
@@ -305,33 +305,33 @@ USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
 def _bytes_of(size: int) -> Callable[[str], bytes | None]:
     def read(text: str) -> bytes | None:
         numbers = parse_octets(text)
-        found = bytes(numbers) if numbers is not None else db_bytes(text)
+        found = bytes(numbers) if numbers is not None else parse_db_bytes(text)
         return found if found is not None and len(found) <= size else None
 
     return read
 
 
-REFERENCE: Final = of_text(
+REFERENCE: Final = text_kind(
     "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
 )
 NO_SERVER: Final = "none"
-DNS_ANSWER: Final = of_text(
+DNS_ANSWER: Final = text_kind(
     'the address that the DNS server of the bench answers, or "none": no server',
     lambda text: text if text == NO_SERVER else parse_address(text),
 )
-STRUCTURE: Final = of_text("the name of a structure such as TCON_IP_RFC", lambda text: text)
-QDN: Final = of_text(
+STRUCTURE: Final = text_kind("the name of a structure such as TCON_IP_RFC", lambda text: text)
+QDN: Final = text_kind(
     f"a name of at most {LONGEST_NAME} ASCII characters such as plc2.line.local.",
     lambda text: text if text.isascii() and len(text) <= LONGEST_NAME else None,
 )
 
 
-def _kind(field: DescriptionField) -> Kind[Any]:
+def _field_kind(field: DescriptionField) -> Kind[Any]:
     match field.type:
         case FieldType.NUMBER if field.name == "RemotePort":
             return PORT_OR_NAME
         case FieldType.NUMBER:
-            return whole(0, (1 << 8 * field.size) - 1)
+            return integer(0, (1 << 8 * field.size) - 1)
         case FieldType.TRUTH:
             return TRUTH
         case FieldType.ADDRESS:
@@ -341,7 +341,7 @@ def _kind(field: DescriptionField) -> Kind[Any]:
         case FieldType.NAME:
             return QDN
         case FieldType.BYTES:
-            return of_text(f"at most {field.size} bytes in hex, or an IPv4 address", _bytes_of(field.size))
+            return text_kind(f"at most {field.size} bytes in hex, or an IPv4 address", _bytes_of(field.size))
 
 
 # -- one table ------------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ class BenchKeys(Struct, frozen=True):
     is_unverified: bool
 
 
-def check_own_keys(table: Table, description: Description) -> None:
+def check_bench_keys(table: Table, description: Description) -> None:
     """Refuse a key of the bench that would have no effect here."""
     says = read_spec(description)
     iso_port, is_iso = table.text("IsoPort"), says.protocol is Transport.ISO
@@ -374,7 +374,7 @@ def check_own_keys(table: Table, description: Description) -> None:
         ("IsoPort", not may_be_iso, "nothing: only ISO-on-TCP has it"),
         ("ListenPort", is_iso, "IsoPort"),
         ("ListenPort", says.is_active, "nothing: an active end does not listen"),
-        ("DnsAnswer", not _has_name(description), "nothing: there is no RemoteQDN"),
+        ("DnsAnswer", not _has_name_field(description), "nothing: there is no RemoteQDN"),
         ("verify", not is_secure(description), "nothing: only a secure connection has certificates"),
         (
             "IsoPort",
@@ -384,25 +384,25 @@ def check_own_keys(table: Table, description: Description) -> None:
     )
     for key, is_useless, expected in useless:
         if table.has(key) and is_useless:
-            table.wrong(key, shown(table.peek(key)), expected)
+            table.report(key, quote(table.peek(key)), expected)
             return
 
 
-def read_written(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
+def read_description(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
     """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
-        table.unknown("type", type_name, CONNECTIONS, "structure")
-        table.know(*table.rest())
+        table.add_unknown_name("type", type_name, CONNECTIONS, "structure")
+        table.mark_known(*table.unread_keys())
         return None
     raw = table.read("bytes", DB_BYTES)
     if table.has("bytes"):
         reference = table.read("RemotePort", REFERENCE)
-        return None if raw is None else _of_bytes(raw, type_name, reference)
+        return None if raw is None else _describe_from_bytes(raw, type_name, reference)
     structure = CONNECTIONS[type_name or _default_type(table, structures)]
-    written = _of_fields(table, structure, number, is_plain=type_name is None)
+    written = _read_fields(table, structure, number, is_plain=type_name is None)
     is_taken = not structures or structure.name in structures
-    return written if type_name or is_taken else _in_param(written)
+    return written if type_name or is_taken else _convert_to_param(written)
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
@@ -411,13 +411,13 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
     return own[0] if own else DEFAULT_TYPE
 
 
-def _in_param(written: WrittenDescription) -> WrittenDescription:
+def _convert_to_param(written: WrittenDescription) -> WrittenDescription:
     description = written.description
     found = to_tcon_param(read_spec(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
 
 
-def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> WrittenDescription:
+def _describe_from_bytes(raw: bytes, type_name: str | None, reference: str | None) -> WrittenDescription:
     structure = CONNECTIONS[type_name] if type_name else find_structure(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
@@ -426,8 +426,8 @@ def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> Writt
     return WrittenDescription(Description(structure, raw), reference)
 
 
-def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> WrittenDescription:
-    read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
+def _read_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> WrittenDescription:
+    read = {field.name: table.read(field.name, _field_kind(field)) for field in structure.fields}
     port = read.get("RemotePort")
     reference = port if isinstance(port, str) else None
     if reference is not None:
@@ -435,11 +435,11 @@ def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) 
     elif "RemotePort" not in read:
         reference = table.read("RemotePort", REFERENCE)
     given: dict[str, FieldValue] = {name: value for name, value in read.items() if value is not None}
-    data = pack(structure, _usual(structure, number, given) | given)
+    data = pack(structure, _default_values(structure, number, given) | given)
     return WrittenDescription(Description(structure, data), reference, is_plain=is_plain)
 
 
-def _usual(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
+def _default_values(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
     """Return what STEP 7 writes into a new description, and the lengths that follow from what is given."""
     kind = connection_types_of(structure.name)[0]
     if structure.name != "TCON_Param":
@@ -456,11 +456,11 @@ def _usual(structure: Structure, number: int, given: dict[str, FieldValue]) -> d
     return usual
 
 
-def _has_name(description: Description) -> bool:
+def _has_name_field(description: Description) -> bool:
     return description.structure.field("RemoteQDN") is not None
 
 
-def config_fields(
+def make_config_fields(
     written: WrittenDescription,
     bench: BenchKeys,
     rules: VendorRules,
@@ -469,7 +469,7 @@ def config_fields(
 ) -> dict[str, Any]:
     """Return a CONNECT but for its name; `structures` are what the instructions take, () all."""
     says = read_spec(written.description)
-    session = _session(written.description, says, bench, rules, certificates)
+    session = _make_session(written.description, says, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
@@ -483,7 +483,7 @@ def config_fields(
         structures=structures,
         narrow_tsaps=rules.policy.narrow_tsaps,
     )
-    local_port, remote_port = _ports(written, says, bench)
+    local_port, remote_port = _choose_ports(written, says, bench)
     of_session = session if isinstance(session, DescriptionFlaw) else None
     return {
         "active": says.is_active,
@@ -501,7 +501,7 @@ def config_fields(
     }
 
 
-def _ports(written: WrittenDescription, says: LinkSpec, bench: BenchKeys) -> tuple[int, int | str]:
+def _choose_ports(written: WrittenDescription, says: LinkSpec, bench: BenchKeys) -> tuple[int, int | str]:
     if says.protocol is Transport.ISO and says.is_active:
         return 0, bench.iso_port
     if says.protocol is Transport.ISO:
@@ -513,7 +513,7 @@ def _ports(written: WrittenDescription, says: LinkSpec, bench: BenchKeys) -> tup
 def _remote_address(
     written: WrittenDescription, says: LinkSpec, bench: BenchKeys
 ) -> tuple[str, DescriptionFlaw | None]:
-    if not _has_name(written.description) or not says.remote_name:
+    if not _has_name_field(written.description) or not says.remote_name:
         return says.remote_address, None
     if bench.dns_answer is None:  # the network's own names, at each attempt
         return says.remote_address, None
@@ -526,32 +526,32 @@ def _remote_address(
     return bench.dns_answer, None
 
 
-def _session(
+def _make_session(
     description: Description, says: LinkSpec, bench: BenchKeys, rules: VendorRules, certificates: Certificates
 ) -> LayerSettings | DescriptionFlaw | None:
     if is_secure(description):
-        return secure(description, says, certificates, bench.is_unverified)
+        return resolve_tls(description, says, certificates, bench.is_unverified)
     if says.protocol is not Transport.ISO:
         return None
     own = says.local_tsap, says.remote_tsap
     return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
 
 
-def head_as_bytes(config: ConnectConfig) -> Keys:
+def keys_as_bytes(config: ConnectConfig) -> KeyPairs:
     """Return structure and bytes; with the keys of the bench they are read as the same CONNECT."""
-    description = _description(config)
+    description = _require_description(config)
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
-    keys: Keys = [("type", description.structure.name)] if is_known else []
+    keys: KeyPairs = [("type", description.structure.name)] if is_known else []
     keys.append(("bytes", description.data.hex(" ")))
     if isinstance(config.remote_port, str) and read_spec(description).protocol is not Transport.ISO:
         keys.append(("RemotePort", config.remote_port))
     return keys
 
 
-def head_as_fields(config: ConnectConfig) -> Keys:
+def keys_as_fields(config: ConnectConfig) -> KeyPairs:
     """Return the same by the names of the fields, as somebody writes it who changes one of them."""
-    description = _description(config)
-    keys: Keys = [("type", description.structure.name)]
+    description = _require_description(config)
+    keys: KeyPairs = [("type", description.structure.name)]
     for field in description.structure.fields:
         is_named = field.name == "RemotePort" and isinstance(config.remote_port, str)
         value = config.remote_port if is_named else description.value(field.name)
@@ -559,10 +559,10 @@ def head_as_fields(config: ConnectConfig) -> Keys:
     return [(key, value) for key, value in keys if value != "hex "]
 
 
-def plain_keys(config: ConnectConfig) -> Keys:
+def plain_keys(config: ConnectConfig) -> KeyPairs:
     """Return a CONNECT of plain TCP as one is written that names no structure."""
-    description = _description(config)
-    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
+    description = _require_description(config)
+    keys: KeyPairs = [] if config.any_local else [("LocalAddress", config.local.address)]
     keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
     keys += [("RemoteAddress", config.remote_address), ("RemotePort", config.remote_port)]
     keys.append(("ID", read_spec(description).identity))
@@ -574,21 +574,21 @@ def plain_keys(config: ConnectConfig) -> Keys:
     return keys + [(key, value) for key, value in optional if value]
 
 
-def _description(config: ConnectConfig) -> Description:
+def _require_description(config: ConnectConfig) -> Description:
     assert config.description is not None
     return config.description
 
 
 def iso_port_of(config: ConnectConfig) -> int | str | None:
     """Return IsoPort, None where ISO-on-TCP is not spoken."""
-    if read_spec(_description(config)).protocol is not Transport.ISO:
+    if read_spec(_require_description(config)).protocol is not Transport.ISO:
         return None
     return config.remote_port if config.active else config.local.port
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
     """Return ListenPort, None where the port of the description is listened on."""
-    says, port = read_spec(_description(config)), config.local.port
+    says, port = read_spec(_require_description(config)), config.local.port
     if says.protocol is Transport.ISO or config.active:
         return None
     wants_port = config.flaw is not None and config.flaw.field == "LocalPort"
@@ -598,7 +598,7 @@ def listen_port_of(config: ConnectConfig) -> int | None:
 
 def dns_answer_of(config: ConnectConfig) -> str | None:
     """Return DnsAnswer, None where the network is asked."""
-    if not read_spec(_description(config)).remote_name or config.remote_name:
+    if not read_spec(_require_description(config)).remote_name or config.remote_name:
         return None
     is_without = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
     return NO_SERVER if is_without else config.remote_address
@@ -610,7 +610,7 @@ def verify_of(config: ConnectConfig) -> str | None:
     return UNSAFE if tls is not None and tls.is_unverified else None
 
 
-def addr_keys(addr: AddrParam) -> Keys:
+def addr_keys(addr: AddrParam) -> KeyPairs:
     assert addr.description is not None
-    keys: Keys = [("type", addr.description.structure.name), ("bytes", addr.description.data.hex(" "))]
+    keys: KeyPairs = [("type", addr.description.structure.name), ("bytes", addr.description.data.hex(" "))]
     return keys + ([("RemotePort", addr.remote_port)] if isinstance(addr.remote_port, str) else [])

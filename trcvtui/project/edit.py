@@ -14,14 +14,14 @@ from msgspec.structs import replace
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.file import (
-    WORDS,
-    Names,
+    RESERVED_NAMES,
+    NamesByKind,
     all_names,
     check_names,
     find_duplicates,
     find_shared_ends,
-    joined_up,
-    types_of,
+    mark_buffer_users,
+    types_of_udts,
 )
 from trcvtui.project.key_rows import Hint, context_of
 from trcvtui.project.keys import (
@@ -34,9 +34,9 @@ from trcvtui.project.keys import (
     free_name,
     keys_of,
     kind_name,
+    kinds_sharing_names,
     names_of,
     read_table,
-    sharing,
     table_row,
 )
 from trcvtui.project.project import (
@@ -79,7 +79,7 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
     """Return the fields of a kind after its name; those of an instance are its block's."""
-    row, chosen = table_row(kind, project.dialect), block or first_block(project)
+    row, chosen = table_row(kind, project.dialect), block or default_block(project)
     asked = {
         key.name: _field(key.name, key.ask, project, chosen)
         for key in row.keys
@@ -95,21 +95,21 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
     return AddField(key, hint, ask.choices(project, block), first)
 
 
-def first_block(project: Project) -> str:
+def default_block(project: Project) -> str:
     """Return the block that the form begins with: on an empty bench one that receives from anybody."""
     blocks = project.dialect.blocks
     receivers = [block for block in blocks if (row := block_row(block)).connects and row.receives]
     return receivers[0] if receivers and not project.instances else blocks[0]
 
 
-def first_name(kind: str, project: Project, block: str = "") -> str:
+def propose_name(kind: str, project: Project, block: str = "") -> str:
     if kind == "certificate":
         return str(max(project.certificates, default=0) + 1)
-    start = f"{block or first_block(project)}_" if kind == "instance" else TABLES[kind].first_name
+    start = f"{block or default_block(project)}_" if kind == "instance" else TABLES[kind].first_name
     return free_name(kind, start, project)
 
 
-_GIVEN: Final = "--set "
+_SET_PREFIX: Final = "--set "
 CERTIFICATE: Final = "certificate"
 CERTIFICATE_REFS: Final = ("TLSServerCertRef", "TLSClientCertRef")
 MOST_UNDOABLE: Final = 20
@@ -125,9 +125,9 @@ def read_entry(
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
-    for other in sharing(kind) if kind != CERTIFICATE else ():
+    for other in kinds_sharing_names(kind) if kind != CERTIFICATE else ():
         known = [Table({TABLES[other].called: name}, "", problems) for name in names_of(other, project)]
-        reserved = WORDS if "data" in sharing(kind) else ()
+        reserved = RESERVED_NAMES if "data" in kinds_sharing_names(kind) else ()
         find_duplicates([(other, known), (kind, [table])], reserved=reserved)
         if problems:
             break
@@ -138,33 +138,33 @@ def read_entry(
         find_shared_ends([*known, table])
     decl = read_table(kind, table, around, number or len(entries_of(kind, project)) + 1)
     if isinstance(decl, ComBufferDecl):
-        decl = joined_up((decl,), project.instances)[0]
+        decl = mark_buffer_users((decl,), project.instances)[0]
     elif isinstance(decl, CertificateDecl) and decl.number in project.certificates:
-        table.wrong("number", f"{decl.number}, which is there already", "a number of its own", "taken")
+        table.report("number", f"{decl.number}, which is there already", "a number of its own", "taken")
     if problems or decl is None:
-        raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
+        raise UserError(dict.fromkeys(_relocate_problem(problem, where) for problem in problems))
     found: Declaration = decl
     return found
 
 
-def _names(project: Project) -> Names:
+def _names(project: Project) -> NamesByKind:
     blocks = [(each.name, each.block) for each in project.instances]
     ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
     names = {kind: names_of(kind, project) for kind in TABLES}
     return all_names(names, blocks, ports, project.dialect.describes_connects)
 
 
-def _placed(problem: Problem, where: str) -> Problem:
-    if not problem.where.startswith(_GIVEN):
+def _relocate_problem(problem: Problem, where: str) -> Problem:
+    if not problem.where.startswith(_SET_PREFIX):
         return problem
-    return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
+    return replace(problem, where=f"{where}: {problem.where.removeprefix(_SET_PREFIX)}")
 
 
-def entry(kind: str, name: str, project: Project) -> Declaration | None:
+def find_entry(kind: str, name: str, project: Project) -> Declaration | None:
     return next((each for each in entries_of(kind, project) if each.name == name), None)
 
 
-def kinds_named(name: str, project: Project) -> tuple[str, ...]:
+def find_kinds(name: str, project: Project) -> tuple[str, ...]:
     """Return the kinds of which an entry has this name; a certificate has a number."""
     return tuple([kind for kind in EDITED if kind != CERTIFICATE and name in names_of(kind, project)])
 
@@ -172,19 +172,19 @@ def kinds_named(name: str, project: Project) -> tuple[str, ...]:
 # -- edits -----------------------------------------------------------------------------------------------
 
 
-def adding(decl: Declaration, project: Project) -> Edit:
+def make_addition(decl: Declaration, project: Project) -> Edit:
     """Return the edit that adds an entry as the last of its kind."""
     kind = kind_name(decl)
     return Edit(kind, None, decl, len(entries_of(kind, project)))
 
 
-def changing(before: Declaration, after: Declaration | None, project: Project) -> Edit:
+def make_change(before: Declaration, after: Declaration | None, project: Project) -> Edit:
     """Return the edit that puts `after` in the place of an entry; None takes the entry away."""
     kind = kind_name(before)
     return Edit(kind, before, after, names_of(kind, project).index(before.name))
 
 
-def with_edits(project: Project, edits: Edits) -> Project:
+def apply_edits(project: Project, edits: Edits) -> Project:
     for edit in edits:
         found = [each for each in entries_of(edit.kind, project) if each.name != edit.name]
         if edit.after is not None:
@@ -195,44 +195,44 @@ def with_edits(project: Project, edits: Edits) -> Project:
         changed: dict[str, Any] = {TABLES[edit.kind].field: kept}
         project = replace(project, **changed)
     if any(edit.kind == UDT.kind for edit in edits):
-        project = replace(project, types=types_now(project))
-    return replace(project, combuffers=joined_up(project.combuffers, project.instances))
+        project = replace(project, types=types_of_project(project))
+    return replace(project, combuffers=mark_buffer_users(project.combuffers, project.instances))
 
 
-def types_now(project: Project) -> TypeSet:
+def types_of_project(project: Project) -> TypeSet:
     """Return the types of the project's UDT files; raise UserError where one cannot be taken."""
     constants, has_system_types = tuple(project.constants.items()), project.dialect.describes_connects
-    return types_of(project.udts, project.base, constants, has_system_types)
+    return types_of_udts(project.udts, project.base, constants, has_system_types)
 
 
-def edited(project: Project, edits: Edits) -> Project:
+def apply_step(project: Project, edits: Edits) -> Project:
     """Return the project after a step of edits, which can be taken back."""
-    return replace(with_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
+    return replace(apply_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
 
 
-def taken_back(project: Project) -> Edits:
+def undo_edits(project: Project) -> Edits:
     """Return the edits that take the newest step back; none where there is no step."""
-    return tuple([edit.undone for edit in reversed(project.undoable[-1])]) if project.undoable else ()
+    return tuple([edit.inverse for edit in reversed(project.undoable[-1])]) if project.undoable else ()
 
 
-def undone(project: Project) -> Project:
-    return replace(with_edits(project, taken_back(project)), undoable=project.undoable[:-1])
+def undo_step(project: Project) -> Project:
+    return replace(apply_edits(project, undo_edits(project)), undoable=project.undoable[:-1])
 
 
-def with_entry(project: Project, decl: Declaration) -> Project:
+def append_entry(project: Project, decl: Declaration) -> Project:
     """Return the project with one more entry, the last of its kind."""
-    return with_edits(project, (adding(decl, project),))
+    return apply_edits(project, (make_addition(decl, project),))
 
 
-def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
+def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
     """Return a declaration with some keys changed, None as a value: no such key; raise UserError.
 
     It is written anew in the first of its forms that says the same, and read as the file would be.
     """
-    edit = changing(decl, None, project)
-    others = with_edits(project, (edit,))
+    edit = make_change(decl, None, project)
+    others = apply_edits(project, (edit,))
     first: UserError | None = None
-    for own in _forms(decl, edit, others):
+    for own in _equivalent_forms(decl, edit, others):
         changed = own | dict(pairs)
         if "LocalPort" in pairs and "ListenPort" not in pairs:
             changed.pop("ListenPort", None)  # it only says where the bench listens in place of LocalPort
@@ -245,27 +245,27 @@ def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, 
 
 
 def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
-    """Return the keys of a declaration in the first form that says the same, as `read_changed` takes it."""
-    edit = changing(decl, None, project)
-    own = next(_forms(decl, edit, with_edits(project, (edit,))), dict(keys_of(decl)))
+    """Return the keys of a declaration in the first form that says the same, as `read_change` takes it."""
+    edit = make_change(decl, None, project)
+    own = next(_equivalent_forms(decl, edit, apply_edits(project, (edit,))), dict(keys_of(decl)))
     return {key: value for key, value in own.items() if key != TABLES[edit.kind].called}
 
 
-def _forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
+def _equivalent_forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
     for form in forms_of(decl):
         own = dict([entry_of(decl)[0], *form])
-        if _says(edit, own, others, decl):
+        if _reads_same(edit, own, others, decl):
             yield own
 
 
-def _says(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declaration) -> bool:
+def _reads_same(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declaration) -> bool:
     try:
-        return same(read_entry(edit.kind, content, others, "", edit.place + 1), decl)
+        return is_same_entry(read_entry(edit.kind, content, others, "", edit.place + 1), decl)
     except UserError:
         return False
 
 
-def same(decl: Declaration, other: Declaration) -> bool:
+def is_same_entry(decl: Declaration, other: Declaration) -> bool:
     """Return whether two declarations say the same; a type is laid out anew with each reading."""
     # Who writes and feeds a ComBuffer, its neighbours tell.
     if isinstance(decl, DataDecl | ComBufferDecl | UdtFile):
@@ -273,37 +273,37 @@ def same(decl: Declaration, other: Declaration) -> bool:
     return decl == other
 
 
-def difference(before: Project, after: Project) -> Edits:
+def diff_projects(before: Project, after: Project) -> Edits:
     """Return the edits that make the entries of one project those of another."""
     found: list[Edit] = []
     for kind in EDITED:
         old = {each.name: each for each in entries_of(kind, before)}
         new = {each.name: each for each in entries_of(kind, after)}
-        found += [changing(each, None, before) for name, each in old.items() if name not in new]
+        found += [make_change(each, None, before) for name, each in old.items() if name not in new]
         for place, (name, each) in enumerate(new.items()):
             was = old.get(name)
-            if was is None or not (was is each or same(was, each)):
+            if was is None or not (was is each or is_same_entry(was, each)):
                 found.append(Edit(kind, was, each, place))
     return tuple(found)
 
 
-def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
+def find_broken_users(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
     """Return the entries that could not stand any more after these edits, each with the reason."""
-    after = with_edits(project, edits)
+    after = apply_edits(project, edits)
     gone, kinds = {(edit.kind, edit.name) for edit in edits}, {edit.kind for edit in edits}
-    found = _of_certificates(edits, after)
+    found = _find_certificate_users(edits, after)
     for kind in EDITED:
         for place, each in enumerate(entries_of(kind, after), 1):
             uses_type = kind == "data" and UDT.kind in kinds
             if (kind, each.name) in gone or not (uses_type or _mentions(each, [e.name for e in edits])):
                 continue
-            wrong = _refused(each, kind, place, after)
-            if wrong is not None and _refused(each, kind, place, project) is None:
+            wrong = _find_refusal(each, kind, place, after)
+            if wrong is not None and _find_refusal(each, kind, place, project) is None:
                 found.append((each, wrong))
     return found
 
 
-def _of_certificates(edits: Edits, after: Project) -> list[tuple[Declaration, UserError]]:
+def _find_certificate_users(edits: Edits, after: Project) -> list[tuple[Declaration, UserError]]:
     numbers = {edit.name for edit in edits if edit.kind == CERTIFICATE and edit.before is not None}
     refs = (*CERTIFICATE_REFS, "certificate", "authority")
     having: tuple[Declaration, ...] = (*after.connects, *after.peers)
@@ -320,8 +320,8 @@ def _mentions(decl: Declaration, names: list[str]) -> bool:
     return any(name in text for name in names for text in texts)
 
 
-def _refused(decl: Declaration, kind: str, number: int, project: Project) -> UserError | None:
-    others = with_edits(project, (changing(decl, None, project),))
+def _find_refusal(decl: Declaration, kind: str, number: int, project: Project) -> UserError | None:
+    others = apply_edits(project, (make_change(decl, None, project),))
     try:
         read_entry(kind, dict(entry_of(decl)), others, "", number)
     except UserError as wrong:

@@ -20,28 +20,28 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
 from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.project.key_rows import Context, context_of
-from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row
+from trcvtui.project.keys import SIM_ROW, TABLES, TOP_ROW, UDT, kinds_sharing_names, read_table, table_row
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task, UdtFile
 from trcvtui.project.tables import (
     LINT,
     TEXT,
-    Given,
+    SetOverride,
     Table,
     expected_name,
     parse_reference,
+    quote,
     read_toml,
-    shown,
 )
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import content_of, read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
-WORDS: Final = ("peer",)
-Names = Mapping[str, Mapping[str, None]]  # names by kind, and by what some of a kind are for, in order
+RESERVED_NAMES: Final = ("peer",)
+NamesByKind = Mapping[str, Mapping[str, None]]  # names by kind, and by what some of a kind are for, in order
 
 # What one ComBuffer alone may name: what the one has in it, and what the other has to name.
-ENDS: Final = (
+BUFFER_ENDS: Final = (
     ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
     ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
     ("port", "the port of {}", "a port of its own"),
@@ -58,7 +58,7 @@ def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iter
             if not isinstance(name, str):
                 continue
             if name in seen:
-                table.wrong(called, f"{shown(name)}, {seen[name]}", "a name of its own", "taken")
+                table.report(called, f"{quote(name)}, {seen[name]}", "a name of its own", "taken")
             seen.setdefault(name, f"the name of another {kind}")
 
 
@@ -67,7 +67,7 @@ def all_names(
     blocks: Iterable[tuple[str, str]],
     ports: tuple[str, ...],
     describes: bool,
-) -> Names:
+) -> NamesByKind:
     """Return the names that keys may refer to, by kind and by what some of a kind are for.
 
     `blocks`: names of instances with their blocks. `stream_in`, `stream_out`: those that feed a ComBuffer,
@@ -84,7 +84,7 @@ def all_names(
     return {of: dict.fromkeys(each) for of, each in found.items()}
 
 
-def check_names(kind: str, table: Table, names: Names, around: Context) -> None:
+def check_names(kind: str, table: Table, names: NamesByKind, around: Context) -> None:
     """Record every key of a table that names nothing."""
     rows = table_row(kind, around.dialect).keys
     own = table.peek("name") if kind == "combuffer" else None
@@ -97,7 +97,7 @@ def check_names(kind: str, table: Table, names: Names, around: Context) -> None:
         if name in refers.words or (name != own and any(name in names[of] for of in refers.kinds)):
             continue
         known = [*refers.words, *(each for of in refers.kinds for each in names[of] if each != own)]
-        table.unknown(key, name, known, refers.what)
+        table.add_unknown_name(key, name, known, refers.what)
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:
@@ -105,24 +105,24 @@ def find_shared_ends(tables: Sequence[Table]) -> None:
 
     Of a URL each opening is a connection of its own.
     """
-    for key, has, expected in ENDS:
+    for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
         for table in tables:
             end, name = table.text(key), table.text("name")
             if not end or not name or end in (SIMULATED, SERIAL) or (key == "port" and "://" in end):
                 continue
             if end in seen:
-                table.wrong(key, f"{shown(end)}, {has.format(seen[end])}", expected)
+                table.report(key, f"{quote(end)}, {has.format(seen[end])}", expected)
             seen.setdefault(end, name)
     lines = {table.text("name"): table.text("line") for table in tables}
     for table in tables:
         source = table.text("source")
         if source and lines.get(source):
-            found = f"{shown(source)}, which goes out over {lines[source]}"
-            table.wrong("source", found, "a ComBuffer without a line")
+            found = f"{quote(source)}, which goes out over {lines[source]}"
+            table.report("source", found, "a ComBuffer without a line")
 
 
-def joined_up(
+def mark_buffer_users(
     buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
 ) -> tuple[ComBufferDecl, ...]:
     written = {i.connect for i in instances if block_row(i.block).writes_buffer}
@@ -133,35 +133,35 @@ def joined_up(
 # --set PATH=VALUE: what is set is checked like what is written; its mistakes say `--set PATH`.
 
 TOP_KEYS: Final = ("dialect", "model", "start")
-SECTIONS: Final = ("options", "sim")
+SET_SECTIONS: Final = ("options", "sim")
 BLACK_BOX: Final = "black_box"
-FORMS: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
+SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
 
 
-def with_overrides(
+def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
     """Return a copy of the document with every `PATH=VALUE` in it; of two of one path the last wins."""
-    changed = {key: _copied(value) for key, value in document.items()}
+    changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
         path = path.strip()
         if not equals or not path:
-            problems.append(Problem("--set", shown(override), FORMS))
+            problems.append(Problem("--set", quote(override), SET_FORM))
             continue
-        problem = _put(changed, path, Given(path, text.strip()))
+        problem = _set_path(changed, path, SetOverride(path, text.strip()))
         if problem is not None:
             problems.append(problem)
     return changed
 
 
-def _copied(part: Any) -> Any:
+def _copy_part(part: Any) -> Any:
     if isinstance(part, list):
         return [dict(entry) if isinstance(entry, dict) else entry for entry in part]
     return dict(part) if isinstance(part, dict) else part
 
 
-def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:
+def _set_path(document: dict[str, Any], path: str, value: SetOverride) -> Problem | None:
     match path.split("."):
         case [key] if key in TOP_KEYS:
             document[key] = value
@@ -169,20 +169,20 @@ def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:
             table = document.setdefault("constants", {})
             if isinstance(table, dict):
                 table[".".join(parts)] = value
-        case [section, key] if section in SECTIONS:
+        case [section, key] if section in SET_SECTIONS:
             table = document.setdefault(section, {})
             if isinstance(table, dict):
                 table[key] = value
         case [kind, name, key] if kind in TABLES and key != "name":
-            return _put_entry(document, kind, name, key, value)
+            return _set_key(document, kind, name, key, value)
         case [first, *_]:
-            known = (*TOP_KEYS, *SECTIONS, *TABLES, "constants")
-            expected = FORMS if first in known else expected_name(first, known, "part of a project")
-            return Problem(f"--set {path}", shown(first if first not in known else path), expected)
+            known = (*TOP_KEYS, *SET_SECTIONS, *TABLES, "constants")
+            expected = SET_FORM if first in known else expected_name(first, known, "part of a project")
+            return Problem(f"--set {path}", quote(first if first not in known else path), expected)
     return None
 
 
-def _put_entry(document: dict[str, Any], kind: str, name: str, key: str, value: Given) -> Problem | None:
+def _set_key(document: dict[str, Any], kind: str, name: str, key: str, value: SetOverride) -> Problem | None:
     if kind == "task" and "task" not in document:
         document["task"] = [{"name": "MAIN"}]  # the default task can be set without being written
     tables = document.get(kind)
@@ -192,12 +192,12 @@ def _put_entry(document: dict[str, Any], kind: str, name: str, key: str, value: 
             entry[key] = value
             return None
     names = [entry["name"] for entry in entries if isinstance(entry.get("name"), str)]
-    return Problem(f"--set {value.path}", shown(name), expected_name(name, names, kind))
+    return Problem(f"--set {value.path}", quote(name), expected_name(name, names, kind))
 
 
 # -- a file ------------------------------------------------------------------------------------------------
 
-KEYS: Final = (
+DOCUMENT_KEYS: Final = (
     "dialect", "model", "options", *TABLES, "start", "program", "sim", "constants",
 )  # fmt: skip
 
@@ -210,7 +210,7 @@ def load_project(path: Path | str, overrides: Iterable[str] = ()) -> Project:
     path = Path(path)
     document = read_toml(path)
     if document.pop("scenario", None) is not None:
-        return _project_of(document, path, overrides)
+        return _read_scenario_project(document, path, overrides)
     return read_project(document, str(path), path.parent, overrides)
 
 
@@ -226,20 +226,20 @@ def load_scenario_document(
     scenario = document.pop("scenario", None)
     with all_problems() as problems:
         if not isinstance(scenario, Mapping):
-            found = "nothing" if scenario is None else shown(scenario)
+            found = "nothing" if scenario is None else quote(scenario)
             problems.append(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
         with noting(problems):
-            project = _project_of(document, path, overrides)
+            project = _read_scenario_project(document, path, overrides)
     return project, scenario
 
 
-def _project_of(document: dict[str, Any], path: Path, overrides: Iterable[str]) -> Project:
+def _read_scenario_project(document: dict[str, Any], path: Path, overrides: Iterable[str]) -> Project:
     if "project" not in document:
         return read_project(document, str(path), path.parent, overrides, also=("scenario",))
     table = Table(document, str(path), [])
     other = table.read("project", TEXT)
-    table.know("scenario")
-    table.finish('key beside project = "..."')
+    table.mark_known("scenario")
+    table.report_unread_keys('key beside project = "..."')
     if table.problems or other is None:
         raise UserError(table.problems)
     beside = path.parent / other
@@ -262,10 +262,10 @@ def read_project(
     that belong to somebody else.
     """
     problems: list[Problem] = []
-    changed = with_overrides(document, overrides, problems)
+    changed = apply_overrides(document, overrides, problems)
     top = Table(changed, where, problems)
-    top.know(*KEYS, *also)
-    top.finish()
+    top.mark_known(*DOCUMENT_KEYS, *also)
+    top.report_unread_keys()
     return DocumentReader(changed, where, base, problems).project(top)
 
 
@@ -280,17 +280,17 @@ class DocumentReader:
 
     def project(self, top: Table) -> Project:
         """Return the project; raise UserError with all problems."""
-        name = top.must("dialect", TEXT)
+        name = top.require("dialect", TEXT)
         if name is not None and name not in DIALECTS:
-            top.unknown("dialect", name, DIALECTS, "dialect")
+            top.add_unknown_name("dialect", name, DIALECTS, "dialect")
         if name is None or name not in DIALECTS:
             raise UserError(self.problems)  # what else the file says means something in a dialect only
         dialect = DIALECTS[name]
         model, options = self.model(top, dialect), self.options(dialect)
         around = Context(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
-        body = self.body(around)
-        sim = SIM.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
-        texts = TOP.read(top, around)
+        body = self.read_all_entries(around)
+        sim = SIM_ROW.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
+        texts = TOP_ROW.read(top, around)
         if self.problems:
             # A bad UDT is told once, however many variables have it.
             raise UserError(dict.fromkeys(self.problems))
@@ -313,14 +313,14 @@ class DocumentReader:
         model = top.get("model", TEXT, dialect.default_model)
         if model in dialect.models:
             return model
-        top.unknown("model", model, dialect.models, "model")
+        top.add_unknown_name("model", model, dialect.models, "model")
         return dialect.default_model
 
     def options(self, dialect: Dialect) -> dict[str, SwitchValue]:
         raw = dict(self.section("options"))
         self.black_box = self.read_black_box(raw.pop(BLACK_BOX, "on"))
-        written = {key: value for key, value in raw.items() if not isinstance(value, Given)}
-        given = {key: value.text for key, value in raw.items() if isinstance(value, Given)}
+        written = {key: value for key, value in raw.items() if not isinstance(value, SetOverride)}
+        given = {key: value.text for key, value in raw.items() if isinstance(value, SetOverride)}
         values, wrong = read_switches(dialect, written, f"{self.where}: options")
         overriding, also_wrong = read_switches(dialect, given, "--set options")
         self.problems += [*wrong, *also_wrong]
@@ -328,14 +328,14 @@ class DocumentReader:
 
     def read_black_box(self, written: object) -> bool:
         """Return whether a run on the screen keeps its newest; no dialect has a word in that."""
-        is_given = isinstance(written, Given)
-        value = written.text if isinstance(written, Given) else written
+        is_given = isinstance(written, SetOverride)
+        value = written.text if isinstance(written, SetOverride) else written
         if value not in ("on", "off"):
             where = "--set options" if is_given else f"{self.where}: options"
-            self.problems.append(Problem(f"{where}.{BLACK_BOX}", shown(value), "on or off"))
+            self.problems.append(Problem(f"{where}.{BLACK_BOX}", quote(value), "on or off"))
         return value != "off"
 
-    def body(self, around: Context) -> dict[str, Any]:
+    def read_all_entries(self, around: Context) -> dict[str, Any]:
         """Return the entries of all kinds by the names of their fields, and the UDTs."""
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
@@ -347,13 +347,13 @@ class DocumentReader:
         for table in tables.pop("certificate"):
             one = read_table("certificate", table, around)
             if one is not None and one.number in certificates:
-                table.wrong("number", f"{one.number} for the second time", "a number of its own")
+                table.report("number", f"{one.number} for the second time", "a number of its own")
             elif one is not None:
                 certificates[one.number] = one
         tasks = _entries("task", tables.pop("task"), around) or (Task(),)
         around = replace(around, certificates=certificates, first_task=tasks[0].name)
         found = {kind: _entries(kind, of_kind, around) for kind, of_kind in tables.items()}
-        found["combuffer"] = joined_up(found["combuffer"], found["instance"])
+        found["combuffer"] = mark_buffer_users(found["combuffer"], found["instance"])
         return {
             "types": types or NO_TYPES,
             "tasks": tasks,
@@ -368,9 +368,9 @@ class DocumentReader:
         done: set[str] = set()
         for kind in TABLES:
             if kind not in done and kind != "certificate":
-                kinds = sharing(kind)
+                kinds = kinds_sharing_names(kind)
                 done.update(kinds)
-                reserved = WORDS if kind == "data" else ()
+                reserved = RESERVED_NAMES if kind == "data" else ()
                 find_duplicates([(each, tables[each]) for each in kinds], reserved)
         names = {kind: _names(of_kind) for kind, of_kind in tables.items()}
         blocks = [(table.text("name") or "", table.text("block") or "") for table in tables["instance"]]
@@ -388,7 +388,7 @@ class DocumentReader:
         read = tuple([each for each in udts if each is not None])
         has_system_types = around.dialect.describes_connects
         try:
-            types = types_of(read, self.base, tuple(constants.items()), has_system_types)
+            types = types_of_udts(read, self.base, tuple(constants.items()), has_system_types)
         except UserError as refused:
             self.problems += refused.problems
             return None
@@ -401,14 +401,14 @@ class DocumentReader:
         content = self.document.get(key, {})
         if isinstance(content, Mapping):
             return content
-        self.problems.append(Problem(f"{self.where}: {key}", shown(content), f"a table [{key}]"))
+        self.problems.append(Problem(f"{self.where}: {key}", quote(content), f"a table [{key}]"))
         return {}
 
     def entries(self, key: str) -> list[Table]:
         """Return the tables of `[[key]]`; each is named in messages by its name, or by its number from 1."""
         content = self.document.get(key, [])
         if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
-            found, expected = shown(content), f"tables that begin with [[{key}]]"
+            found, expected = quote(content), f"tables that begin with [[{key}]]"
             self.problems.append(Problem(f"{self.where}: {key}", found, expected))
             return []
         return [
@@ -423,7 +423,7 @@ def _label(entry: Mapping[str, Any], number: int) -> str:
 
 
 @lru_cache(maxsize=4)  # an edit of the UDT files is looked at several times before it is one
-def types_of(
+def types_of_udts(
     udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
     """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
@@ -431,7 +431,7 @@ def types_of(
     return read_files(contents, dict(constants), has_system_types, contents)
 
 
-def udts_now(project: Project) -> tuple[UdtFile, ...]:
+def reread_udts(project: Project) -> tuple[UdtFile, ...]:
     """Return the UDT files as they stand now, those too whose rows were written into the file by hand."""
     document: Mapping[str, Any] = {}
     try:

@@ -19,7 +19,7 @@ from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
 
 KeyValue = bool | int | float | str | list[str]
-Keys = list[tuple[str, KeyValue]]
+KeyPairs = list[tuple[str, KeyValue]]
 Refusal = tuple[str, str]  # what was found, what was expected
 
 
@@ -46,7 +46,7 @@ def context_of(project: Project) -> Context:
     return Context(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
 
 
-class Values(dict[str, Any]):
+class TableValues(dict[str, Any]):
     """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
 
     def __init__(self, table: Table, around: Context, number: int) -> None:
@@ -60,11 +60,11 @@ class Values(dict[str, Any]):
 Offer = Callable[[Project, str], tuple[str, ...]]  # of a project, and of a block for an instance
 
 
-def nothing(project: Project, block: str) -> tuple[str, ...]:
+def offer_none(project: Project, block: str) -> tuple[str, ...]:
     return ()
 
 
-def fixed(*texts: str) -> Offer:
+def offer_fixed(*texts: str) -> Offer:
     return lambda project, block: texts
 
 
@@ -76,7 +76,7 @@ class Hint(Struct, frozen=True):
     """
 
     hint: str | Callable[[Project, str], str]
-    choices: Offer = nothing
+    choices: Offer = offer_none
     first: str | Callable[[Project, str], str] = ""
     where: Callable[[Project, str], bool] = lambda project, block: True
     is_bare: bool = False
@@ -97,7 +97,7 @@ class NameUse(NamedTuple):
     or_none: bool = False
 
 
-def _always(table: Table, around: Context) -> bool:
+def _is_always_allowed(table: Table, around: Context) -> bool:
     return True
 
 
@@ -121,11 +121,11 @@ class Key(Struct, frozen=True):
     writes: Callable[[Any], Any] | None = None
     is_needed: bool = False
     is_said: bool = False
-    only: Callable[[Table, Context], bool | Refusal] = _always
-    reads: Callable[[Values], None] | None = None
+    only: Callable[[Table, Context], bool | Refusal] = _is_always_allowed
+    reads: Callable[[TableValues], None] | None = None
     is_played: bool = False
 
-    def read(self, values: Values) -> None:
+    def read(self, values: TableValues) -> None:
         """Read the key, where it belongs to this table."""
         if self.reads is not None:
             self.reads(values)
@@ -135,34 +135,34 @@ class Key(Struct, frozen=True):
             return
         if isinstance(allowed, tuple):
             if table.has(self.name):
-                table.know(self.name)
-                table.wrong(self.name, *allowed)
+                table.mark_known(self.name)
+                table.report(self.name, *allowed)
             return
-        found = table.must(self.name, self.kind) if self.is_needed else table.read(self.name, self.kind)
+        found = table.require(self.name, self.kind) if self.is_needed else table.read(self.name, self.kind)
         value = self.default if found is None and not self.is_needed else found
         values[self.name] = value
         values.by_row.append((self, value))
 
-    def written(self, decl: Declaration) -> KeyValue | None:
+    def toml_value(self, decl: Declaration) -> KeyValue | None:
         """Return the value as TOML has it, None where the key is left out."""
         if self.writes is not None:
             value = self.writes(decl)
         else:
-            value = _value(decl, self.of)
+            value = _get_by_path(decl, self.of)
         if value is None or self.kind is None or (value == self.default and not self.is_said):
             return None
         found: KeyValue = self.kind.write(value)
         return found
 
 
-def _value(decl: Any, of: str) -> Any:
+def _get_by_path(decl: Any, of: str) -> Any:
     """Return what stands at `local.port`, None where there is no such part."""
     for name in of.split(".") if of else ("",):
         decl = getattr(decl, name, None)
     return decl
 
 
-def _no_keys(decl: Any) -> Keys:
+def _no_keys(decl: Any) -> KeyPairs:
     return []
 
 
@@ -184,16 +184,16 @@ class TableRow(Struct, frozen=True):
     title: str = ""
     first_name: str = ""
     called: str = "name"
-    also: Callable[[Values], dict[str, Any] | None] = lambda values: {}
-    finish: Callable[[Values], None] = lambda values: values.table.finish()
+    also: Callable[[TableValues], dict[str, Any] | None] = lambda values: {}
+    finish: Callable[[TableValues], None] = lambda values: values.table.report_unread_keys()
     shares: tuple[str, ...] = ()
     asks_first: tuple[str, ...] = ()
-    head: Callable[[Any], Keys] = _no_keys
-    tail: Callable[[Any], Keys] = _no_keys
+    head: Callable[[Any], KeyPairs] = _no_keys
+    tail: Callable[[Any], KeyPairs] = _no_keys
 
     def read(self, table: Table, around: Context, number: int = 1) -> Any:
         """Return the declaration of a table, None where a key is missing or wrong that it needs."""
-        values = Values(table, around, number)
+        values = TableValues(table, around, number)
         for key in self.keys:
             key.read(values)
         self.finish(values)
@@ -202,20 +202,20 @@ class TableRow(Struct, frozen=True):
             return None
         return self.makes(**_arguments(values) | also)
 
-    def written(self, decl: Any) -> Keys:
-        found = [(k.name, k.written(decl)) for k in self.keys if k.name != self.called]
-        keys: Keys = [(name, value) for name, value in found if value is not None]
+    def toml_keys(self, decl: Any) -> KeyPairs:
+        found = [(k.name, k.toml_value(decl)) for k in self.keys if k.name != self.called]
+        keys: KeyPairs = [(name, value) for name, value in found if value is not None]
         return [*self.head(decl), *keys, *self.tail(decl)]
 
 
-PARTS: Final[dict[str, Callable[..., Any]]] = {
+PART_CLASSES: Final[dict[str, Callable[..., Any]]] = {
     "local": Endpoint,
     "choice": LayoutChoice,
     "serial": SerialSettings,
 }
 
 
-def _arguments(values: Values) -> dict[str, Any]:
+def _arguments(values: TableValues) -> dict[str, Any]:
     """Return what the rows give to the class; a part such as `local.port` goes into its own class."""
     arguments: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
@@ -225,4 +225,4 @@ def _arguments(values: Values) -> dict[str, Any]:
             parts.setdefault(head, {})[tail] = value
         elif head:
             arguments[head] = value
-    return arguments | {head: PARTS[head](**part) for head, part in parts.items()}
+    return arguments | {head: PART_CLASSES[head](**part) for head, part in parts.items()}

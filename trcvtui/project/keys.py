@@ -23,29 +23,29 @@ from trcvtui.net.received_ring import DEFAULT_HISTORY
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project import descriptions
 from trcvtui.project.descriptions import (
+    CERTIFICATE_NUMBER,
     HOST,
     LONGEST_MESSAGE,
     LOOPBACK,
-    NUMBER,
     TPDU,
     TSAP,
     VERIFY,
-    certificate_of,
+    make_certificate,
     tls_of_peer,
 )
 from trcvtui.project.key_rows import (
     Context,
     Hint,
     Key,
-    Keys,
+    KeyPairs,
     KeyValue,
     NameUse,
     Offer,
     Refusal,
     TableRow,
-    Values,
-    fixed,
-    nothing,
+    TableValues,
+    offer_fixed,
+    offer_none,
 )
 from trcvtui.project.project import (
     DEFAULT_EVERY_NS,
@@ -67,7 +67,7 @@ from trcvtui.project.project import (
     UdtFile,
     WatchDecl,
 )
-from trcvtui.project.proposals import NEW, free
+from trcvtui.project.proposals import NEW, propose_free
 from trcvtui.project.tables import (
     ADDRESS,
     ADDRESSES,
@@ -81,12 +81,12 @@ from trcvtui.project.tables import (
     FILE,
     HANDSHAKE,
     HISTORY_SIZE,
+    HOST_NAMES,
     INTERVAL,
     LAYOUT,
-    MESSAGES,
+    MESSAGE_LIST,
     MILLISECONDS,
     NAME,
-    NAMES,
     PARITY,
     POINTER_SIZE,
     PORT,
@@ -94,9 +94,9 @@ from trcvtui.project.tables import (
     PORT_OR_NAME,
     PRIORITY,
     QUEUE_SIZE,
-    RULES,
+    RULE_LIST,
     SEED,
-    STEPS,
+    STEP_LIST,
     STOP_BITS,
     TAP_PLACE,
     TEXT,
@@ -107,8 +107,8 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    shown,
-    whole,
+    integer,
+    quote,
 )
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUTS, LayoutChoice, LayoutRules
@@ -120,7 +120,7 @@ FREE_PORT: Final = Endpoint(LOOPBACK, 0)
 BOOLS: Final = ("false", "true")
 
 
-def _named(what: str) -> Key:
+def _name_key(what: str) -> Key:
     return Key("name", NAME, f"The name of the {what}.", "name", is_needed=True)
 
 
@@ -143,13 +143,13 @@ def entries_of(kind: str, project: Project) -> tuple[Any, ...]:
     return tuple(found.values()) if isinstance(found, Mapping) else found
 
 
-def sharing(kind: str) -> tuple[str, ...]:
+def kinds_sharing_names(kind: str) -> tuple[str, ...]:
     return tuple([each for each in TABLES if each == kind or each in TABLES[kind].shares])
 
 
 def free_name(kind: str, start: str, project: Project) -> str:
     """Return the first of `start`1, `start`2 .. that no entry has."""
-    taken = {name for each in sharing(kind) for name in names_of(each, project)}
+    taken = {name for each in kinds_sharing_names(kind) for name in names_of(each, project)}
     return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
 
 
@@ -157,25 +157,25 @@ def _names(*kinds: str, before: tuple[str, ...] = ()) -> Offer:
     return lambda project, block: (*before, *(name for kind in kinds for name in names_of(kind, project)))
 
 
-def _new_or(kind: str) -> Offer:
+def _offer_new_or(kind: str) -> Offer:
     return _names(kind, before=(NEW,))
 
 
-def _at(*kinds: str) -> Offer:
+def _references(*kinds: str) -> Offer:
     offer = _names(*kinds)
     return lambda project, block: tuple([f"@{name}" for name in offer(project, block)])
 
 
-def _last(offer: Offer) -> Callable[[Project, str], str]:
+def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
     """Return the newest of these names, "" where there is none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
-def _truth(hint: str, first: str = "", **more: Any) -> Hint:
-    return Hint(hint, fixed(*BOOLS), first, **more)
+def _truth_hint(hint: str, first: str = "", **more: Any) -> Hint:
+    return Hint(hint, offer_fixed(*BOOLS), first, **more)
 
 
-def _number(with_key: bool = False) -> Offer:
+def _numbers(with_key: bool = False) -> Offer:
     return lambda project, block: tuple(
         [str(each.number) for each in project.certificates.values() if each.key or not with_key]
     )
@@ -195,9 +195,9 @@ _CONNECT: Final = TableRow(
     "connect", "connects", ConnectConfig,
     "A connection, one TCP_CONNECTCONFIG. A key that is left out is 0, as in the record.",
     (
-        _named("CONNECT"),
+        _name_key("CONNECT"),
         Key("ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
-            Hint("true: the PLC connects", fixed(*BOOLS), "false"), is_said=True),
+            Hint("true: the PLC connects", offer_fixed(*BOOLS), "false"), is_said=True),
         Key("LocalAddress", ADDRESS, "The address of this machine to use.", "local.address",
             ANY_ADDRESS, Hint("an address of this machine", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
@@ -205,9 +205,9 @@ _CONNECT: Final = TableRow(
         Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 accepts any.", "remote_address",
             ANY_ADDRESS, Hint("0.0.0.0: anybody")),
         Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: where that peer or CONNECT listens.",
-            "remote_port", 0, Hint("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT),
+            "remote_port", 0, Hint("a port, or @NAME", _references("peer", "connect")), _PEER_OR_CONNECT),
         Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
-            False, _truth("true: Nagle off")),
+            False, _truth_hint("true: Nagle off")),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
             "keep_alive_interval_s", 0, Hint("seconds, 0: 10 s")),
         _HISTORY,
@@ -218,7 +218,7 @@ _CONNECT: Final = TableRow(
 _UDP_CONFIG: Final = TableRow(
     "udp_config", "udp_configs", UdpConfig, "Where a PLC receives datagrams.",
     (
-        _named("UDP_CONFIG"),
+        _name_key("UDP_CONFIG"),
         Key("LocalAddress", ADDRESS, "The address of this machine to use.", "local.address",
             ANY_ADDRESS, Hint("0.0.0.0", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
@@ -231,7 +231,7 @@ _UDP_CONFIG: Final = TableRow(
 _ADDR: Final = TableRow(
     "addr", "addrs", AddrParam, "An ADDR_PARAM: where datagrams go, and where they came from.",
     (
-        _named("ADDR"),
+        _name_key("ADDR"),
         Key("RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
             Hint("0.0.0.0", first=LOOPBACK)),
         Key("RemotePort", UDP_PORT_OR_NAME, "The partner's port, or @NAME.", "remote_port", 0,
@@ -244,59 +244,59 @@ _ADDR: Final = TableRow(
 # -- connection descriptions -----------------------------------------------------------------------------
 
 
-def _is_param(project: Project, block: str) -> bool:
+def _takes_param_alone(project: Project, block: str) -> bool:
     return project.dialect.structures == ("TCON_Param",)
 
 
 def _is_newer(project: Project, block: str) -> bool:
-    return not _is_param(project, block)
+    return not _takes_param_alone(project, block)
 
 
 def _field_keys() -> Iterable[Key]:
-    ends, numbers = _at("peer", "connect"), _number()
+    ends, numbers = _references("peer", "connect"), _numbers()
     refers = {"RemotePort": _PEER_OR_CONNECT}
 
-    def newer(name: str, hint: str, choices: Offer = nothing, is_quoted: bool = False) -> Key:
+    def newer_key(name: str, hint: str, choices: Offer = offer_none, is_quoted: bool = False) -> Key:
         ask = Hint(hint, choices, where=_is_newer, is_quoted=is_quoted)
         return Key(name, None, hint, ask=ask, refers=refers.get(name))
 
-    def older(name: str, hint: str, choices: Offer = nothing, first: str = "") -> Key:
-        ask = Hint(hint, choices, first, where=_is_param)
+    def older_key(name: str, hint: str, choices: Offer = offer_none, first: str = "") -> Key:
+        ask = Hint(hint, choices, first, where=_takes_param_alone)
         return Key(name, None, hint, ask=ask, refers=refers.get(name))
 
-    yield newer("ID", "1 to 4095")
-    yield newer("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP")
-    yield newer("ActiveEstablished", "true: the PLC connects", fixed(*BOOLS))
-    yield newer("RemoteAddress", "0.0.0.0: anybody")
-    yield newer("RemoteQDN", "TCON_QDN: a name with a dot at its end")
-    yield newer("RemotePort", "a port, or @NAME", ends)
-    yield newer("LocalPort", "passive: 1 to 49151")
-    yield newer("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
-    yield newer("RemoteTSelector", "that of the partner", is_quoted=True)
+    yield newer_key("ID", "1 to 4095")
+    yield newer_key("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP")
+    yield newer_key("ActiveEstablished", "true: the PLC connects", offer_fixed(*BOOLS))
+    yield newer_key("RemoteAddress", "0.0.0.0: anybody")
+    yield newer_key("RemoteQDN", "TCON_QDN: a name with a dot at its end")
+    yield newer_key("RemotePort", "a port, or @NAME", ends)
+    yield newer_key("LocalPort", "passive: 1 to 49151")
+    yield newer_key("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
+    yield newer_key("RemoteTSelector", "that of the partner", is_quoted=True)
     yield Key("IsoPort", PORT_OR_NAME, "The port instead of 102, which needs rights.",
               default=descriptions.ISO_PORT, ask=Hint("of the bench, in place of 102", ends, where=_is_newer),
               refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
-    yield newer("ActivateSecureConn", "SEC: true is TLS", fixed(*BOOLS))
-    yield newer("TLSServerCertRef", "the number of a certificate", numbers)
-    yield newer("TLSClientCertRef", "the number of a certificate", numbers)
-    yield older("ActiveEstablished", "no type: true, the PLC connects", fixed(*BOOLS), "false")
-    yield older("RemoteAddress", "no type: 0.0.0.0, anybody")
-    yield older("RemotePort", "no type: a port, or @NAME", ends)
-    yield older("LocalPort", "no type: 0, a free one")
-    yield older("id", "TCON_Param: 1 to 4095")
-    yield older("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP")
-    yield older("active_est", "TCON_Param: true, the PLC connects", fixed(*BOOLS))
-    yield older("rem_staddr", "TCON_Param: 4 bytes of the address")
-    yield older("local_tsap_id", "TCON_Param: port or TSAP in hex")
-    yield older("rem_tsap_id", "TCON_Param: port or TSAP in hex")
+    yield newer_key("ActivateSecureConn", "SEC: true is TLS", offer_fixed(*BOOLS))
+    yield newer_key("TLSServerCertRef", "the number of a certificate", numbers)
+    yield newer_key("TLSClientCertRef", "the number of a certificate", numbers)
+    yield older_key("ActiveEstablished", "no type: true, the PLC connects", offer_fixed(*BOOLS), "false")
+    yield older_key("RemoteAddress", "no type: 0.0.0.0, anybody")
+    yield older_key("RemotePort", "no type: a port, or @NAME", ends)
+    yield older_key("LocalPort", "no type: 0, a free one")
+    yield older_key("id", "TCON_Param: 1 to 4095")
+    yield older_key("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP")
+    yield older_key("active_est", "TCON_Param: true, the PLC connects", offer_fixed(*BOOLS))
+    yield older_key("rem_staddr", "TCON_Param: 4 bytes of the address")
+    yield older_key("local_tsap_id", "TCON_Param: port or TSAP in hex")
+    yield older_key("rem_tsap_id", "TCON_Param: port or TSAP in hex")
 
 
-def _read_description(values: Values) -> None:
+def _read_description(values: TableValues) -> None:
     table, structures = values.table, values.around.dialect.structures
-    values["description"] = descriptions.read_written(table, values.number, structures)
+    values["description"] = descriptions.read_description(table, values.number, structures)
 
 
-def _described(values: Values) -> dict[str, Any] | None:
+def _make_described_fields(values: TableValues) -> dict[str, Any] | None:
     around, written = values.around, values["description"]
     if written is None or values["name"] is None:
         return None
@@ -308,8 +308,8 @@ def _described(values: Values) -> dict[str, Any] | None:
         keep_alive=values["KeepAliveTimeInterval"],
         is_unverified=values["verify"] is not None,
     )
-    descriptions.check_own_keys(values.table, written.description)
-    return descriptions.config_fields(
+    descriptions.check_bench_keys(values.table, written.description)
+    return descriptions.make_config_fields(
         written, bench, around.rules, around.certificates, around.dialect.structures
     )
 
@@ -318,7 +318,7 @@ _DESCRIBED_CONNECT: Final = replace(
     _CONNECT,
     help="A connection description, by fields or as the bytes of the DB, and some keys of the bench.",
     keys=(
-        _named("CONNECT"),
+        _name_key("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
             ask=Hint("none: plain TCP in what it takes",
                      lambda project, block: project.dialect.structures or tuple(CONNECTIONS))),
@@ -338,21 +338,21 @@ _DESCRIBED_CONNECT: Final = replace(
             default=0, writes=lambda c: c.keep_alive_interval_s),
         _HISTORY,
     ),
-    also=_described, head=lambda c: descriptions.head_as_bytes(c),
+    also=_make_described_fields, head=lambda c: descriptions.keys_as_bytes(c),
 )  # fmt: skip
 
 
 _DESCRIBED_ADDR: Final = replace(
     _ADDR, help="A TADDR_Param, by its fields or as bytes.",
     keys=(
-        _named("ADDR"),
+        _name_key("ADDR"),
         Key("type", None, "The structure; default TADDR_Param.",
             reads=lambda values: values.update(structure=descriptions.read_addr_structure(values.table))),
         Key("bytes", None, "The bytes of the DB in hex, instead of the fields."),
         Key("rem_ip_addr", None, "The partner's address; a receiver writes it.",
             ask=Hint("0.0.0.0: a receiver writes it", first=LOOPBACK)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
-            ask=Hint("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
+            ask=Hint("a port, or @NAME", _references("peer")), refers=_PEER_OR_UDP),
         Key("reserved", None, "The two bytes after them."),
         Key("RemotePort", None, "@NAME, with `bytes`.", refers=_PEER_OR_UDP),
     ),
@@ -382,7 +382,7 @@ def _lines(project: Project, block: str) -> tuple[str, ...]:
 _COMBUFFER: Final = TableRow(
     "combuffer", "combuffers", ComBufferDecl, "A ComBuffer of TwinCAT: bytes between a line and the blocks.",
     (
-        _named("ComBuffer"),
+        _name_key("ComBuffer"),
         Key("source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
             "source", SIMULATED, Hint("where bytes come from", _sources, SIMULATED),
             NameUse("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
@@ -391,13 +391,13 @@ _COMBUFFER: Final = TableRow(
         Key("baud", BAUD, "Bits a second.", "serial.baud", 9600, Hint("serial: 9600"),
             only=_is_serial, is_said=True),
         Key("parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
-            Hint("serial: none", fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
+            Hint("serial: none", offer_fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
         Key("stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
-            Hint("serial: 1", fixed("1", "1.5", "2")), only=_is_serial),
+            Hint("serial: 1", offer_fixed("1", "1.5", "2")), only=_is_serial),
         Key("data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
-            Hint("serial: 8", fixed("8", "7", "6", "5")), only=_is_serial),
+            Hint("serial: 8", offer_fixed("8", "7", "6", "5")), only=_is_serial),
         Key("handshake", HANDSHAKE, "The flow control.", "serial.handshake", "none",
-            Hint("serial: none", fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
+            Hint("serial: none", offer_fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
         Key("line", TEXT, "What sends the bytes: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Hint("what sends what is written", _lines),
             NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
@@ -414,35 +414,35 @@ _COMBUFFER: Final = TableRow(
 # -- DATA ------------------------------------------------------------------------------------------------
 
 
-def _chosen(name: str, kind: Kind[Any], help_: str, ask: Hint | None = None) -> Key:
+def _layout_choice_key(name: str, kind: Kind[Any], help_: str, ask: Hint | None = None) -> Key:
     return Key(name, kind, help_, f"choice.{name}", ask=ask, is_played=True)
 
 
-_CHOICE: Final = (
-    _chosen(
+_LAYOUT_CHOICE_KEYS: Final = (
+    _layout_choice_key(
         "layout", LAYOUT, "Its layout; default: the PLC's.",
-        Hint("none: the PLC's own", fixed(*LAYOUTS), is_of_change=True),
+        Hint("none: the PLC's own", offer_fixed(*LAYOUTS), is_of_change=True),
     ),
-    _chosen(
+    _layout_choice_key(
         "byte_order", BYTE_ORDER, "Its byte order; default: that of the layout.",
-        Hint("none: that of the layout", fixed(*BYTE_ORDERS), is_of_change=True),
+        Hint("none: that of the layout", offer_fixed(*BYTE_ORDERS), is_of_change=True),
     ),
-    _chosen("text", TEXT_FORM, "How a STRING lies."),
-    _chosen("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
-    _chosen("string_even", TRUTH, "Whether a STRING begins at an even byte."),
+    _layout_choice_key("text", TEXT_FORM, "How a STRING lies."),
+    _layout_choice_key("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
+    _layout_choice_key("string_even", TRUTH, "Whether a STRING begins at an even byte."),
 )  # fmt: skip
 
 
-def _laid_out(values: Values) -> dict[str, Any] | None:
+def _lay_out_data(values: TableValues) -> dict[str, Any] | None:
     """Return type and layout of a variable, None where they cannot be had."""
     table, around, text = values.table, values.around, values["type"]
     if text is None:
         return None
-    choice = LayoutChoice(*[values[key.name] for key in _CHOICE])
+    choice = LayoutChoice(*[values[key.name] for key in _LAYOUT_CHOICE_KEYS])
     place = table.place("type")
     try:
         type_ = parse_type(text, around.types or NO_TYPES, place)
-        layout = _placed(type_, choice.rules(around.layout), values["name"] or "?", place)
+        layout = _lay_out_at(type_, choice.rules(around.layout), values["name"] or "?", place)
     except UserError as refused:
         if around.types is not None:  # else the type may stand in the file that cannot be read
             table.problems.extend(refused.problems)
@@ -450,7 +450,7 @@ def _laid_out(values: Values) -> dict[str, Any] | None:
     return {"type": type_, "layout": layout, "size": layout.size}
 
 
-def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
+def _lay_out_at(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
     try:
         return lay_out(type_, rules, name)
     except UserError as refused:
@@ -462,26 +462,26 @@ def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
 _DATA: Final = TableRow(
     "data", "data", DataDecl, "A global variable, to which the DATA of blocks points.",
     (
-        _named("variable"),
+        _name_key("variable"),
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
             ask=Hint("an IEC type or a UDT", lambda project, block: tuple(project.types.names()),
                     "ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True, is_played=True),
         Key("optimized", TRUTH, "Whether it is in an optimized data block.", "optimized",
             False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
-        *_CHOICE,
+        *_LAYOUT_CHOICE_KEYS,
     ),
-    "DATA variable", "a DATA variable", "rx", also=_laid_out, shares=("instance",),
+    "DATA variable", "a DATA variable", "rx", also=_lay_out_data, shares=("instance",),
 )  # fmt: skip
 
 
 # -- instances -------------------------------------------------------------------------------------------
 
 
-def kind_of(pin: Pin) -> Kind[Any]:
+def pin_kind(pin: Pin) -> Kind[Any]:
     """Return what a pin can hold: true and false, or the range of its IEC type."""
     if pin.iec_type == "TIME":
         return MILLISECONDS
-    return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
+    return TRUTH if pin.is_bool else integer(*ELEMENTARY[pin.iec_type].limits)
 
 
 def link_key(block: str) -> str:
@@ -489,21 +489,21 @@ def link_key(block: str) -> str:
     return block_row(block).buffer_pin or "connect"
 
 
-def _on_config(table: Table, around: Context) -> bool | Refusal:
+def _has_config(table: Table, around: Context) -> bool | Refusal:
     row = block_row(table.text("block"))
     if row.datagrams and table.has("connect"):
         return "a UDP_CONFIG beside a CONNECT", "one of them"
     return row.speaks_udp
 
 
-def _on_link(key: str) -> Callable[[Table, Context], bool]:
-    def is_on(table: Table, around: Context) -> bool:
+def _has_link(key: str) -> Callable[[Table, Context], bool]:
+    def may_have(table: Table, around: Context) -> bool:
         block = table.text("block") or ""
         if block not in around.blocks and not table.has(key):
             return False  # nobody knows what an unknown block needs
-        return _on_config(table, around) is not True and link_key(block) == key
+        return _has_config(table, around) is not True and link_key(block) == key
 
-    return is_on
+    return may_have
 
 
 def _may_have_addr(table: Table, around: Context) -> bool:
@@ -512,19 +512,19 @@ def _may_have_addr(table: Table, around: Context) -> bool:
     return (row.sends_stream or row.receives_stream) and has_datagrams
 
 
-def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
+def _to_link(key: str) -> Callable[[InstanceDecl], str | None]:
     return lambda i: i.connect if key == ("config" if i.on_config else link_key(i.block)) else None
 
 
 def _buffer_key(pin: str) -> Key:
     return Key(pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
-               ask=Hint("a ComBuffer", _new_or("combuffer"), free("combuffer"),
+               ask=Hint("a ComBuffer", _offer_new_or("combuffer"), propose_free("combuffer"),
                         lambda project, block: block_row(block).buffer_pin == pin),
-               refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
-               only=_on_link(pin))  # fmt: skip
+               refers=NameUse("ComBuffer", ("combuffer",)), writes=_to_link(pin), is_needed=True,
+               only=_has_link(pin))  # fmt: skip
 
 
-def _on_connect(project: Project, block: str) -> bool:
+def _asks_for_connect(project: Project, block: str) -> bool:
     row = block_row(block)
     return not row.has_buffer and (bool(row.datagrams) or not row.speaks_udp)
 
@@ -534,7 +534,7 @@ def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
     return (*own, *names_of("connect", project))
 
 
-def _mark_key(pin: str) -> Key:
+def _pointer_key(pin: str) -> Key:
     mark = pin.removeprefix("p").lower()
     return Key(pin, TEXT, f"The variable of the {mark}; default: the pointer is 0.", default="",
                ask=Hint(f"{mark}, none: 0", _names("data", before=("",)),
@@ -552,31 +552,31 @@ def _inputs_hint(project: Project, block: str) -> str:
     return f"such as {shown_[0]}=1" if shown_ else "none"
 
 
-def _read_inputs(values: Values) -> None:
+def _read_inputs(values: TableValues) -> None:
     table, around, block = values.table, values.around, values["block"]
     for lacking in around.rules.lacks:
         if table.has(lacking):
             expected = f"another: blocks of {around.dialect.name} have none of that name"
-            table.wrong(lacking, "a pin", expected)
+            table.report(lacking, "a pin", expected)
     data, row = values.get("data"), block_row(block)
     if data is not None and block in around.blocks and not row.data_pin:
-        table.wrong("data", shown(data), f"nothing: {block} has no DATA")
+        table.report("data", quote(data), f"nothing: {block} has no DATA")
     if block is not None and block not in around.blocks:
-        table.unknown("block", block, around.blocks, "block")
+        table.add_unknown_name("block", block, around.blocks, "block")
     # Without its block nobody knows which pins it has: the other names are checked all the same.
     pins = tuple(map(around.rules.with_iec_type, row.pins)) if block in around.blocks else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
     outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
-    for key in table.rest():
+    for key in table.unread_keys():
         if key in outputs:
-            table.know(key)
-            table.wrong(key, "an output", "an input: " + ", ".join(pin.name for pin in inputs))
-    found = [(pin.name, table.read(pin.name, kind_of(pin))) for pin in inputs]
-    table.finish("key or input pin")
+            table.mark_known(key)
+            table.report(key, "an output", "an input: " + ", ".join(pin.name for pin in inputs))
+    found = [(pin.name, table.read(pin.name, pin_kind(pin))) for pin in inputs]
+    table.report_unread_keys("key or input pin")
     values["inputs"] = tuple((name, value) for name, value in found if value is not None)
 
 
-def _instance(values: Values) -> dict[str, Any] | None:
+def _make_instance_fields(values: TableValues) -> dict[str, Any] | None:
     if values["block"] not in values.around.blocks:
         return None
     pointers = block_row(values["block"]).pointers
@@ -588,7 +588,7 @@ def _instance(values: Values) -> dict[str, Any] | None:
     }
 
 
-_ADDR_OF_INSTANCE: Final = Key(
+_INSTANCE_ADDR_KEY: Final = Key(
     "addr", TEXT, "The ADDR of a block of UDP.", "addr", refers=NameUse("ADDR", ("addr",)),
     only=_may_have_addr,
 )  # fmt: skip
@@ -596,27 +596,27 @@ _INSTANCE: Final = TableRow(
     "instance", "instances", InstanceDecl,
     "A block instance. Every other key is an input pin of its block.",
     (
-        _named("instance"),
+        _name_key("instance"),
         Key("block", TEXT, "The block.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
-            ask=Hint("of a UDP description", _connect_choices, free("connect"), _on_connect),
-            refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
-        Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect", is_needed=True, only=_on_config,
-            ask=Hint("of a UDP block", _new_or("udp_config"), free("udp_config"),
+            ask=Hint("of a UDP description", _connect_choices, propose_free("connect"), _asks_for_connect),
+            refers=NameUse("CONNECT", ("connect",)), writes=_to_link("connect"), only=_has_link("connect")),
+        Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect", is_needed=True, only=_has_config,
+            ask=Hint("of a UDP block", _offer_new_or("udp_config"), propose_free("udp_config"),
                     lambda project, block: block_row(block).speaks_udp),
-            refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config")),
+            refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_to_link("config")),
         *map(_buffer_key, buffer_pins()),
-        replace(_ADDR_OF_INSTANCE, is_needed=True,
+        replace(_INSTANCE_ADDR_KEY, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
-        replace(_ADDR_OF_INSTANCE, writes=lambda i: None, ask=Hint(
-            "of a UDP block", _new_or("addr"), free("addr"), lambda project, block:
+        replace(_INSTANCE_ADDR_KEY, writes=lambda i: None, ask=Hint(
+            "of a UDP block", _offer_new_or("addr"), propose_free("addr"), lambda project, block:
             block_row(block).speaks_udp or (block_row(block).connects and bool(project.addrs)))),
         Key("data", TEXT, "The variable at its DATA; without it the pin is open.", "data",
-            ask=Hint("a DATA variable", _new_or("data"), free("data"),
+            ask=Hint("a DATA variable", _offer_new_or("data"), propose_free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
-        *map(_mark_key, pointer_pins()),
+        *map(_pointer_key, pointer_pins()),
         Key("task", TEXT, "The task that calls it; default: the first one.", is_said=True,
             ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
@@ -624,14 +624,14 @@ _INSTANCE: Final = TableRow(
         Key("inputs", None, "Initial values of input pins, by the pin's name.",
             ask=Hint(_inputs_hint, is_bare=True)),
     ),
-    "instance", "an instance", also=_instance, finish=_read_inputs, shares=("data",),
+    "instance", "an instance", also=_make_instance_fields, finish=_read_inputs, shares=("data",),
     tail=lambda i: [(pin, MILLISECONDS.write(value) if is_time(pin) else value) for pin, value in i.inputs],
 )  # fmt: skip
 
 
 # -- peers and what they say -----------------------------------------------------------------------------
 
-_ENDS: Final = _at("connect", "udp_config")
+_OFFER_ENDS: Final = _references("connect", "udp_config")
 _NO_CONNECTION: Final = "a word of connections", "local and remote alone: UDP has no connection"
 
 
@@ -644,40 +644,40 @@ def _is_active(table: Table) -> bool:
     return table.is_true("active", table.has("remote"))
 
 
-def _connects(table: Table, around: Context) -> bool | Refusal:
+def _may_have_remote(table: Table, around: Context) -> bool | Refusal:
     if table.is_true("udp"):
         return False
     return _is_active(table) or ("an address to connect to", "active = true, or local alone")
 
 
-def _dials(table: Table, around: Context) -> bool:
+def _is_active_tcp(table: Table, around: Context) -> bool:
     return not table.is_true("udp") and _is_active(table)
 
 
-def _beside(key: str, found: str) -> Callable[[Table, Context], bool | Refusal]:
-    def is_beside(table: Table, around: Context) -> bool | Refusal:
+def _allowed_with(key: str, found: str) -> Callable[[Table, Context], bool | Refusal]:
+    def is_allowed(table: Table, around: Context) -> bool | Refusal:
         return not table.is_true("udp") and (table.is_true(key) or (found, f"{key} = true beside it"))
 
-    return is_beside
+    return is_allowed
 
 
-_ISO, _TLS = _beside("iso", "a word of ISO-on-TCP"), _beside("tls", "a word of TLS")
+_ISO, _TLS = _allowed_with("iso", "a word of ISO-on-TCP"), _allowed_with("tls", "a word of TLS")
 
 
-def _of_iso(name: str) -> Callable[[PeerDecl], Any]:
+def _iso_writer(name: str) -> Callable[[PeerDecl], Any]:
     return lambda p: getattr(p.session, name) if isinstance(p.session, IsoSettings) else None
 
 
-def _of_tls(name: str) -> Callable[[PeerDecl], Any]:
+def _tls_writer(name: str) -> Callable[[PeerDecl], Any]:
     return lambda p: dict(p.tls).get(name)
 
 
-def _describes(project: Project, block: str) -> bool:
+def _describes_connects(project: Project, block: str) -> bool:
     """Return whether the PLC speaks more than plain TCP, so that a peer may, too."""
     return project.dialect.describes_connects
 
 
-def _peer(values: Values) -> dict[str, Any]:
+def _make_peer_fields(values: TableValues) -> dict[str, Any]:
     table = values.table
     if table.is_true("udp"):
         return {"active": False}
@@ -687,29 +687,29 @@ def _peer(values: Values) -> dict[str, Any]:
         iso = IsoSettings(values["local_tsap"], values["remote_tsap"], LONGEST_MESSAGE, size_code=size)
     tls, keys = tls_of_peer(values, table, values.around.certificates) if values["tls"] else (None, ())
     if iso is not None and tls is not None:
-        table.wrong("tls", "true beside iso = true", "one of them")
+        table.report("tls", "true beside iso = true", "one of them")
     return {"active": _is_active(table), "session": iso or tls, "tls": keys}
 
 
 _PEER: Final = TableRow(
     "peer", "peers", PeerDecl, "A partner that the bench plays, and what it does by itself.",
     (
-        _named("peer"),
+        _name_key("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
-            _truth("true: datagrams, no active")),
+            _truth_hint("true: datagrams, no active")),
         Key("active", TRUTH, "Whether it connects; default: if it has a remote.", is_said=True,
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else True,
-            ask=Hint("true: it connects to remote", fixed(*BOOLS[::-1]),
+            ask=Hint("true: it connects to remote", offer_fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
             writes=lambda p: None if p.udp else p.active),
         Key("remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
-            ask=Hint("address:port, or @NAME", _ENDS, _last(_ENDS)),
-            refers=NameUse("CONNECT", ("connect",), by_at=True), only=_connects,
+            ask=Hint("address:port, or @NAME", _OFFER_ENDS, _propose_last(_OFFER_ENDS)),
+            refers=NameUse("CONNECT", ("connect",), by_at=True), only=_may_have_remote,
             writes=lambda p: p.end if p.active else None),
         Key("local", ENDPOINT, "Where it listens, or, if it connects, its own end.", "source",
-            ask=Hint("where it listens, 127.0.0.1:0"), only=_dials),
+            ask=Hint("where it listens, 127.0.0.1:0"), only=_is_active_tcp),
         Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT,
-            only=lambda table, around: not _dials(table, around),
+            only=lambda table, around: not _is_active_tcp(table, around),
             writes=lambda p: None if p.active else p.end),
         Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; default: to the last sender.", "remote",
             refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
@@ -717,43 +717,43 @@ _PEER: Final = TableRow(
         Key("reconnect", DELAY, "When it connects again after a close; default: never.", "reconnect_ns", 0,
             Hint("after so long, such as T#1s"),
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else _is_active(table)),
-        Key("says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
+        Key("says", MESSAGE_LIST, "Messages that it sends in turn, written as after `send`.", "says", (),
             Hint("a message, such as hex 01 02", is_quoted=True)),
         Key("every", INTERVAL, "How often it sends one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
-        Key("replies", RULES, "Rules by which it answers, written as after `reply on`.", "replies", ()),
-        *[replace(key, ask=None) for key in _CHOICE],
+        Key("replies", RULE_LIST, "Rules by which it answers, written as after `reply on`.", "replies", ()),
+        *[replace(key, ask=None) for key in _LAYOUT_CHOICE_KEYS],
         Key("iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
-            ask=_truth("true: it speaks ISO-on-TCP", where=_describes),
+            ask=_truth_hint("true: it speaks ISO-on-TCP", where=_describes_connects),
             writes=lambda p: isinstance(p.session, IsoSettings)),
-        Key("local_tsap", TSAP, "Its TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
-            ask=Hint("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True)),
-        Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
-            ask=Hint("that of the PLC", where=_describes, is_quoted=True)),
+        Key("local_tsap", TSAP, "Its TSAP.", default=b"", only=_ISO, writes=_iso_writer("local"),
+            ask=Hint("its own: 16#E001, E0.01 or TCP-1", where=_describes_connects, is_quoted=True)),
+        Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_iso_writer("remote"),
+            ask=Hint("that of the PLC", where=_describes_connects, is_quoted=True)),
         Key("tpdu", TPDU, "The TPDU size that it asks for.", default=OWN_SIZE_CODE, only=_ISO,
-            writes=_of_iso("size_code")),
-        Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
-            ask=_truth("true: it speaks TLS", where=_describes)),
-        Key("certificate", NUMBER, "The number of its certificate, which has a key.", only=_TLS,
-            ask=Hint("the number of its own, with a key", _number(with_key=True), where=_describes),
-            writes=_of_tls("certificate")),
-        Key("authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
-            ask=Hint("the number of whom it trusts", _number(), where=_describes),
-            writes=_of_tls("authority")),
+            writes=_iso_writer("size_code")),
+        Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_tls_writer("tls"),
+            ask=_truth_hint("true: it speaks TLS", where=_describes_connects)),
+        Key("certificate", CERTIFICATE_NUMBER, "The number of its certificate, which has a key.", only=_TLS,
+            ask=Hint("the number of its own, with a key", _numbers(with_key=True), where=_describes_connects),
+            writes=_tls_writer("certificate")),
+        Key("authority", CERTIFICATE_NUMBER, "The number of the certificate that it trusts.", only=_TLS,
+            ask=Hint("the number of whom it trusts", _numbers(), where=_describes_connects),
+            writes=_tls_writer("authority")),
         Key("client_certificate", TRUTH, "Whether it asks the client for a certificate.", default=False,
-            only=_TLS, writes=_of_tls("client_certificate")),
+            only=_TLS, writes=_tls_writer("client_certificate")),
         Key("server_name", HOST, "The name that the partner's certificate must have.", only=_TLS,
-            writes=_of_tls("server_name")),
+            writes=_tls_writer("server_name")),
         Key("verify", VERIFY, "Switches the check of the certificate off.", only=_TLS,
-            writes=_of_tls("verify")),
+            writes=_tls_writer("verify")),
     ),
-    "peer", "a peer", "P", also=_peer, asks_first=("active", "remote", "local"),
+    "peer", "a peer", "P", also=_make_peer_fields, asks_first=("active", "remote", "local"),
     shares=("connect", "udp_config", "combuffer"),
 )  # fmt: skip
 
 _MESSAGE: Final = TableRow(
     "message", "messages", MessageDecl, "A message of the library: `peer P1 send message NAME`.",
     (
-        _named("message"),
+        _name_key("message"),
         Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
             ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
         Key("peer", TEXT, "The only peer that may send it; default: all may.", "peer", "",
@@ -766,8 +766,8 @@ _SEQUENCE: Final = TableRow(
     "sequence", "sequences", SequenceDecl,
     "Messages in a row over one connection: `peer P1 play NAME`.",
     (
-        _named("sequence"),
-        Key("steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
+        _name_key("sequence"),
+        Key("steps", STEP_LIST, "Names of messages, and pauses such as T#100ms between them.", "steps",
             ask=Hint("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True),
     ),
     "sequence", "a sequence of messages", "sequence",
@@ -780,11 +780,11 @@ _WATCH: Final = TableRow(
     "watch", "watches", WatchDecl,
     "A line to watch: instances on a CONNECT or UDP_CONFIG receive its traffic as shadows.",
     (
-        _named("line"),
+        _name_key("line"),
         Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 if the PLC connects.", "plc",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances are the shadows.", "connect",
-            ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
+            ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
             refers=NameUse("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
         Key("partner", FAR_END, "The other end; default: any.", "partner", "",
             Hint("the other end; none: any")),
@@ -793,22 +793,22 @@ _WATCH: Final = TableRow(
 )  # fmt: skip
 
 
-_LOOKED_ON: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
+_OBSERVED_NAMES: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
 _TAP: Final = TableRow(
     "tap", "taps", TapDecl,
     "A tap (`trcvtui tap`): forwards between two ends; instances on a CONNECT are shadows.",
     (
-        _named("tap"),
+        _name_key("tap"),
         Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
             "listen", ask=Hint("where it listens: 2000"), is_needed=True),
         Key("to", TAP_PLACE, "Where it forwards to: 10.0.0.5:2000, the PLC end.", "to",
             ask=Hint("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances receive what goes to the PLC end.", "connect",
-            ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
-            refers=_LOOKED_ON, is_needed=True),
+            ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
+            refers=_OBSERVED_NAMES, is_needed=True),
         Key("back", TEXT, "The CONNECT whose instances receive what comes from it.", "back", "",
             Hint("a CONNECT for what comes back; none: nobody", _names("connect")),
-            refers=_LOOKED_ON._replace(or_none=True)),
+            refers=_OBSERVED_NAMES._replace(or_none=True)),
     ),
     "tap", "a tap", "tap",
 )  # fmt: skip
@@ -819,7 +819,7 @@ _TAP: Final = TableRow(
 _TASK: Final = TableRow(
     "task", "tasks", Task, "A task calls its instances. Without one there is MAIN with 10 ms.",
     (
-        _named("task"),
+        _name_key("task"),
         Key("interval", INTERVAL, "The time from call to call.", "interval_ns", DEFAULT_INTERVAL_NS,
             is_played=True),
         Key("priority", PRIORITY, "The smallest number runs first.", "priority", 1, is_played=True),
@@ -828,16 +828,16 @@ _TASK: Final = TableRow(
 )  # fmt: skip
 
 
-def _finish_unnamed(values: Values) -> None:
-    values.table.know("name")  # it has a number instead
-    values.table.finish()
+def _finish_unnamed(values: TableValues) -> None:
+    values.table.mark_known("name")  # it has a number instead
+    values.table.report_unread_keys()
 
 
 _CERTIFICATE: Final = TableRow(
-    "certificate", "certificates", certificate_of,
+    "certificate", "certificates", make_certificate,
     "A certificate of the CPU's certificate manager. One without a key is an authority to trust.",
     (
-        Key("number", NUMBER, "The number that other keys refer to.", "number", is_needed=True),
+        Key("number", CERTIFICATE_NUMBER, "The number that other keys refer to.", "number", is_needed=True),
         Key("file", FILE, "Its PEM file.", "file", ask=Hint("a PEM file"), is_needed=True),
         Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of one's own: its PEM file")),
     ),
@@ -845,7 +845,7 @@ _CERTIFICATE: Final = TableRow(
     also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_unnamed,
 )  # fmt: skip
 
-SIM: Final = TableRow(
+SIM_ROW: Final = TableRow(
     "sim", "sim", SimDecl, "The simulated network.",
     (
         Key("addresses", ADDRESSES, "Addresses of the PLC besides loopback.", "addresses", ()),
@@ -853,10 +853,10 @@ SIM: Final = TableRow(
         Key("seed", SEED, "The seed of random faults and pieces.", "seed", 0),
         Key("latency", DELAY, "How long bytes travel.", "latency_ns", 0),
         Key("fragment", TRUTH, "Whether bytes arrive in random pieces.", "fragment", False),
-        Key("names", NAMES, "The names that its DNS server knows; default: no server.", "names"),
+        Key("names", HOST_NAMES, "The names that its DNS server knows; default: no server.", "names"),
     ),
 )  # fmt: skip
-TOP: Final = TableRow(
+TOP_ROW: Final = TableRow(
     "", "", dict, "Keys before the first table.",
     (
         Key("dialect", None, "The dialect: which PLC it is."),
@@ -867,7 +867,7 @@ TOP: Final = TableRow(
 )  # fmt: skip
 
 
-def _udt_content(values: Values) -> dict[str, Any] | None:
+def _udt_content(values: TableValues) -> dict[str, Any] | None:
     """Return the content of a UDT file, None where it cannot be read."""
     found: dict[str, Any] | None = None
     if values["file"] is not None:
@@ -890,13 +890,13 @@ TABLES: Final[dict[str, TableRow]] = {
         _COMBUFFER, _WATCH, _TAP,
     )
 }  # fmt: skip
-DESCRIBED: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
+DESCRIBED_TABLES: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
 # What can be added, as commands list it; and as a form offers it, what is added most often first.
 EDITED: Final = (
     "udt", "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
     "certificate", "watch", "tap",
 )  # fmt: skip
-OFFERED: Final = (
+OFFERED_KINDS: Final = (
     "instance", "connect", "data", "udt", "peer", "message", "sequence", "udp_config", "addr", "certificate",
     "combuffer", "watch", "tap",
 )  # fmt: skip
@@ -904,7 +904,7 @@ OFFERED: Final = (
 
 def table_row(kind: str, dialect: Dialect) -> TableRow:
     """Return the row of a kind in a dialect, which may describe its connections by structures."""
-    return (DESCRIBED if dialect.describes_connects else {}).get(kind, TABLES[kind])
+    return (DESCRIBED_TABLES if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
 def read_table(kind: str, table: Table, around: Context, number: int = 1) -> Any:
@@ -914,19 +914,19 @@ def read_table(kind: str, table: Table, around: Context, number: int = 1) -> Any
     return (TABLES[kind] if plain else row).read(table, around, number)
 
 
-def is_played(path: Sequence[str]) -> bool:
+def is_replayable(path: Sequence[str]) -> bool:
     """Return whether a recording can answer what another value would have done.
 
     A key of an instance that has no row is an input pin. Where nothing has that name the file says so.
     """
     kind, key = path[0], path[-1]
     if kind not in TABLES:
-        return kind not in {SIM.kind, *(row.name for row in TOP.keys)}
+        return kind not in {SIM_ROW.kind, *(row.name for row in TOP_ROW.keys)}
     rows = [row for row in TABLES[kind].keys if row.name == key]
     return rows[0].is_played if rows else kind == _INSTANCE.kind
 
 
-def list_keys() -> frozenset[str]:
+def array_keys() -> frozenset[str]:
     """Return the keys that hold several texts."""
     rows = [row for table in TABLES.values() for row in table.keys]
     return frozenset(row.name for row in rows if row.kind is not None and row.kind.write is list)
@@ -944,22 +944,22 @@ def kind_name(decl: Declaration) -> str:
     )
 
 
-def keys_of(decl: Declaration) -> Keys:
+def keys_of(decl: Declaration) -> KeyPairs:
     """Return the keys after the name with their TOML values."""
     kind = kind_name(decl)
     is_described = getattr(decl, "description", None) is not None
-    return (DESCRIBED if is_described else TABLES)[kind].written(decl)
+    return (DESCRIBED_TABLES if is_described else TABLES)[kind].toml_keys(decl)
 
 
-def forms_of(decl: Declaration) -> list[Keys]:
+def forms_of(decl: Declaration) -> list[KeyPairs]:
     """Return the ways to write the keys of a declaration, the easiest to change first."""
     if isinstance(decl, ConnectConfig) and decl.description is not None:
-        bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.head_as_fields(c))
-        return [descriptions.plain_keys(decl), bench.written(decl), keys_of(decl)]
+        bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.keys_as_fields(c))
+        return [descriptions.plain_keys(decl), bench.toml_keys(decl), keys_of(decl)]
     return [keys_of(decl)]
 
 
-def entry_of(decl: Declaration) -> Keys:
+def entry_of(decl: Declaration) -> KeyPairs:
     """Return the whole table of a declaration, with what it is called by."""
     called: KeyValue = decl.number if isinstance(decl, CertificateDecl) else decl.name
     return [(TABLES[kind_name(decl)].called, called), *keys_of(decl)]

@@ -226,7 +226,7 @@ class Edit(Struct, frozen=True, eq=False):
     place: int
 
     @property
-    def undone(self) -> Edit:
+    def inverse(self) -> Edit:
         return Edit(self.kind, self.after, self.before, self.place)
 
     @property
@@ -311,7 +311,7 @@ class Project(Struct, frozen=True, eq=False):
     def connect(self, name: str) -> ConnectConfig | None:
         return next((c for c in self.connects if c.name == name), None)
 
-    def identity(self, block: str, connect: str) -> int | None:
+    def connection_id(self, block: str, connect: str) -> int | None:
         """Return what stands at the ID of a block, None where it has no such pin."""
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
@@ -331,7 +331,7 @@ class Project(Struct, frozen=True, eq=False):
     def peer(self, name: str) -> PeerDecl | None:
         return next((p for p in self.peers if p.name == name), None)
 
-    def beside(self, peer: str) -> Project:
+    def with_peer_layout(self, peer: str) -> Project:
         """Return the project as a peer lays out UDTs."""
         decl = self.peer(peer)
         if decl is None or decl.choice == NO_CHOICE:
@@ -339,7 +339,7 @@ class Project(Struct, frozen=True, eq=False):
         as_peer = tuple([replace(data, choice=NO_CHOICE) for data in self.data])
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
-    def rules_of(self, type_name: str) -> LayoutRules:
+    def layout_rules_of(self, type_name: str) -> LayoutRules:
         """Return how a UDT travels: as DATA of that type lies, where all of it has one layout of its own."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout

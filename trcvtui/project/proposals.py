@@ -11,12 +11,12 @@ from trcvtui.project.project import Project
 NEW: Final = "new"  # in a line: one is made
 
 
-def free(kind: str) -> Callable[[Project, str], str]:
+def propose_free(kind: str) -> Callable[[Project, str], str]:
     """Return what proposes a part of a kind, for a project and a block."""
-    return lambda project, block: _free(kind, project, block_row(block))
+    return lambda project, block: _find_free(kind, project, block_row(block))
 
 
-def _free(kind: str, project: Project, row: BlockRow) -> str:
+def _find_free(kind: str, project: Project, row: BlockRow) -> str:
     is_for_one = kind in ("addr", "data")
     taken = {name for i in project.instances for name in (i.addr, i.data, *i.pointers) if is_for_one}
     on = [(i.connect, block_row(i.block)) for i in project.instances if not is_for_one]
@@ -32,10 +32,10 @@ def _free(kind: str, project: Project, row: BlockRow) -> str:
         "addr": project.addrs, "data": project.data,
     }[kind]  # fmt: skip
     names = (each.name for each in reversed(parts) if each.name not in taken)
-    return next((n for n in names if not any(at == n and _in_the_way(row, r) for at, r in on)), NEW)
+    return next((n for n in names if not any(at == n and _competes(row, r) for at, r in on)), NEW)
 
 
-def _in_the_way(row: BlockRow, other: BlockRow) -> bool:
+def _competes(row: BlockRow, other: BlockRow) -> bool:
     """Return whether a block wants what another one works on for itself: not for the other direction."""
     if row.id_alone:
         return False  # it works on what another one has built

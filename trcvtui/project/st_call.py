@@ -13,7 +13,7 @@ from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import BlockRow, block_row, is_time
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
-from trcvtui.project.connect_view import REMARK, Initial, declaration, declaration_of_addr, record
+from trcvtui.project.connect_view import REMARK, Setting, addr_declaration, declare, declare_connect
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name
 from trcvtui.udt.literals import format_time
@@ -23,7 +23,7 @@ Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
 INDENT: Final = "    "
 EN: Final = "EN"
-POINTER: Final = "p"  # so begins the name of a pin that takes an address
+POINTER_PREFIX: Final = "p"  # so begins the name of a pin that takes an address
 
 
 class CallForm(NamedTuple):
@@ -56,11 +56,11 @@ def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS, form: CallF
     """Return the call of one instance; raise UserError for a name that is not in the project."""
     decl = _instance(project, name)
     values = {**dict(decl.inputs), **inputs}
-    bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values, form))
+    bound = ",\n".join(f"{INDENT}{line}" for line in _bind_pins(project, decl, values, form))
     remark = "" if decl.data or not _row(decl).data_pin else " (* DATA is not bound *)"
     called = f"#{decl.name}" if form.is_multi else f'"{decl.name}"' if _has_db(project, form) else decl.name
     call = f"{called}({remark}\n{bound}\n);"
-    return _guarded(decl, call) if _has_en(project, decl) else call
+    return _guard_call(decl, call) if _has_en(project, decl) else call
 
 
 def _has_db(project: Project, form: CallForm) -> bool:
@@ -71,7 +71,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
     """Return the pins that a call names; a short one needs in-outs in CODESYS, and CONT, which TIA hides."""
     pins = project.pins(decl.block)
-    in_outs = {pin.name for pin in _of(pins, Direction.IN_OUT)}
+    in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
     kept |= {name for name, value in values.items() if value}
     return [pin for pin in pins if not form.is_short or pin.name in kept]
@@ -81,7 +81,7 @@ def _row(decl: InstanceDecl) -> BlockRow:
     return block_row(decl.block)
 
 
-def _guarded(decl: InstanceDecl, call: str) -> str:
+def _guard_call(decl: InstanceDecl, call: str) -> str:
     inner = "\n".join(f"{INDENT}{line}" for line in call.splitlines())
     does = "sends" if _row(decl).writes_buffer else "clears"
     return f"IF {decl.name}_EN THEN (* every call {does} *)\n{inner}\nEND_IF"
@@ -111,28 +111,28 @@ def _instance(project: Project, name: str) -> InstanceDecl:
 # -- the call --------------------------------------------------------------------------------------------
 
 
-def _bound(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> Iterator[str]:
+def _bind_pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> Iterator[str]:
     """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
     pins = _pins(project, decl, values, form)
-    free = [pin for pin in _of(pins, Direction.IN) if pin.name != EN]  # it is the IF around the call
+    free = [pin for pin in _filter(pins, Direction.IN) if pin.name != EN]  # it is the IF around the call
     inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
     identity = _identity(project, decl)
     at = int(bool(free) and free[0].is_bool)  # REQ or EN_R
     yield from [*inputs[:at], f"ID:={identity}", *inputs[at:]] if identity else inputs
     if not identity or not _row(decl).id_alone:
         link_pin = _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
-        yield f"{link_pin}:={_link(project, decl)}"
+        yield f"{link_pin}:={_link_variable(project, decl)}"
     for name, variable in _variables(decl):
-        yield f"{name}:={f'ADR({variable})' if name.startswith(POINTER) else variable}"
+        yield f"{name}:={f'ADR({variable})' if name.startswith(POINTER_PREFIX) else variable}"
     if decl.addr is not None:
         yield f"ADDR:={decl.addr}"
-    for pin in _of(pins, Direction.IN_OUT):
+    for pin in _filter(pins, Direction.IN_OUT):
         yield f"{pin.name}:={_variable(decl, pin)}"
-    for pin in _of(pins, Direction.OUT):
-        yield f"{_written(pin)}=>{_variable(decl, pin)}"
+    for pin in _filter(pins, Direction.OUT):
+        yield f"{_pin_name(pin)}=>{_variable(decl, pin)}"
 
 
-def _link(project: Project, decl: InstanceDecl) -> str:
+def _link_variable(project: Project, decl: InstanceDecl) -> str:
     if not _row(decl).has_buffer:
         return decl.connect
     others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
@@ -154,20 +154,20 @@ def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
 def _identity(project: Project, decl: InstanceDecl) -> str:
     """Return what stands at ID, "" where the block has no such pin."""
     if project.dialect.describes_connects and decl.on_config:
-        return _configured(decl.connect)
-    found = project.identity(decl.block, decl.connect)
+        return _configured_id(decl.connect)
+    found = project.connection_id(decl.block, decl.connect)
     return "" if found is None else str(found)
 
 
-def _configured(name: str) -> str:
+def _configured_id(name: str) -> str:
     return f"{name}_ID"
 
 
-def _of(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
+def _filter(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
     return [pin for pin in pins if pin.direction is direction]
 
 
-def _written(pin: Pin) -> str:
+def _pin_name(pin: Pin) -> str:
     """Return the pin as a call has it: NDR, and `DONE` where `DONE (NDR)` is drawn."""
     return pin.label.partition(" ")[0] or pin.name
 
@@ -188,9 +188,9 @@ def _literal(pin: Pin, value: PinValue) -> str:
 def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Iterator[str]:
     if not _has_db(project, form):
         yield f"{decl.name} : {decl.block};"
-    yield from _records(project, decl)
+    yield from _connection_declarations(project, decl)
     if _row(decl).has_buffer:
-        yield f"{_link(project, decl)} : ComBuffer;"
+        yield f"{_link_variable(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
         if data is not None:
@@ -209,32 +209,32 @@ def _type_of(decl: InstanceDecl, pin: Pin) -> str:
     return "ComError_t" if _row(decl).has_buffer and pin.name == "Error" else pin.iec_type
 
 
-def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:
+def _connection_declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
     describes = project.dialect.describes_connects
     if config is not None and config.description is not None:
-        yield declaration(config, INDENT)
+        yield declare_connect(config, INDENT)
     elif config is not None:
         yield _record(config.name, "TCP_CONNECTCONFIG", _fields(config))
     if port is not None and describes:
         where = f"UDP, local port {port.local.port or 'of your choice'}, set up in TIA Portal"
-        yield f"{_configured(port.name)} : CONN_OUC;{REMARK}ID of the configured connection: {where}"
+        yield f"{_configured_id(port.name)} : CONN_OUC;{REMARK}ID of the configured connection: {where}"
     elif port is not None:
-        fields = (f"LocalAddress := {_array(port.local.address)}", f"LocalPort := {port.local.port}")
+        fields = (f"LocalAddress := {_to_array(port.local.address)}", f"LocalPort := {port.local.port}")
         yield _record(port.name, "UDP_CONFIG", fields)
     for addr in project.addrs:
         if addr.name == decl.addr and describes:
-            yield declaration_of_addr(addr, INDENT)
+            yield addr_declaration(addr, INDENT)
         elif addr.name == decl.addr:
             yield _record(addr.name, "ADDR_PARAM", _remote_fields(addr))
 
 
 def _record(name: str, type_name: str, fields: Iterable[str]) -> str:
-    return record(name, type_name, [Initial(field) for field in fields], INDENT)
+    return declare(name, type_name, [Setting(field) for field in fields], INDENT)
 
 
 def _remote_fields(of: AddrParam | ConnectConfig) -> Iterator[str]:
-    yield f"RemoteAddress := {_array(of.remote_address)}"
+    yield f"RemoteAddress := {_to_array(of.remote_address)}"
     if isinstance(of.remote_port, int):
         yield f"RemotePort := {of.remote_port}"
 
@@ -242,11 +242,11 @@ def _remote_fields(of: AddrParam | ConnectConfig) -> Iterator[str]:
 def _fields(config: ConnectConfig) -> Iterator[str]:
     yield f"ActiveEstablished := {str(config.active).upper()}"
     yield from _remote_fields(config)
-    yield f"LocalAddress := {_array(config.local.address)}"
+    yield f"LocalAddress := {_to_array(config.local.address)}"
     yield f"LocalPort := {config.local.port}"
     yield f"SendDelayOpt := {str(config.send_delay_opt).upper()}"
     yield f"KeepAliveTimeInterval := {config.keep_alive_interval_s}"
 
 
-def _array(address: str) -> str:
+def _to_array(address: str) -> str:
     return f"[{address.replace('.', ', ')}]"

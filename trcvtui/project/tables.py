@@ -25,16 +25,16 @@ from trcvtui.udt.types import ELEMENTARY
 from trcvtui.wording import exact_size, parse_size
 
 IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
-NO_HIDDEN: Final = "a name without control and bidirectional characters"
+EXPECTED_VISIBLE_NAME: Final = "a name without control and bidirectional characters"
 _HIDDEN: Final = frozenset({"Cc", "Zl", "Zp"})
-_TURNS: Final = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+_BIDI: Final = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 MOST_LISTED: Final = 16
-ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
+LEAST_SIMILARITY: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
-def hidden_in(path: str) -> str:
+def find_hidden(path: str) -> str:
     """Return the control and bidirectional characters of a file's name, escaped; "" where it has none."""
-    return one_line("".join(sorted({one for one in path if one in _TURNS or category(one) in _HIDDEN})))
+    return one_line("".join(sorted({one for one in path if one in _BIDI or category(one) in _HIDDEN})))
 
 
 def parse_reference(text: str | None) -> str | None:
@@ -48,7 +48,7 @@ def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
     `what` says what the names are, such as `CONNECT`.
     """
     names = list(dict.fromkeys(known))
-    near = nearest(wrong, names)
+    near = find_nearest(wrong, names)
     if near is not None:
         return near
     if not names:
@@ -62,7 +62,7 @@ def with_article(word: str) -> str:
     return f"{'an' if word[:1] in 'aeioAEIO' else 'a'} {word}"  # UDT and UDP_CONFIG begin with a you
 
 
-def nearest(wrong: str, known: Iterable[str]) -> str | None:
+def find_nearest(wrong: str, known: Iterable[str]) -> str | None:
     """Return the known name that the wrong one was most likely meant to be, None when none is near."""
     folded = {name.casefold(): name for name in known}
     if wrong.casefold() in folded:
@@ -70,13 +70,13 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     # Imported here: a file without mistakes does not pay for it.
     import difflib
 
-    found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1, cutoff=ALIKE)
+    found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1, cutoff=LEAST_SIMILARITY)
     return folded[found[0]] if found else None
 
 
 LARGEST_FILE: Final = 10 * 1024 * 1024
 # tomllib says where it stopped in the words of its message: "(at line 3, column 5)", "(at end of document)".
-_PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
+_TOML_PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -85,10 +85,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 # Texts of lines, comments; as group 1 keys with dots. What is not closed ends with its line, or the file.
-_PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)"""
+_KEY_PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)"""
 _TOKEN: Final = re.compile(
     rf"""(?s:"{{3}}(?:[^\\]|\\.)*?(?:"{{3,5}}|\Z)|'{{3}}.*?(?:'{{3,5}}|\Z))|#[^\n]*+"""
-    rf"""|({_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+)"""
+    rf"""|({_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART})*+)"""
 )
 MOST_DOTS: Final = 100  # in a key; the time that tomllib takes for one grows with their square
 
@@ -98,14 +98,14 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     import tomllib
 
     for token in _TOKEN.finditer(text) if text.count(".") > MOST_DOTS else ():
-        dots = len(re.findall(_PART, token[1] or "")) - 1
+        dots = len(re.findall(_KEY_PART, token[1] or "")) - 1
         if dots > MOST_DOTS:
             line = text.count("\n", 0, token.start()) + 1
             raise mistake(f"{where}: line {line}", f"a key with {dots} dots", f"at most {MOST_DOTS}")
     try:
         return tomllib.loads(text)
     except ValueError as wrong:  # TOMLDecodeError, and numbers of more digits than Python reads
-        found = _PLACE.fullmatch(str(wrong))
+        found = _TOML_PLACE.fullmatch(str(wrong))
         message, place = found.groups() if found else (str(wrong), "")
         raise mistake(f"{where}: {place}" if place else where, f"no TOML ({message})", "TOML 1.0") from None
     except RecursionError:
@@ -114,9 +114,9 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def read_text(path: Path) -> str:
     """Return the text of a TOML file; raise UserError when it cannot be read."""
-    hidden = hidden_in(str(path))
+    hidden = find_hidden(str(path))
     if hidden:
-        raise mistake(str(path), f"{hidden} in its name", NO_HIDDEN)
+        raise mistake(str(path), f"{hidden} in its name", EXPECTED_VISIBLE_NAME)
     try:
         content = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
@@ -142,7 +142,7 @@ LEAST_INTERVAL_NS: Final = 100_000  # a scan itself takes tens of microseconds
 TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
-class Given(Struct, frozen=True):
+class SetOverride(Struct, frozen=True):
     """A value that came as text, by `--set path=text`; it stands in the document in place of a TOML value."""
 
     path: str
@@ -162,12 +162,12 @@ class Kind(Struct, Generic[T], frozen=True):
     instead: Callable[[str], str] = lambda text: ""
     write: Callable[[Any], Any] = lambda value: value
 
-    def wanted(self, value: object) -> str:
-        text = value.text if isinstance(value, Given) else value
+    def expected_for(self, value: object) -> str:
+        text = value.text if isinstance(value, SetOverride) else value
         return (self.instead(text) if isinstance(text, str) else "") or self.expected
 
 
-def of_text(
+def text_kind(
     expected: str,
     read: Callable[[str], T | None],
     instead: Callable[[str], str] = lambda text: "",
@@ -177,7 +177,7 @@ def of_text(
     return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read, instead, write)
 
 
-def whole(least: int, most: int) -> Kind[int]:
+def integer(least: int, most: int) -> Kind[int]:
     def bounded(number: int | None) -> int | None:
         return number if number is not None and least <= number <= most else None
 
@@ -188,9 +188,9 @@ def whole(least: int, most: int) -> Kind[int]:
     )
 
 
-def one_of(*numbers: int) -> Kind[int]:
+def number_choice_kind(*numbers: int) -> Kind[int]:
     """Return the kind of just these whole numbers."""
-    near = whole(min(numbers), max(numbers))
+    near = integer(min(numbers), max(numbers))
     return Kind(
         " or ".join(map(str, numbers)),
         lambda value: number if (number := near.read(value)) in numbers else None,
@@ -203,7 +203,7 @@ def _truth(value: object) -> bool | None:
     return bool(value) if isinstance(value, int) and value in (0, 1) else None
 
 
-def _duration_from(least: int) -> Callable[[str], int | None]:
+def _duration_parser(least: int) -> Callable[[str], int | None]:
     def read(text: str) -> int | None:
         ns = parse_duration(text)
         return ns if ns is not None and ns >= least else None
@@ -224,7 +224,7 @@ def _texts(value: object) -> tuple[str, ...] | None:
     return read if len(read) == len(texts) else None
 
 
-def _list_of(what: str) -> Kind[tuple[str, ...]]:
+def _list_kind(what: str) -> Kind[tuple[str, ...]]:
     return Kind(f"a list of {what}", _texts, lambda text: (text,), write=list)
 
 
@@ -253,42 +253,42 @@ def _addresses(value: Any) -> tuple[str, ...] | None:
 
 
 TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.upper()))
-TEXT: Final = of_text("a text in quotes", lambda text: text)
-FILE: Final = of_text(
-    "a text in quotes", lambda text: None if hidden_in(text) else text, lambda text: NO_HIDDEN
+TEXT: Final = text_kind("a text in quotes", lambda text: text)
+FILE: Final = text_kind(
+    "a text in quotes", lambda text: None if find_hidden(text) else text, lambda text: EXPECTED_VISIBLE_NAME
 )
-INTERVAL: Final = of_text(
-    "a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS), write=format_time
+INTERVAL: Final = text_kind(
+    "a duration from T#100us on, such as T#10ms", _duration_parser(LEAST_INTERVAL_NS), write=format_time
 )
-DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0), write=format_time)
+DELAY: Final = text_kind("a duration from T#0s on, such as T#5ms", _duration_parser(0), write=format_time)
 MILLISECONDS: Final = Kind(
     "a TIME of whole milliseconds such as T#50ms or 50",
     lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),
     _milliseconds,
     write=lambda ms: format_time(ms * 1_000_000),
 )
-ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
-ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
-FAR_END: Final = of_text(
+ADDRESS: Final = text_kind("an IPv4 address, four numbers from 0 to 255", parse_address)
+ENDPOINT: Final = text_kind("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
+FAR_END: Final = text_kind(
     "an address with or without a port, such as 10.0.0.5:2000",
     lambda text: text if parse_end(text) else None,
 )
-TAP_PLACE: Final = of_text(PLACE_SYNTAX, _tap_place)
+TAP_PLACE: Final = text_kind(PLACE_SYNTAX, _tap_place)
 ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]',
     _addresses,
     lambda text: _addresses(text.split(",")),
     write=list,
 )
-PORT: Final = whole(0, 65535)
-MESSAGES: Final = _list_of('messages such as ["hex 01 02", "random 8"]')
-STEPS: Final = _list_of('message names and pauses such as ["hello", "T#100ms"]')
-RULES: Final = _list_of('rules such as ["contains hex 05 send hex 06"]')
-NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if text.isidentifier() else None)
-UINT: Final = whole(*ELEMENTARY["UINT"].limits)
-PRIORITY: Final = whole(0, 255)
-SEED: Final = whole(0, (1 << 63) - 1)
-LINT: Final = whole(*ELEMENTARY["LINT"].limits)
+PORT: Final = integer(0, 65535)
+MESSAGE_LIST: Final = _list_kind('messages such as ["hex 01 02", "random 8"]')
+STEP_LIST: Final = _list_kind('message names and pauses such as ["hello", "T#100ms"]')
+RULE_LIST: Final = _list_kind('rules such as ["contains hex 05 send hex 06"]')
+NAME: Final = text_kind(IDENTIFIER_TEXT, lambda text: text if text.isidentifier() else None)
+UINT: Final = integer(*ELEMENTARY["UINT"].limits)
+PRIORITY: Final = integer(0, 255)
+SEED: Final = integer(0, (1 << 63) - 1)
+LINT: Final = integer(*ELEMENTARY["LINT"].limits)
 
 
 def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
@@ -300,7 +300,7 @@ def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
     return known if len(known) == len(value) else None
 
 
-NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
+HOST_NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
     'names and addresses such as { "plc2.line.local." = "10.0.0.7" }',
     addresses_by_name,
     lambda text: None,
@@ -308,51 +308,51 @@ NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
 )
 
 
-def _reference(text: str) -> str | None:
+def _check_reference(text: str) -> str | None:
     return text if parse_reference(text) is not None else None
 
 
 PORT_OR_NAME: Final[Kind[int | str]] = Kind(
     "a port from 0 to 65535, or @NAME of a peer or CONNECT",
-    lambda value: _reference(value) if isinstance(value, str) else PORT.read(value),
-    lambda text: _reference(text) or PORT.from_text(text),
+    lambda value: _check_reference(value) if isinstance(value, str) else PORT.read(value),
+    lambda text: _check_reference(text) or PORT.from_text(text),
 )
 UDP_PORT_OR_NAME: Final[Kind[int | str]] = Kind(
     "a port from 0 to 65535, or @NAME of a peer or UDP_CONFIG", PORT_OR_NAME.read, PORT_OR_NAME.from_text
 )
-END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+END_OR_NAME: Final[Kind[Endpoint | str]] = text_kind(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
-    lambda text: _reference(text) or parse_endpoint(text),
+    lambda text: _check_reference(text) or parse_endpoint(text),
     write=str,
 )
-UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = text_kind(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
     END_OR_NAME.from_text,
     write=str,
 )
-LAYOUT: Final = of_text(
+LAYOUT: Final = text_kind(
     "a layout: " + ", ".join(LAYOUTS),
     lambda text: text if text in LAYOUTS or text in LAYOUT_ALIASES else None,
 )
-BYTE_ORDER: Final = of_text("little or big", lambda text: text if text in BYTE_ORDERS else None)
-TEXT_FORM: Final = of_text(
+BYTE_ORDER: Final = text_kind("little or big", lambda text: text if text in BYTE_ORDERS else None)
+TEXT_FORM: Final = text_kind(
     "a form of STRING: " + ", ".join(TEXT_FORMS), lambda text: text if text in TEXT_FORMS else None
 )
-POINTER_SIZE: Final = one_of(*POINTER_SIZES)
+POINTER_SIZE: Final = number_choice_kind(*POINTER_SIZES)
 
 
-QUEUE_SIZE: Final = whole(1, 65_536)
-HISTORY_SIZE: Final = of_text(
+QUEUE_SIZE: Final = integer(1, 65_536)
+HISTORY_SIZE: Final = text_kind(
     "a size from 64KiB to 64MiB, such as 4MiB",
     lambda text: size if LEAST_HISTORY <= (size := parse_size(text) or 0) <= MOST_HISTORY else None,
     write=exact_size,
 )
-BAUD: Final = whole(50, 4_000_000)
-DATA_BITS: Final = whole(5, 8)
+BAUD: Final = integer(50, 4_000_000)
+DATA_BITS: Final = integer(5, 8)
 
 
-def _one_of(*words: str) -> Kind[str]:
-    return of_text(" or ".join(words), lambda text: text if text in words else None)
+def _word_choice_kind(*words: str) -> Kind[str]:
+    return text_kind(" or ".join(words), lambda text: text if text in words else None)
 
 
 def _stop_bits(value: Any) -> float | None:
@@ -365,9 +365,9 @@ STOP_BITS: Final = Kind(
     lambda text: {"1": 1.0, "1.5": 1.5, "2": 2.0}.get(text),
     write=lambda number: int(number) if number == int(number) else number,
 )
-PARITY: Final = _one_of("none", "even", "odd", "mark", "space")
-HANDSHAKE: Final = _one_of("none", "rts/cts", "dsr/dtr", "xon/xoff")
-PORT_NAME: Final = of_text("the name of a port, such as /dev/ttyUSB0", lambda text: text.strip() or None)
+PARITY: Final = _word_choice_kind("none", "even", "odd", "mark", "space")
+HANDSHAKE: Final = _word_choice_kind("none", "rts/cts", "dsr/dtr", "xon/xoff")
+PORT_NAME: Final = text_kind("the name of a port, such as /dev/ttyUSB0", lambda text: text.strip() or None)
 
 
 class Table:
@@ -384,10 +384,10 @@ class Table:
         found = self.read(key, kind)
         return default if found is None else found
 
-    def must(self, key: str, kind: Kind[T]) -> T | None:
+    def require(self, key: str, kind: Kind[T]) -> T | None:
         """Return the value of a key that must be there, None where it is missing or wrong."""
         if key not in self._content:
-            self.wrong(key, "nothing", kind.expected, "missing")
+            self.report(key, "nothing", kind.expected, "missing")
         return self.read(key, kind)
 
     def read(self, key: str, kind: Kind[T]) -> T | None:
@@ -396,15 +396,15 @@ class Table:
         if key not in self._content:
             return None
         value = self._content[key]
-        found = kind.from_text(value.text) if isinstance(value, Given) else kind.read(value)
+        found = kind.from_text(value.text) if isinstance(value, SetOverride) else kind.read(value)
         if found is None:
-            self.wrong(key, shown(value), kind.wanted(value))
+            self.report(key, quote(value), kind.expected_for(value))
         return found
 
     def has(self, key: str) -> bool:
         return key in self._content
 
-    def know(self, *keys: str) -> None:
+    def mark_known(self, *keys: str) -> None:
         """Count these keys as asked for."""
         self._known.extend(keys)
 
@@ -413,41 +413,41 @@ class Table:
 
     def text(self, key: str) -> str | None:
         value = self._content.get(key)
-        return value.text if isinstance(value, Given) else value if isinstance(value, str) else None
+        return value.text if isinstance(value, SetOverride) else value if isinstance(value, str) else None
 
     def is_true(self, key: str, default: bool = False) -> bool:
         """Return whether true stands at a key; the default where neither true nor false does."""
         value = self._content.get(key)
-        found = TRUTH.from_text(value.text) if isinstance(value, Given) else TRUTH.read(value)
+        found = TRUTH.from_text(value.text) if isinstance(value, SetOverride) else TRUTH.read(value)
         return default if found is None else found
 
-    def rest(self) -> list[str]:
+    def unread_keys(self) -> list[str]:
         """Return the keys that nobody has asked for."""
         return [key for key in self._content if key not in self._known]
 
-    def wrong(self, key: str, found: str, expected: str, kind: str = "value") -> None:
+    def report(self, key: str, found: str, expected: str, kind: str = "value") -> None:
         self.problems.append(Problem(self.place(key), found, expected, kind))
 
-    def unknown(self, key: str, name: str, known: Iterable[str], what: str) -> None:
+    def add_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
         """Record that the name at a key is none of those that are known; `what` says what they are."""
-        self.wrong(key, shown(name), expected_name(name, known, what), "unknown")
+        self.report(key, quote(name), expected_name(name, known, what), "unknown")
 
     def place(self, key: str) -> str:
         """Return where the value of a key stands: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
         value = self._content.get(key)
-        return f"--set {value.path}" if isinstance(value, Given) else f"{self.where}: {key}"
+        return f"--set {value.path}" if isinstance(value, SetOverride) else f"{self.where}: {key}"
 
-    def finish(self, what: str = "key") -> None:
+    def report_unread_keys(self, what: str = "key") -> None:
         """Record every key that nobody has asked for; `what` says what was expected."""
-        for key in self.rest():
-            self.wrong(key, f"an unknown {what}", expected_name(key, self._known, what), "unknown")
+        for key in self.unread_keys():
+            self.report(key, f"an unknown {what}", expected_name(key, self._known, what), "unknown")
 
 
-def shown(value: object) -> str:
+def quote(value: object) -> str:
     """Return a TOML value as it is quoted in a message, cut to a readable length."""
     match value:
-        case Given(text=text):
-            return shown(text)
+        case SetOverride(text=text):
+            return quote(text)
         case str():
             return f"'{value[:LONGEST_SHOWN]}{'...' * (len(value) > LONGEST_SHOWN)}'"
         case bool():

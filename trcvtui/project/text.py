@@ -24,31 +24,31 @@ if TYPE_CHECKING:
     from tomlkit.items import AoT, Table
 
 CRLF: Final = "\r\n"
-FILES: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
+FILE_KEYS: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
 
 
-def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
+def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
     """Return the text with these entries; raise UserError when the text has no place for them."""
     wanted = parse_toml(text, where)
     for decl in decls:
         entries = wanted.setdefault(kind_name(decl), [])
         if isinstance(entries, list):
             entries.append(dict(entry_of(decl)))
-    return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
+    return _apply(text, wanted, where, lambda plain: _insert_entries(plain, decls), _make_appender(decls))
 
 
-def with_change(text: str, edit: Edit, form: int, where: str) -> str:
+def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
     """Return the text with one entry changed or gone; only the keys that change are written.
 
     `form` is the way to write it, of those that `forms_of` knows. Raise UserError when there is no place.
     """
     wanted = parse_toml(text, where)
-    _change(wanted, edit, form, lambda value: value)
-    change = _in_document(lambda document: _change(document, edit, form, _item))
-    return _checked(text, wanted, where, change)
+    _change_document(wanted, edit, form, lambda value: value)
+    change = _document_edit(lambda document: _change_document(document, edit, form, _item))
+    return _apply(text, wanted, where, change)
 
 
-def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
+def _change_document(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
     called = TABLES[edit.kind].called
     entries = document.get(edit.kind, [])
     place = next((n for n, each in enumerate(entries) if str(each.get(called)) == edit.name), None)
@@ -68,14 +68,14 @@ def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any
     return True
 
 
-def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
+def relocate_files(text: str, old: Path, new: Path, where: str) -> str:
     """Return the text of a project in the folder `old` as it has to be in `new`: UDTs and
     certificates are files beside it.
     """
     wanted = parse_toml(text, where)
     ways = [
-        (kind, number, key, way_to(entry[key], old, new))
-        for kind, keys in FILES.items()
+        (kind, number, key, relocate(entry[key], old, new))
+        for kind, keys in FILE_KEYS.items()
         for number, entry in enumerate(wanted.get(kind, []))
         for key in keys
         if key in entry
@@ -90,10 +90,10 @@ def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
         return True
 
     change(wanted)
-    return _checked(text, wanted, where, _in_document(change), lambda plain: _with_texts(plain, others))
+    return _apply(text, wanted, where, _document_edit(change), lambda plain: _replace_texts(plain, others))
 
 
-def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
+def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
     """Return the text with these entries in its [constants]; raise UserError when there is no place."""
     wanted = parse_toml(text, where)
     table = wanted.setdefault("constants", {})
@@ -107,10 +107,10 @@ def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
             document["constants"][name] = number
         return "constants" in document
 
-    return _checked(text, wanted, where, _in_document(change), lambda plain: plain + at_the_end)
+    return _apply(text, wanted, where, _document_edit(change), lambda plain: plain + at_the_end)
 
 
-def way_to(file: str, old: Path, new: Path) -> str:
+def relocate(file: str, old: Path, new: Path) -> str:
     """Return what a file that is named from the folder `old` on is called from `new` on."""
     if Path(file).is_absolute():
         return file
@@ -120,7 +120,7 @@ def way_to(file: str, old: Path, new: Path) -> str:
         return os.path.realpath(old / file)
 
 
-def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
+def _apply(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
     ends = CRLF if CRLF in text else "\n"
     plain = text.replace(CRLF, "\n")
     if plain.replace("\n", ends) != text:
@@ -128,12 +128,12 @@ def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[st
     plain += "\n" if plain and not plain.endswith("\n") else ""
     for edit in edits:
         edited = edit(plain)
-        if edited is not None and _says(edited, wanted):
+        if edited is not None and _parses_as(edited, wanted):
             return edited.replace("\n", ends)
     raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
 
 
-def _says(text: str, wanted: dict[str, Any]) -> bool:
+def _parses_as(text: str, wanted: dict[str, Any]) -> bool:
     try:
         return parse_toml(text, "") == wanted
     except UserError:
@@ -143,7 +143,7 @@ def _says(text: str, wanted: dict[str, Any]) -> bool:
 # -- with tomlkit ----------------------------------------------------------------------------------------
 
 
-def _parsed(plain: str) -> TOMLDocument | None:
+def _parse_unchanged(plain: str) -> TOMLDocument | None:
     """Return the document that gives this very text back, None where tomlkit would change it."""
     import tomlkit  # read when first saved: it takes as long as two scans
     from tomlkit.exceptions import TOMLKitError
@@ -155,8 +155,8 @@ def _parsed(plain: str) -> TOMLDocument | None:
     return document if document.as_string() == plain else None
 
 
-def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
-    document = _parsed(plain)
+def _insert_entries(plain: str, decls: Sequence[Declaration]) -> str | None:
+    document = _parse_unchanged(plain)
     if document is None:
         return None
     from tomlkit.items import AoT
@@ -165,23 +165,23 @@ def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
     for decl in decls:
         entries = document.get(kind_name(decl))
         if isinstance(entries, AoT) and len(entries):
-            _add_after(entries, _table(decl))
+            _append_table(entries, _table(decl))
         else:
             new.append(decl)
-    return _at_the_end(new)(document.as_string())
+    return _make_appender(new)(document.as_string())
 
 
-def _in_document(change: Callable[[TOMLDocument], bool]) -> Callable[[str], str | None]:
+def _document_edit(change: Callable[[TOMLDocument], bool]) -> Callable[[str], str | None]:
     """Return what makes this change in a text; None where tomlkit or the change does not take it."""
 
     def edit(plain: str) -> str | None:
-        document = _parsed(plain)
+        document = _parse_unchanged(plain)
         return document.as_string() if document is not None and change(document) else None
 
     return edit
 
 
-def _add_after(entries: AoT, table: Table) -> None:
+def _append_table(entries: AoT, table: Table) -> None:
     from tomlkit.items import Comment, Whitespace
 
     body = entries[-1].value.body
@@ -220,7 +220,7 @@ def _item(value: KeyValue) -> Any:
             return value
 
 
-def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
+def _make_appender(decls: Sequence[Declaration]) -> Callable[[str], str]:
     def append(plain: str) -> str:
         tables = [f"\n[[{kind_name(decl)}]]\n{_table(decl).as_string()}" for decl in decls]
         return plain + "".join(tables)
@@ -228,7 +228,7 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
     return append
 
 
-def _with_texts(plain: str, others: Mapping[str, str]) -> str:
+def _replace_texts(plain: str, others: Mapping[str, str]) -> str:
     for old, new in others.items():
         plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
     return plain

@@ -14,7 +14,7 @@ from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import UserError, mistake
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
 from trcvtui.picture.update_pipe import UpdatePipe
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import quote
 from trcvtui.replay.survey import END, FIRST, read_at
 from trcvtui.signals import OF_A_TERMINAL, leave
 from trcvtui.udt.literals import format_time
@@ -55,7 +55,7 @@ def opened(path: Path, at: str | None) -> TimeLine:
     if first <= to <= last if isinstance(to, int) else to[1] <= ns:
         return line
     expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}: {path} has no more"
-    raise mistake("--at", shown(at), expected)
+    raise mistake("--at", quote(at), expected)
 
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:

@@ -14,7 +14,7 @@ from typing import Final, cast
 from msgspec.structs import replace
 
 from trcvtui.bench.bench import KERNELS, Bench
-from trcvtui.commands.table import read_line
+from trcvtui.commands.table import parse_unbounded_line
 from trcvtui.commands.words import BenchCommand
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
@@ -148,7 +148,7 @@ class ReplayRun:
                 self.bench.project = read_again(rest, project, where)[0]
                 self.bench.told(line)
                 return
-            command = read_line(line, project, where)
+            command = parse_unbounded_line(line, project, where)
         if command is not None:
             self.act(command)
 

@@ -10,7 +10,7 @@ from typing import Final, cast
 
 from trcvtui import clock
 from trcvtui.errors import mistake
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import quote
 from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, Answered, EntriesLost, Entry
 from trcvtui.recording.replay import ends_early
 from trcvtui.udt.literals import parse_time
@@ -43,7 +43,7 @@ def read_at(text: str, where: str) -> int | Search:
         case ["edge", "+1" | "-1" as step, name]:
             return "edge", int(step), name
     expected = f"+1, -1, {AT_LINES}" if where == "prompt" else AT_LINES
-    raise mistake(where, shown(text) if text else "nothing more", expected)
+    raise mistake(where, quote(text) if text else "nothing more", expected)
 
 
 class Survey:

@@ -24,7 +24,7 @@ from trcvtui.history.pin_waveform import WaveformDelta, up_to
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import quote
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.all_messages import AllMessages, TimedRows
 from trcvtui.replay.keyframes import Journal, Keyframes
@@ -228,7 +228,7 @@ class TimeLine:
             self._go(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
         elif verb == "run" or rest[:1] in ("+", "-"):
             if not rest.lstrip("+-").isdecimal():
-                raise mistake("prompt", shown(line), "a number of scans")
+                raise mistake("prompt", quote(line), "a number of scans")
             self._go(
                 max(self._least, (self._wanted if self._wanted < END else self.controller.at) + int(rest))
             )
@@ -242,7 +242,7 @@ class TimeLine:
         if rest != "off":
             sets, dialect = ([], name.strip()) if verb == "dialect" else ([rest], None)
             if dialect is None and "=" not in rest:
-                raise mistake("prompt", shown(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
+                raise mistake("prompt", quote(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
             change = self._capture.change if self._capture is not None else None
             self._beside = WhatIfRun(WhatIf(self._keyframes, sets, dialect, change), rest)
         return ""
@@ -266,7 +266,7 @@ class TimeLine:
         elif rest in names:
             self._speed = names.index(rest)
         else:
-            raise mistake("prompt", shown(f"speed {rest}"), "+, -, or one of " + ", ".join(names))
+            raise mistake("prompt", quote(f"speed {rest}"), "+, -, or one of " + ", ".join(names))
         if self._since is not None:
             self._play()
         return names[self._speed]

@@ -19,8 +19,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.commands import words
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Outputs, StatusEdge
-from trcvtui.project.convert_dialect import dialect_named, in_dialect
-from trcvtui.project.keys import is_played
+from trcvtui.project.convert_dialect import convert_project, find_dialect
+from trcvtui.project.keys import is_replayable
 from trcvtui.project.project import Project
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.partners import ReplayedPartners, WhyGuess
@@ -171,7 +171,7 @@ class WhatIf:
         """Raise UserError for what decides what a partner meets, or does."""
         for text in self._sets:
             path = text.partition("=")[0].strip()
-            if is_played(path.split(".")):
+            if is_replayable(path.split(".")):
                 continue
             begins = self.recorded_run.begins
             expected = "inputs of instances, data, a task's interval and priority, options, --dialect"
@@ -188,7 +188,7 @@ class WhatIf:
         if self._sets:
             begins, scenario, project = declared(begins, self.recorded_run.replay.files, self._sets)
         if dialect is not None:
-            project, told = in_dialect(project, dialect_named(dialect))
+            project, told = convert_project(project, find_dialect(dialect))
             notes += told
         if self._is_late:
             self._refuse_late(project, dialect)

@@ -25,7 +25,7 @@ from trcvtui.history.received_streams import LEAST_SPANS_KEPT
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import expected_name, quote
 from trcvtui.recording.journal import SIM_WALL_NS
 from trcvtui.recording.recording import Recording, begin_of_run
 from trcvtui.report.message_table import (
@@ -126,7 +126,7 @@ class _Rows:
         if asked.instance is not None and not types:
             names = [each.name for each in project.instances] if project is not None else ()
             expected = expected_name(asked.instance, names, "instance")
-            raise mistake("--instance", shown(asked.instance), expected, "unknown")
+            raise mistake("--instance", quote(asked.instance), expected, "unknown")
         wrong = self._read_filters(types, project)
         if wrong and len(wrong) == len(self._filters):
             raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone

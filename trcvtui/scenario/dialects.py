@@ -16,11 +16,11 @@ from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words
-from trcvtui.commands.reader import after
+from trcvtui.commands.reader import project_after
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
-from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.convert_dialect import convert_project, find_dialect
 from trcvtui.project.project import Project
 from trcvtui.scenario.report import JsonLines, Text, Write, json_line
 from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
@@ -38,12 +38,12 @@ def scenarios_in(names: Sequence[str], scenario: Scenario, path: Path) -> list[S
 
     Raises UserError where a CONNECT cannot be described in one of them.
     """
-    dialects = [dialect_named(name) for name in names]
+    dialects = [find_dialect(name) for name in names]
     if len(set(names)) < max(2, len(names)):
         raise mistake("--dialect", ", ".join(names), "two different dialects or more, each once")
     made = []
     for dialect in dialects:
-        project, notes = in_dialect(scenario.project, dialect)
+        project, notes = convert_project(scenario.project, dialect)
         lacks = [*notes]
         start = tuple(_steps(scenario.start, project, lacks))
         steps = tuple(_steps(scenario.steps, replace(project, base=path.parent), lacks))
@@ -63,7 +63,7 @@ def _steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> I
             continue
         if command is not None:
             yield replace(step, command=command)
-            project = after(command, project)
+            project = project_after(command, project)
 
 
 class DialectRun:

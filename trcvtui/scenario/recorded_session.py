@@ -25,8 +25,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
-from trcvtui.commands.patterns import ANY, Atom, Scan
-from trcvtui.commands.table import to_line
+from trcvtui.commands.patterns import ANY_SCANS, Atom, Scan
+from trcvtui.commands.table import format_command
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
@@ -35,8 +35,8 @@ from trcvtui.history.waveform_recorder import PinRecord, WaveformRecorder
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
-from trcvtui.project.tables import parse_toml, read_text, shown
-from trcvtui.project.text import way_to, with_files_from
+from trcvtui.project.tables import parse_toml, quote, read_text
+from trcvtui.project.text import relocate, relocate_files
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -49,7 +49,7 @@ OF_THE_WIRE: Final = (
     Condition.SENDING,
     Condition.RECEIVING,
 )
-ANYTHING: Final = str(ANY)
+ANYTHING: Final = str(ANY_SCANS)
 SIMULATED: Final = "sim"
 NEVER: Final = 1 << 62
 DELETED: Final = "deleted"
@@ -115,11 +115,11 @@ class Seen:
         After a first `done` any number of scans `by_turns` may follow.
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
-        atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
+        atoms = [*self._atoms(self._first, 1), *[ANY_SCANS] * self._is_cut, *newest]
         return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
 
     def _atoms(self, scans: Iterable[Scan | None], place: int) -> list[Atom]:
-        return [ANY if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
+        return [ANY_SCANS if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
 
     def _atom(self, scan: Scan, at: int) -> Atom:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
@@ -129,12 +129,12 @@ def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[i
     """Yield a pattern in which each stretch of scans by turns ends after its first `done` with anything."""
     is_open = False
     for atom in atoms:
-        if is_open and (atom is ANY or (atom.scan is not None and atom.scan[0] in by_turns)):
+        if is_open and (atom is ANY_SCANS or (atom.scan is not None and atom.scan[0] in by_turns)):
             continue
         yield atom
-        is_open = atom is ANY
+        is_open = atom is ANY_SCANS
         if atom.scan is not None and atom.scan[0] in done:
-            yield ANY
+            yield ANY_SCANS
             is_open = True
 
 
@@ -416,7 +416,7 @@ def _kept_text(command: words.BenchCommand, line: str) -> str:
     from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
     if line.isprintable() and not from_file:
         return line
-    return to_line(
+    return format_command(
         replace(command, text="") if isinstance(command, words.PeerSend | words.Write) else command
     )
 
@@ -447,14 +447,14 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
 def _from_here(line: str, old: Path, new: Path) -> str:
     """Return a step as it stands in another folder: a file that it adds is named from there on."""
     start, name = "add udt ", line.removeprefix("add udt ")
-    return start + way_to(name, old, new) if line.startswith(start) else line
+    return start + relocate(name, old, new) if line.startswith(start) else line
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:
     inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
     if before is None and not inside:
         return f"project = {_quoted(_way_to(own, folder))}"
-    text = with_files_from(read_text(own) if before is None else before, own.parent, folder, str(own))
+    text = relocate_files(read_text(own) if before is None else before, own.parent, folder, str(own))
     if "scenario" in parse_toml(text, str(own)):
         raise mistake("save scenario", f"{own}, which is a scenario itself", "a session of a project")
     return text.rstrip()
@@ -478,11 +478,11 @@ def target(name: str, where: str) -> Path:
     bare = name.strip().strip("\"'")
     path = Path(bare).expanduser()
     if not path.name or bare.endswith(("/", os.sep)):
-        raise mistake(where, shown(name), "the name of a file")
+        raise mistake(where, quote(name), "the name of a file")
     if not path.suffix:
         return path.with_suffix(SUFFIX)
     if path.suffix != SUFFIX:
-        raise mistake(where, shown(path.name), f"a name that ends in {SUFFIX}")
+        raise mistake(where, quote(path.name), f"a name that ends in {SUFFIX}")
     return path
 
 

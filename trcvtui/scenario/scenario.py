@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from trcvtui.bench.program import read_program
 from trcvtui.commands.peer import check_library, read_replies, read_routines
-from trcvtui.commands.reader import after
+from trcvtui.commands.reader import project_after
 from trcvtui.commands.table import parse_script
 from trcvtui.commands.words import (
     BenchCommand,
@@ -52,14 +52,14 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table = Table(raw, f"{path}: scenario", [])
     name = table.get("name", TEXT, path.stem)
     about = table.get("about", TEXT, "")
-    text = table.must("steps", TEXT)
-    table.finish()
+    text = table.require("steps", TEXT)
+    table.report_unread_keys()
     steps: list[Step] = []
     start = _checked(project, table.problems)
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
     for step in start:
-        here = after(step.command, here)
+        here = project_after(step.command, here)
     with noting(table.problems):
         steps = parse_script(text or "", here, str(path))
     if table.problems:

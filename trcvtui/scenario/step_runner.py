@@ -20,7 +20,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import found, holds
 from trcvtui.bench.split_test import SplitTest
 from trcvtui.commands import words
-from trcvtui.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
+from trcvtui.commands.patterns import ANY_SCANS, Scan, ScanRun, TracePattern, format_trace, matches
 
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge
@@ -34,25 +34,25 @@ MOST_RUNS_TOLD: Final = 5000
 class Section(Struct, frozen=True):
     """The scans between two `trace`; `lost` of them, the oldest, are no longer kept."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[ScanRun, ...]
     lost: int
 
     def fits(self, pattern: TracePattern) -> bool:
         """Return whether the pattern describes all scans; what is lost can only be any scans."""
-        return (not self.lost or pattern.atoms[0] == ANY) and matches(pattern, self.runs)
+        return (not self.lost or pattern.atoms[0] == ANY_SCANS) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
         lost = f"{self.lost} older scans, no longer kept ({MOST_RUNS_SINCE} changes are), then "
-        return lost * bool(self.lost) + collapse(self.runs)
+        return lost * bool(self.lost) + format_trace(self.runs)
 
 
 class Trace:
     """What the called scans of one instance have shown."""
 
     def __init__(self) -> None:
-        self._since: deque[Run] = deque()
+        self._since: deque[ScanRun] = deque()
         self._lost = 0
-        self._told: list[Run] = []
+        self._told: list[ScanRun] = []
         self._is_cut = False
         self._known: dict[Scan, Scan] = {}  # equal scans share one tuple
 
@@ -79,14 +79,14 @@ class Trace:
         kept = self._since if self._is_cut else self._told
         runs = list(islice(reversed(kept), most))[::-1]
         older = self._is_cut or len(kept) > most
-        return "... " * older + (collapse(runs) if runs else "")
+        return "... " * older + (format_trace(runs) if runs else "")
 
     def __str__(self) -> str:
         """Return the scans of the whole scenario in the notation of a pattern, `...` where they are cut."""
-        return (collapse(self._told) if self._told else "") + " ..." * self._is_cut
+        return (format_trace(self._told) if self._told else "") + " ..." * self._is_cut
 
 
-def _went_on(runs: deque[Run] | list[Run], scan: Scan) -> bool:
+def _went_on(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
     if not runs or runs[-1][0] != scan:
         return False
     runs[-1] = (scan, runs[-1][1] + 1)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from textual.dom import DOMNode
 from textual.suggester import Suggester
 
-from trcvtui.commands.completion import NextWords, after_framing, after_trigger, nothing
+from trcvtui.commands.completion import NextWords, after_framing, after_trigger, offer_none
 from trcvtui.commands.table import COMMANDS
 from trcvtui.project.project import Project
 from trcvtui.udt.sources import type_paths
@@ -36,7 +36,7 @@ def _next(words: list[str], project: Project) -> Iterable[str]:
     if not words:
         return verbs()
     row = COMMANDS.get(words[0])
-    candidates = row.next_words if row is not None else SCREEN_WORDS.get(words[0], nothing)
+    candidates = row.next_words if row is not None else SCREEN_WORDS.get(words[0], offer_none)
     return candidates(words, project)
 
 

@@ -19,7 +19,7 @@ from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
 from trcvtui.errors import UserError
-from trcvtui.project.tables import expected_name, read_toml, shown
+from trcvtui.project.tables import expected_name, quote, read_toml
 from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")
@@ -85,11 +85,11 @@ def _theme(told: Mapping[str, Any], path: Path, problems: list[str]) -> str:
     by_itself = theme_for(os.environ)
     for key in told:
         if key != "theme":
-            problems.append(f"{path}: found {shown(key)}, expected theme")
+            problems.append(f"{path}: found {quote(key)}, expected theme")
     theme = told.get("theme", by_itself)
     if isinstance(theme, str) and theme in THEMES:
         return theme
-    problems.append(f"{path}: theme: found {shown(theme)}, expected one of {', '.join(THEMES)}")
+    problems.append(f"{path}: theme: found {quote(theme)}, expected one of {', '.join(THEMES)}")
     return by_itself
 
 
@@ -106,7 +106,7 @@ def _keymap(
     keymap: dict[str, str] = {}
     for action, given in told.items():
         if action not in own:
-            problems.append(f"{path}: found {shown(action)}, expected {expected_name(action, own, 'action')}")
+            problems.append(f"{path}: found {quote(action)}, expected {expected_name(action, own, 'action')}")
             continue
         kept = {key: other for other in own if other not in told for key in own[other]}
         kept |= {key: other for other, keys in keymap.items() for key in keys.split(",")}
@@ -120,16 +120,16 @@ def _keymap(
 def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
     texts: list[Any] = given if isinstance(given, list) else [given]
     if not texts or not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"found {shown(given)}, expected {EXPECTED}, or a list of such")
+        raise ValueError(f"found {quote(given)}, expected {EXPECTED}, or a list of such")
     keys = []
     for text in texts:
         key = _key(text)
         if key is None:
-            raise ValueError(f"found {shown(text)}, expected {EXPECTED}")
+            raise ValueError(f"found {quote(text)}, expected {EXPECTED}")
         if key in FIXED or (len(key) == 1 and key.islower() and key not in own):
-            raise ValueError(f"found {shown(text)}, which pins and panes have, expected another key")
+            raise ValueError(f"found {quote(text)}, which pins and panes have, expected another key")
         if key in kept:
-            raise ValueError(f"found {shown(text)}, which {kept[key]} has, expected another key")
+            raise ValueError(f"found {quote(text)}, which {kept[key]} has, expected another key")
         keys.append(key)
     return keys
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.bench.bench_project import bench_project
 from tests.bench.peers.peer_wire import Wire, connected, write
 from trcvtui.bench.peers.queues import Replies
-from trcvtui.commands.counters_and_checksums import filled
+from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.peer import read_replies
 from trcvtui.commands.table import parse_line, rule_text
 from trcvtui.commands.words import ReplyOn
@@ -42,7 +42,7 @@ def answers(text: str, pieces: Sequence[bytes], project: Project, room: int = RO
     assert replies.add(rule(text, project)) == ""
     found = []
     for now, piece in enumerate(pieces):
-        found += [filled(send.payload, send.fills, n) for send, n in replies.take(piece, now, room)]
+        found += [fill_message(send.payload, send.fills, n) for send, n in replies.take(piece, now, room)]
     return found
 
 

@@ -8,7 +8,7 @@ from textual.widgets import Static
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import LineBench, on_a_line
-from trcvtui.project.edit import fields_of, first_name
+from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
@@ -199,7 +199,7 @@ def project() -> Project:
 @pytest.mark.parametrize("kind", ["instance", "connect", "data", "peer", "udp_config", "addr"])
 def test_what_the_form_begins_with_can_be_added_at_once(project: Project, kind: str) -> None:
     texts = {field.key: field.first for field in fields_of(kind, project)}
-    line = line_of(kind, first_name(kind, project), texts, project)
+    line = line_of(kind, propose_name(kind, project), texts, project)
     assert fault_of(line, project) == ""
 
 

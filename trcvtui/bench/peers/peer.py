@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from trcvtui.bench.peers.queues import PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
-from trcvtui.commands.peer import Routine
+from trcvtui.commands.peer import PeerRoutine
 from trcvtui.commands.words import PeerPlay, PeerSend
 from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.kernel import Kernel, SocketOptions
@@ -152,7 +152,7 @@ def next_due(planned: int, every_ns: int, now: int) -> int:
 class AutomaticPeer:
     """A peer and its routine; `step` comes before the peer's own."""
 
-    def __init__(self, peer: Peer, routine: Routine) -> None:
+    def __init__(self, peer: Peer, routine: PeerRoutine) -> None:
         self._peer = peer
         self._routine = routine
         self._turn = 0

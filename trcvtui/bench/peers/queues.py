@@ -15,7 +15,7 @@ from typing import Final
 
 from msgspec import Struct
 
-from trcvtui.commands.counters_and_checksums import Checker, filled
+from trcvtui.commands.counters_and_checksums import FrameChecker, fill_message
 from trcvtui.commands.peer import MOST_RULES
 from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
@@ -37,7 +37,7 @@ class Inbox:
         self._last = bytearray()
         self._told = 0  # the count up to which an expectation has held
         self._held: tuple[bytes, int] | None = None
-        self.checker: Checker | None = None  # of self-checking traffic
+        self.checker: FrameChecker | None = None  # of self-checking traffic
 
     def begin(self) -> None:
         self.count = self._told = 0
@@ -51,7 +51,7 @@ class Inbox:
         self.count += len(arrived)
         self._last += arrived
         if self.checker is not None:
-            self.checker.take(bytes(arrived))
+            self.checker.check_bytes(bytes(arrived))
         if len(self._last) > 2 * KEPT_BYTES:
             del self._last[:-KEPT_BYTES]
 
@@ -125,7 +125,7 @@ class _Sending:
         self._piece, self.rest, self.is_fresh = 0, self._pieces[0], True
 
     def _filled(self) -> tuple[memoryview, ...]:
-        return chunks(filled(self.send.payload, self.send.fills, self._number), self.send.split)
+        return chunks(fill_message(self.send.payload, self.send.fills, self._number), self.send.split)
 
     @property
     def unsent(self) -> int:

@@ -14,14 +14,14 @@ from msgspec.structs import replace
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
-from trcvtui.commands.table import to_line
+from trcvtui.commands.table import format_command
 from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import Create
 from trcvtui.diagnosis.readings.framing_advice import advise
 from trcvtui.diagnosis.readings.proposal import Proposal
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.literals import format_time
 
 # Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for
@@ -32,7 +32,7 @@ def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
     """Return an instance that can be set so; raise UserError where it has no prefix and suffix."""
     known = {each.name: each for each in project.instances if block_row(each.block).pointers}
     if name not in known:
-        raise mistake(where, shown(name), expected_name(name, known, "ReceiveData or ReceiveString"))
+        raise mistake(where, quote(name), expected_name(name, known, "ReceiveData or ReceiveString"))
     return known[name]
 
 
@@ -73,7 +73,7 @@ def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool
         yield f"write {names[place]} hex {content.hex(' ').upper()}"
     if names != pointers:
         yield f"delete {decl.name}"
-        yield to_line(Create(replace(decl, pointers=tuple(names))))
+        yield format_command(Create(replace(decl, pointers=tuple(names))))
 
 
 def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
@@ -108,7 +108,7 @@ def buffer_of(name: str, project: Project, where: str) -> str:
         each.name: each.connect for each in project.instances if block_row(each.block).reads_buffer
     }
     if name not in known:
-        raise mistake(where, shown(name), expected_name(name, known, "ComBuffer, or instance that reads one"))
+        raise mistake(where, quote(name), expected_name(name, known, "ComBuffer, or instance that reads one"))
     return known[name]
 
 
@@ -121,12 +121,12 @@ def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int
         return name, buffer, 0
     word = words.next(APPLY)
     if word != APPLY:
-        raise words.wrong(shown(word), f"{APPLY} and the number of a proposal")
+        raise words.error(quote(word), f"{APPLY} and the number of a proposal")
     framed_instance(name, project, where)
     number = words.next("the number of a proposal")
-    words.finish()
+    words.expect_end()
     if not number.isdecimal() or not 0 < int(number) < 100:
-        raise words.wrong(shown(number), "the number of a proposal, such as 1")
+        raise words.error(quote(number), "the number of a proposal, such as 1")
     return name, buffer, int(number)
 
 

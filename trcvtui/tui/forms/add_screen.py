@@ -15,7 +15,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, reading_only, write_file
-from trcvtui.project.edit import AddField, fields_of, first_name
+from trcvtui.project.edit import AddField, fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import plain, wrapped
@@ -125,7 +125,7 @@ class AddScreen(FormDialog[str]):
             known = [each.name for each in project.udts]
             files = tuple([name for name in type_files_in(project.base) if name not in known])
             return [AddField(FILE, "none is new beside the project", files)]
-        name = AddField("name", "a name of its own", first=first_name(self.kind, project, self._block))
+        name = AddField("name", "a name of its own", first=propose_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
     def _heading(self) -> str:

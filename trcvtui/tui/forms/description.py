@@ -10,7 +10,7 @@ from trcvtui.project.connect_view import (
     ConnectConfig,
     DescriptionRow,
     DescriptionView,
-    declaration,
+    declare_connect,
     description_view,
 )
 from trcvtui.tui.formatting import pad, plain, wrapped
@@ -140,7 +140,7 @@ class DescriptionScreen(ListDialog[None]):
 
     def action_source(self) -> None:
         if self._config.description is not None:
-            self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
+            self._take("the description in SCL", declare_connect(self._config) + "\n", ".scl")
 
     def _take(self, name: str, text: str, suffix: str) -> None:
         from trcvtui.tui.clipboard_and_files import take  # read when first asked for

@@ -8,21 +8,21 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.plc.snapshot import block_row
-from trcvtui.project.edit import AddField, entry, fields_of, keys_of_line, keys_to_change
+from trcvtui.project.edit import AddField, fields_of, find_entry, keys_of_line, keys_to_change
 from trcvtui.project.key_rows import KeyValue
-from trcvtui.project.keys import BOOLS, EDITED, OFFERED, TABLES, entries_of
+from trcvtui.project.keys import BOOLS, EDITED, OFFERED_KINDS, TABLES, entries_of
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.proposals import NEW
 from trcvtui.tui.view_model.view_model import ViewModel
 
-TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED}
+TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED_KINDS}
 OF_THE_BENCH: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
 
 
 def kinds_of(project: Project) -> tuple[str, ...]:
     """Return what can be added: a ComBuffer where the dialect has blocks for it."""
     has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
-    return OFFERED if has_buffers else tuple(kind for kind in OFFERED if kind != "combuffer")
+    return OFFERED_KINDS if has_buffers else tuple(kind for kind in OFFERED_KINDS if kind != "combuffer")
 
 
 def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
@@ -55,7 +55,7 @@ def parts_at_hand(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
     peer = view_model.peer_snapshot
     talks = [ProjectPart("peer", peer.name), ProjectPart("connect", peer.link)] if peer is not None else []
     found = dict.fromkeys([*talks, *own] if peer_first else [*own, *talks])
-    return [part for part in found if entry(*part, view_model.project) is not None]
+    return [part for part in found if find_entry(*part, view_model.project) is not None]
 
 
 def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:
@@ -76,7 +76,7 @@ def all_parts(project: Project) -> list[ProjectPart]:
 
 
 def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
-    decl = entry(*part, project)
+    decl = find_entry(*part, project)
     return keys_to_change(decl, project) if decl is not None else {}
 
 

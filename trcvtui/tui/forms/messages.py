@@ -183,16 +183,16 @@ def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
     name = next((name for name in names if name.casefold() in types.types), "")
     if not name:
         return None
-    layout = lay_out(types.named(name), view_model.project.rules_of(name), name)
+    layout = lay_out(types.named(name), view_model.project.layout_rules_of(name), name)
     values = _values(text, view_model) if mode == UDT and name == first else {}
     return UdtForm(view_model.project, view_model.peer, name, layout, values)
 
 
 def _values(text: str, view_model: ViewModel) -> dict[str, str]:
     """Return the members that a payload sets, as it writes them; none where it cannot be read."""
-    from trcvtui.commands.tokens import members_of  # read when first asked for
+    from trcvtui.commands.tokens import parse_members  # read when first asked for
 
     try:
-        return dict(members_of(text[text.index("{") :].strip(), "form"))
+        return dict(parse_members(text[text.index("{") :].strip(), "form"))
     except (UserError, ValueError):
         return {}

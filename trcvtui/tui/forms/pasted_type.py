@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.project.tables import hidden_in
+from trcvtui.project.tables import find_hidden
 from trcvtui.udt.sources import read_text
 
 MOST: Final = 64 * 1024  # characters
@@ -23,7 +23,7 @@ def pasted_type(text: str, base: Path) -> tuple[Path, str]:
     from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
 
     lines = text[: MOST + 1].expandtabs(4).splitlines()
-    hidden = hidden_in("".join(lines))
+    hidden = find_hidden("".join(lines))
     if hidden or len(text) > MOST:
         found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
         raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, none of them for control")

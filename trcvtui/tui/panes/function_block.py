@@ -108,7 +108,7 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
         drawn = DrawnPin(pin.name, pin.text, pin.is_bool, pin.edge, letter, label)
         sides[pin.direction == "out"].append(drawn)
     inputs = placed(block, sides[False], wired)
-    if project.identity(block, connect) is not None:
+    if project.connection_id(block, connect) is not None:
         inputs = (*inputs[:1], ID, *inputs[1:])
     return Drawing(inputs, tuple(sides[True]))
 
@@ -436,7 +436,7 @@ class FunctionBlock(LineView):
         if instance is None:
             return 0, False
         if pin.is_fixed:
-            return self._view_model.project.identity(instance.block, instance.connect) or 0, False
+            return self._view_model.project.connection_id(instance.block, instance.connect) or 0, False
         waiting = self._pending.get((instance.name, pin.name))
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 

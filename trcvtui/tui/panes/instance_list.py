@@ -9,7 +9,7 @@ from textual.binding import Binding
 
 from trcvtui.diagnosis.link import condition_word
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
-from trcvtui.project.connect_view import TLS, security_of
+from trcvtui.project.connect_view import TLS_TEXT, security_of
 from trcvtui.tui.formatting import bar, cells, clip, lamp, pad, squeeze, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -168,7 +168,7 @@ class InstanceList(LineView):
         found = security_of(self._view_model.project.connect(connect))
         if found is None:
             return "", ""
-        return (f" {TLS}!", "error strong") if found.is_unsafe else (f" {TLS}", "dim")
+        return (f" {TLS_TEXT}!", "error strong") if found.is_unsafe else (f" {TLS_TEXT}", "dim")
 
     def _partner(self, connection: ConnectionSnapshot | None, columns: ListColumns) -> list[Part]:
         width, text = columns.partner, _partner(connection, columns.both)

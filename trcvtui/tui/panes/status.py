@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from trcvtui.diagnosis.link import condition_word
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.project.connect_view import WARNING, security_of
+from trcvtui.project.connect_view import UNVERIFIED_WARNING, security_of
 from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wrapped
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import Explainer, why
@@ -362,7 +362,7 @@ class StatusCard(TextView):
         name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
         decl = project.instance(name)
         found = security_of(project.connect(decl.connect)) if decl is not None else None
-        return [WARNING] if found is not None and found.is_unsafe else []
+        return [UNVERIFIED_WARNING] if found is not None and found.is_unsafe else []
 
     def _paragraph(self, label: str, texts: Sequence[str], *styles: str) -> list[Row]:
         rows: list[Row] = []

@@ -26,12 +26,12 @@ def fault_of(line: str, project: Project) -> str:
 
 def said_before(line: str, project: Project) -> str:
     """Return what a line that edits the project would do: what changes, what is made, what begins anew."""
-    from trcvtui.commands.edit import told
+    from trcvtui.commands.edit import describe_edit
     from trcvtui.commands.table import parse_line  # as above
-    from trcvtui.commands.words import MENDS
+    from trcvtui.commands.words import EDIT_COMMANDS
 
     try:
         command = parse_line(line, project, "prompt")
     except UserError:
         return ""
-    return told(command, project) if isinstance(command, MENDS) else ""
+    return describe_edit(command, project) if isinstance(command, EDIT_COMMANDS) else ""

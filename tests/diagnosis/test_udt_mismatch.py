@@ -13,7 +13,7 @@ from trcvtui.commands.words import PeerSend
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.scenario.runner import Runner, VirtualPace
-from trcvtui.udt.compare.fit import fit, leaders, verdict
+from trcvtui.udt.compare.fit import leaders, rank, verdict
 from trcvtui.udt.cure.padded_type import padded_type
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.values import decode
@@ -42,7 +42,7 @@ def jobs(project: Project) -> list[bytes]:
 
 
 def test_the_lab_names_the_layout_of_the_sender(project: Project, jobs: list[bytes]) -> None:
-    fits = fit(project.types.named("AxisReport"), jobs, framed=False)
+    fits = rank(project.types.get_type("AxisReport"), jobs, framed=False)
     assert [str(profile) for best in leaders(fits) for profile in best.profiles] == [
         "natural8, little-endian",
         "codesys-8, little-endian",
@@ -53,11 +53,11 @@ def test_the_lab_names_the_layout_of_the_sender(project: Project, jobs: list[byt
 def test_the_corrective_type_of_the_lab_is_the_one_that_cures_the_story(
     project: Project, jobs: list[bytes]
 ) -> None:
-    best = fit(project.types.named("AxisReport"), jobs, framed=False)[0]
+    best = rank(project.types.get_type("AxisReport"), jobs, framed=False)[0]
     cure = padded_type(best.layout, project.layout)
     assert cure.is_possible
     assert st_text(cure.type) in (CONFIGS / "types" / "axis-report.st").read_text()
-    declared = lay_out(project.types.named("AxisReport_natural8"), project.layout)
+    declared = lay_out(project.types.get_type("AxisReport_natural8"), project.layout)
     shown = dict(
         zip((leaf.path for leaf in declared.leaves()), decode(declared, b"".join(jobs)), strict=True)
     )

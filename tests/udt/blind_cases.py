@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.compare.fit import Fit, fit
+from trcvtui.udt.compare.fit import Fit, rank
 from trcvtui.udt.layout.coding import coding_of
-from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, profiles_for, shape
+from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, layout_shape, profiles_for
 from trcvtui.udt.layout.values import encode
 from trcvtui.udt.types import (
     DAY,
@@ -97,7 +97,7 @@ def realistic(leaf: Leaf, layout: Layout, chance: random.Random) -> object:
         return chance.randint(type_.low, type_.high)
     if isinstance(type_, Pointer):
         return "16#0"
-    return _elementary(layout.rules.stored(type_), leaf, layout, chance)
+    return _elementary(layout.rules.storage(type_), leaf, layout, chance)
 
 
 def _text(type_: StringType, layout: Layout, chance: random.Random) -> str:
@@ -182,7 +182,7 @@ def filled(fill: str) -> Draw:
         type_ = leaf.type
         if isinstance(type_, StringType | Pointer):
             return "" if fill in ("zeros", "constant", "ones") else realistic(leaf, layout, chance)
-        row = layout.rules.stored(type_)
+        row = layout.rules.storage(type_)
         if row.kind is ValueKind.BOOL:
             return False if fill == "zeros" else realistic(leaf, layout, chance)
         if row.kind is ValueKind.REAL:
@@ -342,7 +342,7 @@ def is_right(case: Case, found: Fit) -> bool:
 def same_bytes(case: Case, found: Fit) -> bool:
     """Return whether a reading has a profile in which this type lies as in the hidden one."""
     hidden = lay_out(case.type, case.profile.rules, "T")
-    return shape(hidden, by_bytes=True) == shape(found.layout, by_bytes=True)
+    return layout_shape(hidden, by_bytes=True) == layout_shape(found.layout, by_bytes=True)
 
 
 class Tally(NamedTuple):
@@ -378,7 +378,7 @@ def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = Fal
         if case is None:
             continue
         messages = [b"".join(case.messages)] if joined else case.messages
-        fits = fit(case.type, messages, "T")
+        fits = rank(case.type, messages, "T")
         best = fits[0]
         right = is_right(case, best)
         among += any(is_right(case, one) for one in fits if one.rank == 1)

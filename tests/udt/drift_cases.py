@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from tests.udt.blind_cases import content, random_type, realistic
 from trcvtui.errors import UserError
-from trcvtui.udt.compare.fit import Fit, fit
+from trcvtui.udt.compare.fit import Fit, rank
 from trcvtui.udt.layout.layout import Layout, Profile, lay_out, profiles_for
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import ELEMENTARY, Array, Elementary, Member, StringType, Struct, Type
@@ -153,7 +153,7 @@ def measure(seeds: Iterable[int], kind: str, most: int) -> DriftTally:
         case = make(seed, kind)
         if case is None:
             continue
-        fits = fit(case.ours, case.messages, "T")
+        fits = rank(case.ours, case.messages, "T")
         right = [one for one in fits if is_right(case, one)]
         best, cases = fits[0], cases + 1
         if right and right[0].rank > 1:

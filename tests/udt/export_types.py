@@ -36,7 +36,7 @@ VALUES = {
 
 def plant(layout: str = "baosky", byte_order: str | None = None, text: str | None = None) -> Layout:
     """Return the type laid out."""
-    return lay_out(types_of(SOURCE).named("Plant"), rules_for(layout, byte_order, text), "Plant")
+    return lay_out(types_of(SOURCE).get_type("Plant"), rules_for(layout, byte_order, text), "Plant")
 
 
 def plant_bytes(layout: Layout) -> bytes:

@@ -134,7 +134,7 @@ class Machine:
             return _bits_of(expression[1], number, width)
         declared = re.search(rf"TYPE {union[1]} :.*?END_TYPE", self.helpers, re.S)
         assert declared is not None
-        layout = lay_out(types_of(declared[0]).named(union[1]), self.rules)
+        layout = lay_out(types_of(declared[0]).get_type(union[1]), self.rules)
         assert body.endswith(f"u.r := x;\n{name} := u.d;\n")
         leaves = {leaf.path: leaf for leaf in layout.leaves()}
         assert leaves["r"].size == leaves["d"].size == width // 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import Problem
 from trcvtui.udt.ast import Declarations, Formula, MemberSpec, Reference
-from trcvtui.udt.sources import read_text
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.sources import parse_source
+from trcvtui.udt.type_set import TypeSet, join_files
 from trcvtui.udt.types import ELEMENTARY, Struct, Type, Union, type_text
 
 INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
@@ -14,7 +14,7 @@ INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
 
 def read(suffix: str, text: str) -> TypeSet:
     """Return the types of a text as of a file of that suffix."""
-    types = join([read_text(text, f"f{suffix}", suffix)], f"f{suffix}")
+    types = join_files([parse_source(text, f"f{suffix}", suffix)], f"f{suffix}")
     assert [str(problem) for problem in types.problems] == []
     return types
 
@@ -24,13 +24,13 @@ def good(text: str) -> TypeSet:
 
 
 def members(types: TypeSet, name: str) -> dict[str, str]:
-    type_ = types.named(name)
+    type_ = types.get_type(name)
     assert isinstance(type_, Struct | Union)
     return {member.name: type_text(member.type) for member in type_.members}
 
 
 def member(text: str) -> Type:
-    type_ = good(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").named("T")
+    type_ = good(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").get_type("T")
     assert isinstance(type_, Struct)
     (only,) = type_.members
     return only.type

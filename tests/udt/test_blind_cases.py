@@ -7,7 +7,7 @@ import os
 import pytest
 
 from tests.udt.blind_cases import CAUSES, FILLS, make, measure
-from trcvtui.udt.compare.fit import fit
+from trcvtui.udt.compare.fit import rank
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ  # make soak: minutes
 FIRST_SEED = 50_000  # the points were chosen by the seeds below 2000
@@ -41,7 +41,7 @@ def test_readings_of_one_rank_find_the_same_and_ranks_count_all_before_them(caus
         case = make(seed, cause)
         if case is None:
             continue
-        fits = fit(case.type, case.messages, "T")
+        fits = rank(case.type, case.messages, "T")
         ranks = [found.rank for found in fits]
         assert ranks == [ranks.index(rank) + 1 for rank in ranks]
         for found in fits:

@@ -17,7 +17,15 @@ from hypothesis import strategies as st
 from tests import golden
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.byte_text import BYTE_FORMS, all_in, first_in, hexdump, last_in, parse_hex, wanted
+from trcvtui.udt.byte_text import (
+    BYTE_FORMS,
+    find_all,
+    find_first,
+    find_last,
+    hexdump,
+    parse_hex,
+    parse_search,
+)
 from trcvtui.udt.report import csv_lines, markdown, member_rows
 
 
@@ -95,7 +103,7 @@ def test_python_reads_the_literal_as_the_same_bytes() -> None:
 
 def test_the_st_array_is_a_declaration_that_this_program_reads() -> None:
     text = written("st")
-    types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").named("T")
+    types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").get_type("T")
     assert text.startswith(f"gr__e_1 : ARRAY[0..{len(EVERY_BYTE) - 1}] OF BYTE := [")
     assert parse_hex(text.partition("[\n")[2].removesuffix("];")) == EVERY_BYTE
 
@@ -148,21 +156,21 @@ def test_csv_comes_back_with_missing_members_named() -> None:
     ],
 )  # fmt: skip
 def test_a_text_asks_for_these_bytes(text: str, patterns: tuple[bytes, ...]) -> None:
-    assert wanted(text).patterns == patterns
+    assert parse_search(text).patterns == patterns
 
 
 @pytest.mark.parametrize("text", ["", '""', "=", "=abc", "=99999999999999999999", "00" * 257])
 def test_what_asks_for_nothing_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(UserError) as refused:
-        wanted(text)
+        parse_search(text)
     assert len(refused.value.lines()) == 1
 
 
 def test_the_nearest_of_several_patterns_counts() -> None:
     content = b"..ab..cd..ab"
-    assert first_in(content, (b"cd", b"ab")) == 2
-    assert first_in(content, (b"cd", b"ab"), 3) == 6
-    assert last_in(content, (b"cd", b"ab"), 10) == 6
-    assert last_in(content, (b"cd", b"ab"), 11) == 10
-    assert first_in(content, (b"x",)) is None and last_in(content, (b"ab",), 0) is None
-    assert list(all_in(b"aaa", (b"aa",))) == [range(2), range(1, 3)]
+    assert find_first(content, (b"cd", b"ab")) == 2
+    assert find_first(content, (b"cd", b"ab"), 3) == 6
+    assert find_last(content, (b"cd", b"ab"), 10) == 6
+    assert find_last(content, (b"cd", b"ab"), 11) == 10
+    assert find_first(content, (b"x",)) is None and find_last(content, (b"ab",), 0) is None
+    assert list(find_all(b"aaa", (b"aa",))) == [range(2), range(1, 3)]

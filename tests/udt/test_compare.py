@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare.compare import ComparedRow, Comparison, compare_json, compare_text, is_equal
-from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for, shape
+from trcvtui.udt.layout.layout import LayoutRules, lay_out, layout_shape, rules_for
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
 from trcvtui.udt.report import place_text
@@ -41,7 +41,7 @@ def test_members_in_another_order_and_case_are_the_same_members() -> None:
     theirs = types_of(
         "TYPE T : STRUCT B : REAL; A : INT; new : BOOL; S : STRUCT y : DINT; END_STRUCT END_STRUCT END_TYPE"
     )
-    both = Comparison(lay_out(ours.named("T"), rules_for()), lay_out(theirs.named("T"), rules_for()))
+    both = Comparison(lay_out(ours.get_type("T"), rules_for()), lay_out(theirs.get_type("T"), rules_for()))
     assert [told(row) for row in both.rows(bytes(20))] == [
         "a: 0 INT 0 | 4 INT 0 place",
         "b: 4 REAL 0.0 | 0 REAL 0.0 place",
@@ -98,9 +98,9 @@ def test_layouts_are_equal_exactly_when_profiles_call_them_one(
     a, b = lay_out(type_, ours), lay_out(type_, theirs)
     both = Comparison(a, b)
     if is_equal(both, both.rows(b"")):
-        assert shape(a) == shape(b)
+        assert layout_shape(a) == layout_shape(b)
     elif a.rules.byte_order == b.rules.byte_order:
-        assert shape(a) != shape(b)
+        assert layout_shape(a) != layout_shape(b)
 
 
 @pytest.mark.slow

@@ -14,8 +14,8 @@ from tests.udt.st_texts import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import decode_text, read_files, read_text
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.sources import decode_text, parse_source, read_files
+from trcvtui.udt.type_set import TypeSet, join_files
 from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Type, Union, Unplaced, type_text
 
 SUFFIXES = (".st", ".iecst", ".txt", ".udt", ".scl", ".s7dcl", ".exp", ".typ", ".var")
@@ -28,7 +28,7 @@ LACKS = ("a known type", "a known constant")
 def lay_out_all(types: TypeSet) -> None:
     for name in types.names():
         try:
-            lay_out(types.named(name), rules_for(), name)
+            lay_out(types.get_type(name), rules_for(), name)
         except UserError as refused:
             assert refused.lines()
 
@@ -77,7 +77,7 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
         if path.suffix in SUFFIXES and path.name not in ("one_bad.st", "telegram.st"):
             types = read_files([path])
             assert types.problems == (), path
-            found[path.name] = {name: type_text(types.named(name)) for name in types.names()}
+            found[path.name] = {name: type_text(types.get_type(name)) for name in types.names()}
     assert {name: list(types) for name, types in found.items()} == {
         "b_and_r.typ": ["LineMode_enum", "Line_typ", "Inner_typ"],
         "codesys_2_3.exp": ["Türdaten", "DoorBits"],
@@ -88,7 +88,7 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
         "windows_1252.st": ["Tür"],
         "with_mark.st": ["Motor"],
     }
-    valve = read_files([OWN / "twincat.st"]).named("ST_Valve")
+    valve = read_files([OWN / "twincat.st"]).get_type("ST_Valve")
     assert isinstance(valve, Struct)
     assert (valve.pack, type_text(valve.base) if valve.base else "") == (1, "ST_Base")
     assert [(member.name, type_text(member.type)) for member in valve.members] == [
@@ -109,7 +109,7 @@ SOURCES = (".scl", ".s7dcl", ".udt")
 
 
 def declared(path: Path) -> Declarations:
-    return read_text(decode_text(path.read_bytes()), str(path), path.suffix)
+    return parse_source(decode_text(path.read_bytes()), str(path), path.suffix)
 
 
 PAIRS = [
@@ -134,7 +134,7 @@ def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, sour
     for suffix in (xml.suffix, source.suffix):
         types = read_files(path for path, other in PAIRS for path in (path, other) if path.suffix == suffix)
         for profile in ("s7-standard", "codesys-8"):
-            laid = lay_out(types.named(name), rules_for(profile), name)
+            laid = lay_out(types.get_type(name), rules_for(profile), name)
             sides.append((profile, [(leaf.path, leaf.offset, leaf.size) for leaf in laid.leaves()]))
     assert sides[:2] == sides[2:] and sides[0][1]
 
@@ -148,7 +148,7 @@ def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
     whole = len(data.rstrip()) if is_xml else 0
     for end in cuts(len(data), 30 if path in XML_FILES else 2_000_000 // (len(data) + 10_000)):
         try:
-            types = join([read_text(decode_text(data[:end]), "cut", path.suffix)], "cut")
+            types = join_files([parse_source(decode_text(data[:end]), "cut", path.suffix)], "cut")
         except UserError as refused:
             (line,) = refused.lines()
             assert line.startswith("cut") and path in XML_FILES
@@ -160,18 +160,18 @@ def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
 
 
 def test_own_samples_hold_what_they_say() -> None:
-    motor = read_files([OWN / "motor.TcDUT"]).named("ST_Motor")
+    motor = read_files([OWN / "motor.TcDUT"]).get_type("ST_Motor")
     assert isinstance(motor, Struct) and motor.pack == 1
     assert [member.type for member in motor.members] == [
         ELEMENTARY["BOOL"],
         ELEMENTARY["LREAL"],
         StringType(10),
     ]
-    tank = read_files([OWN / "openness.xml"]).named("Tank")
+    tank = read_files([OWN / "openness.xml"]).get_type("Tank")
     assert isinstance(tank, Struct) and [member.name for member in tank.members] == ["State", "Levels", "At"]
-    plant = read_files([OWN / "plcopen.xml"]).named("Anlage")
+    plant = read_files([OWN / "plcopen.xml"]).get_type("Anlage")
     assert isinstance(plant, Struct) and plant.pack == 2 and isinstance(plant.members[1].type, Array)
     assert plant.members[1].type.bounds == ((1, 4),)
-    station = read_files([OWN / "device.h"]).named("Station")
+    station = read_files([OWN / "device.h"]).get_type("Station")
     assert isinstance(station, Struct) and station.pack is None
     assert lay_out(station, rules_for("codesys-8"), "Station").size == 1 + 1 + 16 + 8 + 5 + 1 + 8

@@ -28,17 +28,17 @@ from tests.udt.udt_strategies import (
     values_of,
 )
 from trcvtui.tui.lab.lab_fix import cure_source
-from trcvtui.udt.compare.fit import fit, verdict
-from trcvtui.udt.cure.padded_type import PaddedType, padded_type, prove, told
+from trcvtui.udt.compare.fit import rank, verdict
+from trcvtui.udt.cure.padded_type import PaddedType, list_notes, padded_type, prove_places
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.placing import Unreachable
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
-from trcvtui.udt.sources import read_text
+from trcvtui.udt.sources import parse_source
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.st_write import ST_WORDS, scl_text, st_renamed, st_text
-from trcvtui.udt.type_set import join
+from trcvtui.udt.st_write import ST_WORDS, rename_for_st, scl_text, st_text
+from trcvtui.udt.type_set import join_files
 from trcvtui.udt.types import ELEMENTARY, Array, Member, StringType, Struct
 
 INDEX = r"\[[^\]]*\]"
@@ -56,15 +56,15 @@ def place_of(leaf: Leaf) -> tuple[int, int, int | None]:
 
 def wanted(name: str, layout: str) -> Layout:
     """Return a telegram in the sender's layout."""
-    return lay_out(TYPES.named(name), rules_for(layout))
+    return lay_out(TYPES.get_type(name), rules_for(layout))
 
 
 def scl_again(found: PaddedType) -> Layout:
     """Return a type as it lies when its SCL is read."""
     text = scl_text(found.type, found.layout.name, found.layout.rules)
-    types_again = join([read_text(text, "x.udt", ".udt")], "x.udt")
+    types_again = join_files([parse_source(text, "x.udt", ".udt")], "x.udt")
     assert types_again.problems == ()
-    return lay_out(types_again.named(types_again.names()[-1]), found.layout.rules)
+    return lay_out(types_again.get_type(types_again.names()[-1]), found.layout.rules)
 
 
 def test_a_natural_sender_is_received_under_cap4_with_padding_members() -> None:
@@ -96,7 +96,7 @@ def test_an_s7_sender_is_received_by_codesys_with_bits_and_without_gaps() -> Non
 def test_what_cannot_be_reached_is_told_with_the_reason() -> None:
     def say(case: str) -> list[str]:
         ours, theirs, members = case.split(" | ")
-        return told(padded_type(layout_of(members, theirs), rules_for(ours)))[:1]
+        return list_notes(padded_type(layout_of(members, theirs), rules_for(ours)))[:1]
 
     golden.answers("members that cannot be reached", say)
 
@@ -118,7 +118,7 @@ def test_a_union_that_cannot_be_declared_is_the_only_raw_member() -> None:
         "a : INT; b : LREAL; u : UNION s : STRING[4]; i : INT; END_UNION; c : INT;", "codesys-8"
     )
     found = padded_type(theirs, rules_for("baosky"))
-    assert told(found) == [f"u: not reached: u.s: {TEXTS}"]
+    assert list_notes(found) == [f"u: not reached: u.s: {TEXTS}"]
     lies = places(found.layout)
     assert (lies["b"], lies["u[0]"], lies["c"]) == ((8, 8, None), (16, 1, None), (22, 2, None))
 
@@ -127,31 +127,31 @@ def test_a_union_in_a_union_in_an_array_is_told_by_the_text_in_it() -> None:
     inner = "UNION i : INT; v : UNION s : STRING[4]; END_UNION; END_UNION"
     theirs = layout_of(f"n : DINT; a : ARRAY[1..2] OF {inner}; c : INT;", "codesys-8")
     found = padded_type(theirs, rules_for("baosky"))
-    assert told(found) == [f"a: not reached: a[1].v.s: {TEXTS}"]
-    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.number_of("c")))
+    assert list_notes(found) == [f"a: not reached: a[1].v.s: {TEXTS}"]
+    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.leaf_number("c")))
 
 
 def test_a_type_with_a_raw_member_may_be_used_twice() -> None:
     text = "TYPE S : STRUCT s : STRING[4]; i : INT; END_STRUCT END_TYPE "
     text += "TYPE T : STRUCT p : S; q : S; c : LREAL; END_STRUCT END_TYPE"
-    theirs = lay_out(types_of(text).named("T"), rules_for("codesys-8"))
+    theirs = lay_out(types_of(text).get_type("T"), rules_for("codesys-8"))
     found = padded_type(theirs, rules_for("baosky"))
-    assert told(found) == [f"p.s: not reached: {TEXTS}", f"q.s: not reached: {TEXTS}"]
-    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.number_of("c")))
+    assert list_notes(found) == [f"p.s: not reached: {TEXTS}", f"q.s: not reached: {TEXTS}"]
+    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.leaf_number("c")))
 
 
 def test_a_member_whose_name_begins_like_that_of_a_raw_one_is_proved() -> None:
     theirs = layout_of("s : STRING[4]; s2 : INT; s_x : DINT;", "codesys-8")
     found = padded_type(theirs, rules_for("baosky"))
     raw = [(id(theirs.root), "s")]
-    prove(theirs.root, found.layout.root, raw)
+    prove_places(theirs.root, found.layout.root, raw)
     assert isinstance(found.type, Struct)
     s, _, s_x = found.type.members
     gap, small = Member("_pad", ELEMENTARY["BYTE"]), Member("s2", ELEMENTARY["BYTE"])
     for members in ((s, small, s_x), (s, gap, small, s_x)):
         wrong = lay_out(Struct("T", members), rules_for("baosky"))
         with pytest.raises(Unreachable, match=r"^s2: "):
-            prove(theirs.root, wrong.root, raw)
+            prove_places(theirs.root, wrong.root, raw)
 
 
 def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_the_message() -> None:
@@ -161,7 +161,7 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
     assert (found.type, found.is_possible, found.layout.size) == (theirs.type, True, 12)
     assert "\n// LEN := 10 at the receiving block" in cure_source(ours.rules, theirs, "st")
     nested = padded_type(layout_of(f"s : STRUCT {members} END_STRUCT; i : INT;", "packed"), ours.rules)
-    assert told(nested) == [
+    assert list_notes(nested) == [
         "s.d: not reached: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
     ]
 
@@ -169,9 +169,9 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
 def test_of_a_struct_that_cannot_be_there_the_members_stand_in_its_place() -> None:
     text = "TYPE S : STRUCT k : BYTE; i : INT; d : DINT; END_STRUCT END_TYPE "
     text += "TYPE T : STRUCT a : BYTE; s : S; s_k : INT; END_STRUCT END_TYPE"
-    found = padded_type(lay_out(types_of(text).named("T"), rules_for("packed")), rules_for("baosky"))
+    found = padded_type(lay_out(types_of(text).get_type("T"), rules_for("packed")), rules_for("baosky"))
     assert isinstance(found.type, Struct) and found.type.name == "T_flat"
-    assert told(found) == ["s: its members stand here by themselves, as s_.."]
+    assert list_notes(found) == ["s: its members stand here by themselves, as s_.."]
     assert places(found.layout) == {
         "a": (0, 1, None), "s_k_": (1, 1, None), "s_i": (2, 2, None), "s_d": (4, 4, None),
         "s_k": (8, 2, None),
@@ -188,7 +188,7 @@ def test_a_type_that_fails_in_every_use_is_tried_once() -> None:
     text = "TYPE S0 : STRUCT a : INT; END_STRUCT END_TYPE\n"
     for n in range(1, 17):
         text += f"TYPE S{n} : STRUCT p : S{n - 1}; q : S{n - 1}; END_STRUCT END_TYPE\n"
-    theirs = lay_out(types_of(text).named("S16"), rules_for("packed"))
+    theirs = lay_out(types_of(text).get_type("S16"), rules_for("packed"))
     found = padded_type(theirs, rules_for("baosky"))
     assert found.layout.size == theirs.size
     assert 0 < len(found.unreached) <= 1024
@@ -196,16 +196,16 @@ def test_a_type_that_fails_in_every_use_is_tried_once() -> None:
 
 def test_a_type_that_lies_right_already_stays_as_it_is() -> None:
     found = padded_type(wanted("Report", "natural8"), rules_for("baosky"))
-    assert found.type is TYPES.named("Report")
+    assert found.type is TYPES.get_type("Report")
 
 
 def test_what_a_type_extends_becomes_members_of_its_own() -> None:
     text = "TYPE B : STRUCT x : BYTE; END_STRUCT END_TYPE "
     text += "TYPE T EXTENDS B : STRUCT y : LREAL; END_STRUCT END_TYPE"
-    found = padded_type(lay_out(types_of(text).named("T"), rules_for("codesys-8")), rules_for("packed"))
+    found = padded_type(lay_out(types_of(text).get_type("T"), rules_for("codesys-8")), rules_for("packed"))
     assert places(found.layout) == {"x": (0, 1, None), "y": (8, 8, None)}
     bits = text.replace("BYTE", "BIT").replace("y : LREAL", "y : BIT; z : INT")  # each begins a byte
-    found = padded_type(lay_out(types_of(bits).named("T"), rules_for("codesys-8")), rules_for("codesys-4"))
+    found = padded_type(lay_out(types_of(bits).get_type("T"), rules_for("codesys-8")), rules_for("codesys-4"))
     assert [(one.path, one.text[:15]) for one in found.unreached] == [("y", "bit 0 of byte 1")]
     assert places(found.layout)["z"] == (2, 2, None)
 
@@ -218,7 +218,7 @@ def test_the_declaration_is_read_again_and_lies_where_it_shall(name: str, ours: 
     types_again = types_of(st_text(found.type, found.layout.name))
     assert types_again.problems == ()
     own = found.type.name if isinstance(found.type, Struct) else found.layout.name
-    again = lay_out(types_again.named(own), rules_for(ours))
+    again = lay_out(types_again.get_type(own), rules_for(ours))
     assert (places(again), again.size) == (places(found.layout), found.layout.size)
     sent, reached = wanted(name, theirs), {one.path for one in found.unreached}
     assert "" not in reached and again.size - sent.size < again.root.align
@@ -238,7 +238,7 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
         "w : ARRAY[0..1] OF V; b : ARRAY[0..1] OF ARRAY[0..2] OF REAL; s : STRING[255]; END_STRUCT END_TYPE"
     )
     cured = cure_source(
-        rules_for("packed", text="nul"), lay_out(types_of(text).named("A"), rules_for("codesys-8")), "scl"
+        rules_for("packed", text="nul"), lay_out(types_of(text).get_type("A"), rules_for("codesys-8")), "scl"
     )
     assert "nothing has to change" not in cured
     assert "// s: not reached: STRING[255]: SCL has at most 254 characters\n" in cured
@@ -300,7 +300,7 @@ def test_a_text_in_utf_8_stays_one() -> None:
     assert found.is_possible
     assert found.layout.leaf(1).type == StringType(80, utf8=True)
     again = types_of(st_text(sent.type))
-    (_, text) = lay_out(again.named("T"), rules_for()).leaves()
+    (_, text) = lay_out(again.get_type("T"), rules_for()).leaves()
     assert text.type == StringType(utf8=True)
 
 
@@ -319,7 +319,7 @@ END_TYPE
 
 @pytest.mark.parametrize("name", ["Weight", "Line"])
 def test_a_sender_that_pads_and_swaps_is_read_right(name: str) -> None:
-    theirs = lay_out(TYPES.named(name), rules_for("packed", "big"))
+    theirs = lay_out(TYPES.get_type(name), rules_for("packed", "big"))
     ours = lay_out(theirs.type, rules_for("baosky"))
     found = padded_type(ours, theirs.rules)
     assert found.is_possible
@@ -333,14 +333,14 @@ def test_a_sender_that_pads_and_swaps_is_read_right(name: str) -> None:
 
 
 def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
-    types = join([read_text(ODD_NAMES, "x.udt", ".udt")], "x.udt")
-    type_ = types.named("T")
+    types = join_files([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt")
+    type_ = types.get_type("T")
     for ours, theirs in (("baosky", "natural8"), ("natural8", "codesys-1"), ("s7-standard", "natural8")):
         for wanted, own in ((theirs, ours), (ours, theirs)):
             side = padded_type(lay_out(type_, rules_for(wanted)), rules_for(own))
-            plain = join([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
+            plain = join_files([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
             assert plain.problems == () and scl_again(side)
-            again = lay_out(plain.named(plain.names()[-1]), side.layout.rules)
+            again = lay_out(plain.get_type(plain.names()[-1]), side.layout.rules)
             assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in side.layout.leaves()]
             words = {part for leaf in again.leaves() for part in re.findall(r"[^.\[\]]+", leaf.path)}
             assert not {word for word in words if word.upper() in ST_WORDS}
@@ -348,7 +348,7 @@ def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
 
 
 def test_profiles_that_agree_need_no_cure() -> None:
-    layout = lay_out(TYPES.named("Report"), rules_for("baosky"))
+    layout = lay_out(TYPES.get_type("Report"), rules_for("baosky"))
     theirs = lay_out(layout.type, rules_for("natural8"))
     assert padded_type(theirs, layout.rules).type is padded_type(layout, theirs.rules).type is layout.type
 
@@ -368,9 +368,9 @@ def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
 ) -> None:
     text = cure_source(ours, lay_out(type_, theirs, "T"), form)
     assert text.startswith(f"// T for {ours.name}, ")
-    scl = padded_type(lay_out(st_renamed(type_), theirs, "T"), ours, is_scl=True)
+    scl = padded_type(lay_out(rename_for_st(type_), theirs, "T"), ours, is_scl=True)
     assert list(map(place_of, scl_again(scl).leaves())) == list(map(place_of, scl.layout.leaves()))
-    fits = fit(type_, messages)
+    fits = rank(type_, messages)
     best = [next(group).score for _, group in groupby(fits, key=lambda one: one.rank)]
     assert best == sorted(best, reverse=True)  # readings that find the same values stand together
     assert [one.rank for one in fits] == sorted(one.rank for one in fits)
@@ -383,7 +383,7 @@ OTHER = {"little": "big", "big": "little"}
 def swapped(sent: Layout, content: bytes, language: Language) -> bytes:
     """Return what the swap code makes of a message."""
     swap = swap_code(sent, language)
-    msg = lay_out(st_renamed(sent.type), sent.rules) if language == "st" else sent
+    msg = lay_out(rename_for_st(sent.type), sent.rules) if language == "st" else sent
     machine = Machine(sent.rules, {"msg": msg, "wire": lay_out(swap.type, sent.rules)}, swap.helpers)
     machine.memory["msg"][:] = content
     machine.run(swap.code)
@@ -412,7 +412,7 @@ def test_every_kind_of_number_is_swapped() -> None:
 
 
 def test_the_code_reads_as_an_engineer_would_write_it() -> None:
-    sent = lay_out(TYPES.named("Line"), rules_for("natural8"))
+    sent = lay_out(TYPES.get_type("Line"), rules_for("natural8"))
     assert swap_code(sent).code == (
         "// msg : Line; wire : Line_swapped; i1 : DINT; send wire\n"
         "wire.head := msg.head;\n"
@@ -428,11 +428,11 @@ def test_the_code_reads_as_an_engineer_would_write_it() -> None:
 
 
 def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
-    sent = lay_out(TYPES.named("Line"), rules_for("s7-standard"))
+    sent = lay_out(TYPES.get_type("Line"), rules_for("s7-standard"))
     st, scl = swap_code(sent), swap_code(sent, "scl")
-    for declared in (types_of(st.types), join([read_text(scl.types, "x.udt", ".udt")], "x.udt")):
+    for declared in (types_of(st.types), join_files([parse_source(scl.types, "x.udt", ".udt")], "x.udt")):
         assert declared.problems == ()
-        again = lay_out(declared.named("Line_swapped"), sent.rules)
+        again = lay_out(declared.get_type("Line_swapped"), sent.rules)
         assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in sent.leaves()]
 
 
@@ -440,7 +440,7 @@ def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
 def test_names_that_are_keywords_or_hold_blanks_are_written_as_the_language_takes_them(
     language: Language,
 ) -> None:
-    type_ = join([read_text(ODD_NAMES, "x.udt", ".udt")], "x.udt").named("T")
+    type_ = join_files([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt").get_type("T")
     sent = lay_out(type_, rules_for("natural8"))
     swap = swap_code(sent, language)
     wanted = {

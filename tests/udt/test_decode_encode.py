@@ -13,8 +13,8 @@ from tests.udt.udt_strategies import apart, layout_of, layouts, leaf_types, rule
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.value_text import value_text
-from trcvtui.udt.layout.values import decode, decode_leaves, encode, put
-from trcvtui.udt.types import ROWS, StringType, Type
+from trcvtui.udt.layout.values import decode, decode_leaves, encode, write_leaf
+from trcvtui.udt.types import ELEMENTARY_ROWS, StringType, Type
 
 
 def telegram() -> Layout:
@@ -55,13 +55,13 @@ def test_times_are_literals() -> None:
 
 def test_an_enumeration_is_a_number_and_may_be_written_by_name() -> None:
     types = types_of("TYPE Mode : (Stop, Run := 5); END_TYPE")
-    layout = lay_out(types.named("Mode"), rules_for())
+    layout = lay_out(types.get_type("Mode"), rules_for())
     assert decode(layout, b"\x05\x00") == (5,)
     assert decode(layout, b"\x07\x00") == (7,)
     assert encode(layout, {"": "run"}) == encode(layout, {"": 5}) == b"\x05\x00"
 
 
-@given(st.sampled_from(ROWS), rules, st.data())
+@given(st.sampled_from(ELEMENTARY_ROWS), rules, st.data())
 def test_every_elementary_type_comes_back(row: Type, its_rules: LayoutRules, data: st.DataObject) -> None:
     layout = lay_out(row, its_rules)
     value = data.draw(values_of(layout.leaf(0), its_rules))
@@ -120,7 +120,7 @@ def test_values_are_found_by_path_in_any_case() -> None:
 
 def test_one_leaf_is_written_in_place() -> None:
     data = bytearray(b"\xff" * 12)
-    put(telegram(), data, 1, "12.5")
+    write_leaf(telegram(), data, 1, "12.5")
     assert bytes(data) == b"\xff" * 4 + struct.pack("<f", 12.5) + b"\xff" * 4
 
 
@@ -189,7 +189,7 @@ def test_the_largest_type_is_decoded_at_once_and_by_pages() -> None:
 @pytest.mark.parametrize("members", ["d : DWORD; b : BOOL;", "b : BOOL; d : DWORD;"])
 def test_members_of_a_union_are_encoded_to_the_bytes_they_were_decoded_from(members: str) -> None:
     types = types_of(f"TYPE U : UNION {members} END_UNION END_TYPE")
-    layout = lay_out(types.named("U"), rules_for())
+    layout = lay_out(types.get_type("U"), rules_for())
     values = dict(zip([leaf.path for leaf in layout.leaves()], decode(layout, b"\2\0\0\0"), strict=True))
     assert encode(layout, values) == b"\2\0\0\0"
 
@@ -207,7 +207,7 @@ END_STRUCT END_TYPE"""
 
 def test_a_string_marked_as_utf_8_is_read_and_written_so() -> None:
     types = types_of(UTF_8)
-    layout = lay_out(types.named("T"), rules_for("codesys-8"))
+    layout = lay_out(types.get_type("T"), rules_for("codesys-8"))
     raw = b"\1" + "€".encode() + b"\0\0" + "€".encode() + b"\0\0"
     assert decode(layout, raw) == (1, "€", "â\x82¬")
     assert encode(layout, {"a": 1, "s": "€", "t": "â\x82¬"}) == raw

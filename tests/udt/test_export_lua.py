@@ -66,7 +66,7 @@ def as_decoded(layout: Layout, leaf: Leaf, text: str) -> object:
         return text
     if isinstance(leaf.type, Pointer):
         return f"16#{int(text, 16):0{2 * leaf.size}X}"
-    match layout.rules.stored(leaf.type).kind:
+    match layout.rules.storage(leaf.type).kind:
         case ValueKind.BOOL:
             return text in ("1", "True")
         case ValueKind.REAL:
@@ -139,7 +139,7 @@ def test_the_demo_s_traffic_on_loopback_reads_in_tshark_as_in_udt_decode(
 
 def demo_layout() -> Layout:
     types = read_files([demo_path().parent / "telegram.st"])
-    return lay_out(types.named("Telegram"), rules_for(), "Telegram")
+    return lay_out(types.get_type("Telegram"), rules_for(), "Telegram")
 
 
 def demo_traffic(monkeypatch: pytest.MonkeyPatch, least: int) -> list[bytes]:
@@ -179,12 +179,12 @@ def test_a_type_with_too_many_members_is_refused_in_one_line() -> None:
     source = "TYPE T0 : STRUCT a : BYTE; b : BYTE; END_STRUCT END_TYPE\n"
     for n in range(1, 15):
         source += f"TYPE T{n} : STRUCT a : T{n - 1}; b : T{n - 1}; END_STRUCT END_TYPE\n"
-    layout = lay_out(types_of(source).named("T14"), rules_for("packed"))
+    layout = lay_out(types_of(source).get_type("T14"), rules_for("packed"))
     with pytest.raises(UserError, match="T14: found 32768 members, expected at most 20000"):
         export(layout, "lua")
 
 
 def test_a_type_without_a_value_is_refused_in_one_line() -> None:
-    layout = lay_out(types_of("TYPE T : STRUCT END_STRUCT END_TYPE").named("T"), rules_for())
+    layout = lay_out(types_of("TYPE T : STRUCT END_STRUCT END_TYPE").get_type("T"), rules_for())
     with pytest.raises(UserError, match="T: found a type without a value"):
         export(layout, "lua")

@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 
 from tests import golden
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare.compare import difference
-from trcvtui.udt.compare.fit import fit, leaders, verdict
+from trcvtui.udt.compare.compare import describe_difference
+from trcvtui.udt.compare.fit import leaders, rank, verdict
 from trcvtui.udt.layout.layout import (
     Layout,
     LayoutRules,
     Leaf,
     Profile,
+    group_same_layouts,
     has_text,
     lay_out,
+    layout_shape,
     profiles_for,
     rules_for,
-    same_layouts,
-    shape,
 )
 from trcvtui.udt.layout.values import encode
 from trcvtui.udt.types import Elementary, Enumeration, StringType, Struct, ValueKind
@@ -66,7 +66,7 @@ def message(layout: Layout, chance: random.Random) -> bytes:
     return encode(layout, {leaf.path: ordinary(leaf, chance) for leaf in layout.leaves()})
 
 
-every = [(name, profile) for name in TELEGRAMS for profile in profiles_for(TYPES.named(name))]
+every = [(name, profile) for name in TELEGRAMS for profile in profiles_for(TYPES.get_type(name))]
 
 
 @pytest.mark.slow
@@ -76,15 +76,15 @@ def test_the_profile_of_the_sender_ranks_first(
     sent: tuple[str, Profile], seed: int, count: int, framed: bool
 ) -> None:
     name, profile = sent
-    layout = lay_out(TYPES.named(name), profile.rules)
+    layout = lay_out(TYPES.get_type(name), profile.rules)
     chance = random.Random(seed)
-    fits = fit(layout.type, [message(layout, chance) for _ in range(count)], framed=framed)
+    fits = rank(layout.type, [message(layout, chance) for _ in range(count)], framed=framed)
     assert any(profile in best.profiles for best in leaders(fits)), verdict(fits)
 
 
 def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
     content = struct.pack("<B7xdh6x", 1, 12.5, 7)
-    fits = fit(TYPES.named("Weight"), [content])
+    fits = rank(TYPES.get_type("Weight"), [content])
     assert [str(profile) for profile in fits[0].profiles] == [
         "natural8, little-endian",
         "codesys-8, little-endian",
@@ -104,12 +104,12 @@ def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
 
 def test_a_swapped_sender_is_told_by_its_numbers() -> None:
     content = struct.pack(">B3xdh2x", 1, 12.5, 7)
-    best = fit(TYPES.named("Weight"), [content])[0]
+    best = rank(TYPES.get_type("Weight"), [content])[0]
     assert str(best.profile) == "baosky, big-endian"
 
 
 def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
-    fits = fit(TYPES.named("Weight"), [bytes(16)])
+    fits = rank(TYPES.get_type("Weight"), [bytes(16)])
     assert verdict(fits) == (
         "baosky, little-endian and baosky, big-endian cannot be told apart by these bytes: "
         "the first two differ only in the byte order"
@@ -117,17 +117,17 @@ def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
 
 
 def test_a_sign_makes_another_reading_only_where_a_value_has_one() -> None:
-    type_ = types_of("TYPE T : STRUCT a : DINT; t : TIME; END_STRUCT END_TYPE").named("T")
+    type_ = types_of("TYPE T : STRUCT a : DINT; t : TIME; END_STRUCT END_TYPE").get_type("T")
     asked = [Profile("baosky", "little"), Profile("codesys-4", "little")]
-    assert list(fit(type_, [bytes.fromhex("01000000 05000000")], profiles=asked)[0].profiles) == asked
-    assert fit(type_, [bytes.fromhex("01000000 FBFFFFFF")], profiles=asked)[0].profiles == (asked[0],)
+    assert list(rank(type_, [bytes.fromhex("01000000 05000000")], profiles=asked)[0].profiles) == asked
+    assert rank(type_, [bytes.fromhex("01000000 FBFFFFFF")], profiles=asked)[0].profiles == (asked[0],)
 
 
 def test_a_tie_is_told_with_what_differs_and_with_nothing_else() -> None:
-    type_ = types_of("TYPE T : STRUCT d : DATE; i : INT; k : INT; END_STRUCT END_TYPE").named("T")
+    type_ = types_of("TYPE T : STRUCT d : DATE; i : INT; k : INT; END_STRUCT END_TYPE").get_type("T")
     asked = [Profile("baosky", "little"), Profile("codesys-4", "little")]
-    fits = fit(type_, [bytes(8)], profiles=asked)
-    told = difference(*(lay_out(type_, one.rules) for one in asked))
+    fits = rank(type_, [bytes(8)], profiles=asked)
+    told = describe_difference(*(lay_out(type_, one.rules) for one in asked))
     assert verdict(fits).endswith(f"cannot be told apart by these bytes: the first two differ only in {told}")
 
 
@@ -135,7 +135,7 @@ def test_the_difference_is_looked_for_in_the_whole_declaration() -> None:
     def say(case: str) -> list[str]:
         theirs, members = case.split(" | ")
         ours = layout_of(members)
-        return [difference(ours, lay_out(ours.type, Profile(*theirs.split()).rules))]
+        return [describe_difference(ours, lay_out(ours.type, Profile(*theirs.split()).rules))]
 
     golden.answers("differences of layouts", say)
 
@@ -147,55 +147,55 @@ def test_two_readings_that_are_not_one_have_a_difference(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules
 ) -> None:
     a, b = lay_out(type_, ours), lay_out(type_, theirs)
-    told = difference(a, b)
+    told = describe_difference(a, b)
     assert ("STRING form" not in told) or has_text(type_)
-    assert (told == "nothing") <= (shape(a) == shape(b))
+    assert (told == "nothing") <= (layout_shape(a) == layout_shape(b))
 
 
 def test_two_bools_of_which_the_second_is_false_may_be_bits() -> None:
-    type_ = TYPES.named("Flags")
-    told = [str(best.profile) for best in leaders(fit(type_, [bytes.fromhex("01 00 07 00")]))]
+    type_ = TYPES.get_type("Flags")
+    told = [str(best.profile) for best in leaders(rank(type_, [bytes.fromhex("01 00 07 00")]))]
     assert told == ["baosky, little-endian", "s7-standard, little-endian"]
-    both = leaders(fit(type_, [bytes.fromhex("03 00 07 00")]))
+    both = leaders(rank(type_, [bytes.fromhex("03 00 07 00")]))
     assert [str(best.profile) for best in both] == ["s7-standard, little-endian"]
-    assert verdict(fit(type_, [bytes.fromhex("01 00 07 00")])).endswith(
+    assert verdict(rank(type_, [bytes.fromhex("01 00 07 00")])).endswith(
         "the first two differ only in the place of a (0 and 0.0), b (1 and 0.1)"
     )
 
 
 def test_pieces_of_a_stream_are_cut_in_the_size_of_each_profile() -> None:
     chance = random.Random(3)
-    layout = lay_out(TYPES.named("Weight"), rules_for("natural8"))
+    layout = lay_out(TYPES.get_type("Weight"), rules_for("natural8"))
     stream = b"".join(message(layout, chance) for _ in range(4))
     pieces = [stream[at : at + 16] for at in range(0, len(stream), 16)]  # as a receiver of 16 bytes cuts them
-    fits = fit(layout.type, pieces, framed=False)
+    fits = rank(layout.type, pieces, framed=False)
     assert fits[0].profile.layout == "natural8"
     assert any("steady" in reason.text for reason in fits[0].reasons)
 
 
 @pytest.mark.parametrize("size", [0, 1, 5, 24])
 def test_noise_fits_nothing(size: int) -> None:
-    fits = fit(TYPES.named("Report"), [random.Random(1).randbytes(size)])
+    fits = rank(TYPES.get_type("Report"), [random.Random(1).randbytes(size)])
     assert verdict(fits).startswith("no profile fits these bytes well")
 
 
 def test_a_string_header_that_says_another_length_is_evidence() -> None:
     rules = rules_for("baosky", text="cstr")
-    layout = lay_out(TYPES.named("Report"), rules)
+    layout = lay_out(TYPES.get_type("Report"), rules)
     content = encode(layout, {"ready": True, "id": 3, "speed": 1.5, "name": "Line-1", "total": 4.25})
-    fits = fit(layout.type, [content])
+    fits = rank(layout.type, [content])
     assert fits[0].profile.text != "s7"
     headed = next(one for one in fits if one.profile == Profile("baosky", "little", "s7"))
     assert "its header says at most 76 characters, declared are 9" in str(headed.reasons)
 
 
 def test_no_messages_say_nothing() -> None:
-    assert {one.score for one in fit(TYPES.named("Report"), [])} == {0.0}
+    assert {one.score for one in rank(TYPES.get_type("Report"), [])} == {0.0}
 
 
 def test_profiles_are_one_where_the_type_is_the_same_in_both() -> None:
-    type_ = TYPES.named("Flags")
-    merged = same_layouts(type_, profiles_for(type_))
+    type_ = TYPES.get_type("Flags")
+    merged = group_same_layouts(type_, profiles_for(type_))
     sizes = sorted((layout.size, len(same)) for same, layout in merged)
     assert sum(count for _, count in sizes) == len(profiles_for(type_)) == 20
     assert len(merged) == len(
@@ -208,17 +208,17 @@ def _bits(layout: Layout) -> list[tuple[int, int | None]]:
 
 
 def test_a_string_that_a_layout_cannot_hold_leaves_that_layout_out() -> None:
-    type_ = types_of("TYPE T : STRUCT a : STRING[400]; b : INT; END_STRUCT END_TYPE").named("T")
-    assert {one.profile.text for one in fit(type_, [bytes(404)])} == {"cstr", "nul"}
+    type_ = types_of("TYPE T : STRUCT a : STRING[400]; b : INT; END_STRUCT END_TYPE").get_type("T")
+    assert {one.profile.text for one in rank(type_, [bytes(404)])} == {"cstr", "nul"}
 
 
 def test_a_drift_beside_bools_that_are_bits_is_compared() -> None:
     type_ = types_of(
         "TYPE T : STRUCT a : BOOL; b : BOOL; n : INT; r : REAL; k : INT; END_STRUCT END_TYPE"
-    ).named("T")
+    ).get_type("T")
     layout = lay_out(type_, rules_for("s7-standard"))
     sent = [encode(layout, {"a": True, "b": True, "n": 7 + at, "r": 2.5, "k": 300}) for at in range(3)]
-    assert fit(type_, sent)[0].profile.layout == "s7-standard"
+    assert rank(type_, sent)[0].profile.layout == "s7-standard"
 
 
 SENSOR = types_of("""
@@ -226,7 +226,7 @@ TYPE V : UNION r : REAL; d : DINT; END_UNION END_TYPE
 TYPE Sensor : STRUCT
     id : UINT; mode : INT; v : V; count : UDINT; speed : REAL; limit : DINT;
 END_STRUCT END_TYPE
-""").named("Sensor")
+""").get_type("Sensor")
 
 
 def sensor(number: int, count: bytes = b"", limit: bytes = b"") -> bytes:
@@ -250,6 +250,6 @@ def sensor(number: int, count: bytes = b"", limit: bytes = b"") -> bytes:
 def test_a_number_in_another_byte_order_is_a_doubt_and_a_known_frame_is_none(
     messages: list[bytes], is_sure: bool, said: str
 ) -> None:
-    best = fit(SENSOR, messages, "Sensor")[0]
+    best = rank(SENSOR, messages, "Sensor")[0]
     assert best.fits_best == is_sure
     assert best.doubt.startswith(said)

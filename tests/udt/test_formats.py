@@ -23,7 +23,7 @@ def line_of(path: Path) -> str:
 
 
 def test_windows_1252_with_cr_lf_is_read() -> None:
-    type_ = read_files([DATA / "windows_1252.st"]).named("Tür")
+    type_ = read_files([DATA / "windows_1252.st"]).get_type("Tür")
     assert isinstance(type_, Struct)
     assert [(m.name, m.type) for m in type_.members] == [("höhe", ELEMENTARY["INT"])]
 

@@ -10,10 +10,10 @@ from tests import golden
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Formula
-from trcvtui.udt.constants import DEEPEST, Constants, evaluate
+from trcvtui.udt.constants import DEEPEST_FORMULA, Constants, evaluate
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 from trcvtui.udt.types import Enumeration, type_text
 
 KNOWN = {"MAX": 10, "GVL.MAX": 20, "Limits.UPPER": 7, "My const": 3}
@@ -93,8 +93,8 @@ def test_the_users_constants_win_over_those_of_a_file_and_these_over_enumeration
         "TYPE E : (N := 1, M := 1, K := 1); T : ARRAY[N..9, M..9, K..9] OF INT; END_TYPE"
         " VAR_GLOBAL CONSTANT N, M : INT := 2; END_VAR"
     )
-    types = join([read_st(text, "f.st")], "f.st", {"n": 3})
-    assert type_text(types.named("T")) == "ARRAY[3..9,2..9,1..9] OF INT"
+    types = join_files([read_st(text, "f.st")], "f.st", {"n": 3})
+    assert type_text(types.get_type("T")) == "ARRAY[3..9,2..9,1..9] OF INT"
 
 
 def test_constants_made_of_constants_and_of_themselves() -> None:
@@ -103,13 +103,13 @@ def test_constants_made_of_constants_and_of_themselves() -> None:
         f"VAR_GLOBAL CONSTANT C0 : INT := 0; {chain} A : INT := B; B : INT := A; END_VAR"
         " TYPE T : ARRAY[0..C500] OF INT; U : ARRAY[0..A] OF INT; END_TYPE"
     )
-    assert type_text(types.named("T")) == "ARRAY[0..500] OF INT"
+    assert type_text(types.get_type("T")) == "ARRAY[0..500] OF INT"
     assert types.names() == ["T"]
     assert types.unknown_constants in (("A",), ("B",))
 
 
 def test_a_deep_chain_of_deep_formulas_ends_in_a_line() -> None:
-    deep = "(" * DEEPEST + "{}" + ")" * DEEPEST
+    deep = "(" * DEEPEST_FORMULA + "{}" + ")" * DEEPEST_FORMULA
     chain = "".join(f"C{n} : INT := {deep.format(f'C{n + 1}')}; " for n in range(500))
     types = types_of(
         f"TYPE T : ARRAY[0..C0] OF INT; END_TYPE VAR_GLOBAL CONSTANT {chain} C500 : INT := 1; END_VAR"
@@ -120,6 +120,6 @@ def test_a_deep_chain_of_deep_formulas_ends_in_a_line() -> None:
 
 def test_values_of_an_enumeration_are_made_of_each_other() -> None:
     chain = ", ".join(f"V{n + 1} := V{n} + 1" for n in range(500))
-    type_ = types_of(f"TYPE E : (V0 := 0, {chain}, LAST); END_TYPE").named("E")
+    type_ = types_of(f"TYPE E : (V0 := 0, {chain}, LAST); END_TYPE").get_type("E")
     assert isinstance(type_, Enumeration)
     assert [number for _, number in type_.values] == list(range(502))

@@ -17,7 +17,7 @@ from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, lay_out, rul
 from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import (
     ELEMENTARY,
-    ROWS,
+    ELEMENTARY_ROWS,
     Array,
     Elementary,
     Member,
@@ -123,7 +123,7 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
     rules = layout.rules
     assert layout.size % layout.align == 0
     for leaf in layout.leaves():
-        natural = 1 if isinstance(leaf.type, StringType) else rules.stored(leaf.type).align
+        natural = 1 if isinstance(leaf.type, StringType) else rules.storage(leaf.type).align
         # A pack_mode may place members closer; what it does to them is compared with gcc.
         assert rules.takes_pack or leaf.offset % min(natural, rules.cap) == 0
 
@@ -133,16 +133,16 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
 def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
     covered: dict[tuple[int, int], int] = {}
     for number, leaf in enumerate(layout.leaves()):
-        assert layout.number_of(leaf.path) == layout.number_of(leaf.path.upper()) == number
+        assert layout.leaf_number(leaf.path) == layout.leaf_number(leaf.path.upper()) == number
         assert layout.leaf(number) == leaf
         for byte, bit in bits_of(leaf):
             covered.setdefault((byte, bit), number)
     for place in range(-1, layout.size + 2):
         of_byte = [covered[place, bit] for bit in range(8) if (place, bit) in covered]
-        assert layout.leaf_at(place) == min(of_byte, default=None)
+        assert layout.leaf_number_at(place) == min(of_byte, default=None)
 
 
-PLAIN = [row for row in ROWS if row.kind is not ValueKind.BOOL and len(row.code) == 1]
+PLAIN = [row for row in ELEMENTARY_ROWS if row.kind is not ValueKind.BOOL and len(row.code) == 1]
 
 
 @given(st.lists(st.sampled_from(PLAIN), min_size=1))
@@ -166,15 +166,15 @@ def test_a_quoted_name_is_quoted_in_its_path_and_found_by_it() -> None:
     layout = lay_out(Struct("S", members), rules_for())
     paths = [leaf.path for leaf in layout.leaves()]
     assert paths == ['"a.b"', "a.b", "a.c d", '"x""y"', "Pump data", '"[1]"', "größe"]
-    assert [layout.number_of(path) for path in paths] == list(range(len(paths)))
+    assert [layout.leaf_number(path) for path in paths] == list(range(len(paths)))
 
 
 def test_everything_that_cannot_be_laid_out_is_told_at_most_ten_of_it() -> None:
     types = types_of("TYPE T : STRUCT a : FB(1); b : INT; c : ARRAY[0..1] OF FC(x := 2); END_STRUCT END_TYPE")
     with pytest.raises(UserError) as refused:
-        lay_out(types.named("T"), rules_for(), "T")
+        lay_out(types.get_type("T"), rules_for(), "T")
     assert [line.split(",")[0] for line in refused.value.lines()] == ["T.a: found FB", "T.c: found FC"]
-    many = Struct("M", tuple(Member(f"m{n}", types.named("T")) for n in range(50)))
+    many = Struct("M", tuple(Member(f"m{n}", types.get_type("T")) for n in range(50)))
     wide = Struct("W", tuple(Member(f"m{n}", Unplaced(f"F{n}", "no")) for n in range(50)))
     for type_, count in ((many, 2), (wide, 10)):
         with pytest.raises(UserError) as refused:
@@ -191,17 +191,17 @@ def test_an_unknown_path_names_the_step_that_fails() -> None:
         ("st.arr[--1]", "[--1]"),
     ]:
         with pytest.raises(UserError) as refused:
-            layout.number_of(path)
+            layout.leaf_number(path)
         assert refused.value.problems[0].found == f"'{step}'"
     with pytest.raises(UserError, match="which has members of its own"):
-        layout.number_of("st.arr")
+        layout.leaf_number("st.arr")
 
 
 def test_the_declared_spelling_names_the_layout() -> None:
     types = types_of("TYPE Telegram : STRUCT a : INT; END_STRUCT; Speed : REAL; END_TYPE")
-    assert lay_out(types.named("telegram"), rules_for(), "TELEGRAM").name == "Telegram"
-    assert lay_out(types.named("Speed"), rules_for(), "Speed").name == "Speed"
-    assert lay_out(types.named("Speed"), rules_for()).name == "REAL"
+    assert lay_out(types.get_type("telegram"), rules_for(), "TELEGRAM").name == "Telegram"
+    assert lay_out(types.get_type("Speed"), rules_for(), "Speed").name == "Speed"
+    assert lay_out(types.get_type("Speed"), rules_for()).name == "REAL"
 
 
 @pytest.mark.slow
@@ -219,4 +219,4 @@ def test_bits_after_the_last_byte_that_came_are_not_within() -> None:
         Member(name, ELEMENTARY[type_]) for name, type_ in (("a", "BOOL"), ("b", "BIT"), ("c", "BIT"))
     )
     layout = lay_out(Struct("S", members), rules_for("codesys-8"))
-    assert [layout.leaves_within(length) for length in range(3)] == [0, 1, 3]
+    assert [layout.count_leaves_within(length) for length in range(3)] == [0, 1, 3]

@@ -158,15 +158,15 @@ WORKED = types_of("""TYPE Worked : STRUCT
     bReady : BOOL; bFault : BOOL; byMode : BYTE; bAck : BOOL; iCount : INT; rTemp : REAL; sName : STRING[5];
     byTail : BYTE; aFlags : ARRAY[0..9] OF BOOL; aRaw : ARRAY[0..2] OF BYTE; usi : USINT;
     stIn : STRUCT x : BOOL; y : DINT; END_STRUCT; dtl : DTL; lr : LREAL; bEnd : BOOL;
-END_STRUCT END_TYPE""").named("Worked")
+END_STRUCT END_TYPE""").get_type("Worked")
 
 
 def test_the_worked_example_of_the_siemens_page() -> None:
     layout = lay_out(WORKED, rules_for("s7-standard"))
     assert " ".join(places(layout)) == "0.0 0.1 1 2.0 4 6 10 18 20.0 22 26 28.0 34 46 54.0"
-    assert layout.leaf(layout.number_of("stIn.y")).offset == 30
-    assert layout.leaf(layout.number_of("aFlags[9]"))[2:4] == (21, 1)
-    assert layout.leaf(layout.number_of("aFlags[9]")).bit == 1
+    assert layout.leaf(layout.leaf_number("stIn.y")).offset == 30
+    assert layout.leaf(layout.leaf_number("aFlags[9]"))[2:4] == (21, 1)
+    assert layout.leaf(layout.leaf_number("aFlags[9]")).bit == 1
     assert (layout.size, layout.align, layout.rules.byte_order) == (56, 2, "big")
     assert list(layout.padding()) == [(3, 1), (17, 1), (19, 1), (25, 1), (27, 1), (29, 1), (55, 1)]
 
@@ -182,7 +182,7 @@ def test_bits_are_decoded_by_page_at_once_and_as_far_as_bytes_go() -> None:
     assert decode(layout, data)[8:18] == flags
     assert decode_leaves(layout, data, 13, 18) == flags[5:]
     assert decode(layout, data[:21])[8:18] == (*flags[:8], None, None), "a bit whose byte is there is there"
-    assert layout.leaf_at(20) == 8
+    assert layout.leaf_number_at(20) == 8
 
 
 def test_a_bit_is_written_beside_its_neighbours() -> None:
@@ -230,22 +230,22 @@ def test_what_a_type_extends_comes_first_without_a_name_in_front() -> None:
     type_ = Struct("Top", (Member("b", T["INT"]), Member("in", middle)), middle)
     layout = lay_out(type_, rules_for("codesys-8"))
     assert places_of(layout) == ("id@0 kind@4 a@8 b@12 in.id@16 in.kind@20 in.a@24")
-    assert layout.number_of("Kind") == 1
-    assert layout.number_of("in.KIND") == 5
+    assert layout.leaf_number("Kind") == 1
+    assert layout.leaf_number("in.KIND") == 5
     with pytest.raises(UserError, match="expected a member"):
-        layout.number_of("in.b")
+        layout.leaf_number("in.b")
 
 
 def test_members_of_a_union_share_their_bytes() -> None:
     types = types_of("""TYPE U : UNION
         real : REAL; pair : STRUCT a : BYTE; b : DINT; END_STRUCT; raw : ARRAY[0..1] OF WORD; END_UNION;
         S : STRUCT n : INT; u : U; end : BYTE; END_STRUCT; END_TYPE""")
-    type_ = types.named("S")
+    type_ = types.get_type("S")
     layout = lay_out(type_, rules_for("codesys-8"))
     assert layout.size == 16
     assert places_of(layout) == ("n@0 u.real@4 u.pair.a@4 u.pair.b@8 u.raw[0]@4 u.raw[1]@6 end@12")
     assert list(layout.padding()) == [(2, 2), (13, 3)], "the gap in one member is data of another"
-    assert [layout.leaf_at(place) for place in (2, 4, 7, 8, 12)] == [None, 1, 1, 3, 6]
+    assert [layout.leaf_number_at(place) for place in (2, 4, 7, 8, 12)] == [None, 1, 1, 3, 6]
     data = bytes.fromhex("0100 EEEE 00509A44 07000000 09 EEEEEE")
     assert decode(layout, data) == (1, 1234.5, 0, 7, 0x5000, 0x449A, 9)
     assert decode(layout, data[:6]) == (1, None, 0, None, 0x5000, None, None)

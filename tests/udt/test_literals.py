@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests import golden
 from trcvtui.errors import UserError
 from trcvtui.udt.literals import format_literal, format_time, parse_integer, parse_literal, parse_time
-from trcvtui.udt.types import ELEMENTARY, ROWS, Elementary
+from trcvtui.udt.types import ELEMENTARY, ELEMENTARY_ROWS, Elementary
 
-TIMED = [row for row in ROWS if row.unit_ns]
+TIMED = [row for row in ELEMENTARY_ROWS if row.unit_ns]
 
 
 @pytest.mark.parametrize(

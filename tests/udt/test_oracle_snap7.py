@@ -14,7 +14,7 @@ from tests.udt.udt_strategies import values_of
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
 from trcvtui.udt.sources import parse_type
-from trcvtui.udt.types import ROWS, WHOLE
+from trcvtui.udt.types import ELEMENTARY_ROWS, WHOLE_KINDS
 
 getters = pytest.importorskip("snap7.util.getters", reason="python-snap7 is not installed: no other opinion")
 
@@ -62,7 +62,7 @@ def value_of(type_: str, raw: bytes) -> str:
     return value
 
 
-INTEGERS = [row.name for row in ROWS if row.kind in WHOLE]
+INTEGERS = [row.name for row in ELEMENTARY_ROWS if row.kind in WHOLE_KINDS]
 
 
 @given(st.sampled_from(INTEGERS), st.binary(min_size=8, max_size=8))

@@ -34,7 +34,7 @@ def telegram() -> Layout:
     from tests.udt.udt_strategies import types_of
 
     types: TypeSet = types_of(TELEGRAM)
-    return lay_out(types.named("Telegram"), rules_for(), "telegram")
+    return lay_out(types.get_type("Telegram"), rules_for(), "telegram")
 
 
 def test_show_as_json_is_the_contract() -> None:

@@ -14,9 +14,9 @@ from tests.udt.st_texts import lines, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import read_files, read_text
+from trcvtui.udt.sources import parse_source, read_files
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 from trcvtui.udt.types import type_text
 
 DATA = Path(__file__).parent / "data"
@@ -26,7 +26,7 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
     types = read_files([DATA / "telegram.st"])
     assert types.problems == ()
     assert types.names() == ["Mode", "Speed", "Level", "State", "Telegram", "Point"]
-    layout = lay_out(types.named("Telegram"), rules_for())
+    layout = lay_out(types.get_type("Telegram"), rules_for())
     found = [f"{leaf.path}:{type_text(leaf.type)}@{leaf.offset}" for leaf in layout.leaves()]
     assert " ".join(found) == (
         "id:DINT@0 a:LREAL@4 B:LREAL@12 name:STRING[20]@20 short:STRING[5]@42 long:STRING@49 "
@@ -149,7 +149,7 @@ PIECES = st.sampled_from([*WORDS.split(), *SIGNS.split(), "\n"])
 @example("TYPE a : INT (a")
 def test_no_text_breaks_the_reader(text: str) -> None:
     for suffix in (".st", ".udt", ".exp", ".typ"):
-        types = join([read_text(text, "test", suffix)], "test")
+        types = join_files([parse_source(text, "test", suffix)], "test")
         for problem in types.problems:
             assert problem.where.startswith("test:")
             assert problem.expected

@@ -6,9 +6,9 @@ import pytest
 
 from tests.udt.st_texts import good, lines, members, read
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.sources import read_text
+from trcvtui.udt.sources import parse_source
 from trcvtui.udt.sources.st import read_spec, read_st
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 from trcvtui.udt.types import (
     Enumeration,
     StringType,
@@ -28,7 +28,7 @@ def test_other_blocks_of_the_file_are_passed_over() -> None:
         " TYPE U : T; END_TYPE CONFIGURATION c RESOURCE r END_RESOURCE END_CONFIGURATION"
     )
     assert types.names() == ["T", "db", "U"]
-    type_ = types.named("T")
+    type_ = types.get_type("T")
     assert isinstance(type_, Struct) and type_.pack is None
 
 
@@ -96,7 +96,7 @@ def test_a_data_block_is_a_type_and_one_of_an_fb_is_none(suffix: str) -> None:
     assert members(types, "of UDT") == members(types, "UDT5") == {"A": "INT", "B": "ARRAY[0..2] OF BYTE"}
     assert members(types, "vars") == {"Begin": "INT", "b": "DINT"}
     assert types.names() == ["UDT5", "DB10", "of UDT", "vars", "array"]
-    assert {types.layout(name) for name in types.names()} == {"s7-standard"}
+    assert {types.source_layout(name) for name in types.names()} == {"s7-standard"}
     assert list(types.notes) == ["of udt"] and "optimised access" in types.notes["of udt"][0]
 
 
@@ -111,9 +111,9 @@ def test_what_is_wrong_in_a_data_block_ends_with_it() -> None:
 
 def test_struct_and_var_alone_are_a_type_named_by_the_file() -> None:
     text = "{attribute 'pack_mode' := '1'} STRUCT array : ARRAY[1...GVL.N] OF INT; Type : INT; END_STRUCT"
-    types = join([read_text(text, "plc/weight.st")], "weight.st", {"GVL.N": 2})
+    types = join_files([parse_source(text, "plc/weight.st")], "weight.st", {"GVL.N": 2})
     assert members(types, "weight") == {"array": "ARRAY[1..2] OF INT", "Type": "INT"}
-    weight = types.named("weight")
+    weight = types.get_type("weight")
     assert isinstance(weight, Struct) and weight.pack == 1
     assert members(read(".st", "VAR a : INT; END_VAR VAR b : F(c := 1); END_VAR"), "f") == {
         "a": "INT",
@@ -137,14 +137,14 @@ def test_struct_and_var_alone_are_a_type_named_by_the_file() -> None:
 )  # fmt: skip
 def test_a_text_without_a_suffix_tells_its_format(text: str, name: str, layout: str) -> None:
     types = read("", text.removeprefix("\ufeff"))
-    assert types.names() == [name] and types.layout(name) == layout
+    assert types.names() == [name] and types.source_layout(name) == layout
 
 
 def test_a_tia_header_that_does_not_end_is_told() -> None:
-    declared = read_text(
+    declared = parse_source(
         'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt", ".udt"
     )
-    types = join([declared], "f.udt")
+    types = join_files([declared], "f.udt")
     assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
     assert types.names() == ["B"]
 
@@ -157,11 +157,11 @@ def test_b_and_r_has_many_types_in_a_block_and_enumerations_of_four_bytes() -> N
         "\tEND_STRUCT;\n\tMode : \n\t\t( (*c*)\n\t\tSTOP := 10, (*c*)\n\t\tRUN\n\t\t);\n\tB : (P)"
         " USINT;\nEND_TYPE",
     )
-    mode, other = types.named("Mode"), types.named("B")
+    mode, other = types.get_type("Mode"), types.get_type("B")
     assert isinstance(mode, Enumeration) and isinstance(other, Enumeration)
     assert (mode.base.name, mode.values, other.base.name) == ("DINT", (("STOP", 10), ("RUN", 11)), "USINT")
     assert members(types, "A") == {"x": "ARRAY[0..1] OF BOOL", "m": "Mode"}
-    constants = read_text(
+    constants = parse_source(
         "VAR CONSTANT\n\tMAX : USINT := 5;\nEND_VAR\nVAR x : INT := 3; END_VAR", "f.var", ".var"
     )
     assert [one[:2] for one in constants.constants] == [("MAX", 5)]
@@ -180,7 +180,7 @@ def test_codesys_2_3_headers_are_comments_and_other_objects_are_passed_over() ->
     )
     assert types.names() == ["T", "U"]
     text = "(* @NESTEDCOMMENTS := 'No' *) (* a (* b *) TYPE T : INT; END_TYPE (* c *) (* d *) *) "
-    assert join([read_text(text, "f.exp", ".exp")], "f.exp").names() == ["T"]
+    assert join_files([parse_source(text, "f.exp", ".exp")], "f.exp").names() == ["T"]
 
 
 # -- inside another file ---------------------------------------------------------------------------------
@@ -202,7 +202,7 @@ def test_a_second_declaration_is_refused_with_both_places() -> None:
         read_st("TYPE A : INT; END_TYPE", "a.st"),
         read_st("TYPE a : STRUCT x : BOOL; END_STRUCT END_TYPE", "b.st"),
     ]
-    asked = join(files, "both")
+    asked = join_files(files, "both")
     assert asked.names() == []
     assert [str(problem) for problem in asked.problems] == [
         "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"

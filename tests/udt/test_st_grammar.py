@@ -8,7 +8,7 @@ from tests.udt.st_texts import INT, good, member, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -28,7 +28,7 @@ def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
         "TYPE A : STRUCT x : INT; END_STRUCT; {attribute 'pack_mode' := '2'} B : UNION x : INT; END_UNION;"
         " C : INT; END_TYPE"
     )
-    a, b = types.named("A"), types.named("B")
+    a, b = types.get_type("A"), types.get_type("B")
     assert isinstance(a, Struct) and isinstance(b, Union)
     assert (a.pack, b.pack) == (None, 2)
 
@@ -63,7 +63,7 @@ def test_the_last_member_and_the_last_type_may_lack_their_semicolon() -> None:
     ],
 )  # fmt: skip
 def test_enumerations(text: str, base: str, is_named: bool, values: list[tuple[str, int | None]]) -> None:
-    type_ = good(f"TYPE T : {text}; END_TYPE TYPE E : (A := 4); END_TYPE").named("T")
+    type_ = good(f"TYPE T : {text}; END_TYPE TYPE E : (A := 4); END_TYPE").get_type("T")
     assert isinstance(type_, Enumeration)
     assert (type_.base.name, type_.is_named, list(type_.values)) == (base, is_named, values)
 
@@ -71,13 +71,13 @@ def test_enumerations(text: str, base: str, is_named: bool, values: list[tuple[s
 def test_the_base_of_an_enumeration_may_be_an_alias_or_a_subrange() -> None:
     types = good("TYPE A : UINT; B : UINT(0..9); T : (x) A; U : B (y := 1); END_TYPE")
     for name in ("T", "U"):
-        type_ = types.named(name)
+        type_ = types.get_type(name)
         assert isinstance(type_, Enumeration) and type_.base is ELEMENTARY["UINT"]
 
 
 def test_named_values_of_other_types_are_those_types() -> None:
     types = good("TYPE Pi : LREAL (HALF := 1.57, WHOLE := 3.14); Name : STRING; END_TYPE")
-    assert types.named("Pi") is ELEMENTARY["LREAL"]
+    assert types.get_type("Pi") is ELEMENTARY["LREAL"]
 
 
 # -- EXTENDS, access words -------------------------------------------------------------------------------
@@ -90,18 +90,18 @@ def test_extends_stands_before_or_after_the_colon(head: str) -> None:
     types = good(
         f"TYPE {head} STRUCT x : INT; END_STRUCT END_TYPE TYPE B : STRUCT y : BOOL; END_STRUCT END_TYPE"
     )
-    type_ = types.named("T")
+    type_ = types.get_type("T")
     assert isinstance(type_, Struct)
-    assert type_.base is types.named("B")
+    assert type_.base is types.get_type("B")
 
 
 def test_a_union_extends_a_union() -> None:
     types = good(
         "TYPE V EXTENDS U : UNION b : INT; END_UNION END_TYPE TYPE U : UNION a : INT; END_UNION END_TYPE"
     )
-    type_ = types.named("V")
+    type_ = types.get_type("V")
     assert isinstance(type_, Union)
-    assert type_.base is types.named("U")
+    assert type_.base is types.get_type("U")
 
 
 @pytest.mark.parametrize("word", ["INTERNAL", "PUBLIC", "PRIVATE", "PROTECTED"])
@@ -141,7 +141,7 @@ def test_a_long_chain_of_bases_is_refused_and_its_lower_part_kept() -> None:
 def test_bounds_and_lengths_are_worked_out(text: str, expected: str) -> None:
     constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
     types = good(f"{constants} TYPE E : (A := 2, B, C); Small : SINT(0..5); T : {text}; END_TYPE")
-    assert type_text(types.named("T")) == expected
+    assert type_text(types.get_type("T")) == expected
 
 
 def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_ones_are_kept() -> None:
@@ -155,12 +155,12 @@ def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_on
     assert types.names() == ["D"]
     later = types_of("TYPE A : ARRAY[0..Z] OF B; B : ARRAY[0..Y] OF INT; C : ARRAY[0..X] OF INT; END_TYPE")
     assert later.unknown_constants == ("Z", "Y", "X")
-    known = join([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
-    assert type_text(known.named("B")) == "ARRAY[0..2] OF INT"
+    known = join_files([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
+    assert type_text(known.get_type("B")) == "ARRAY[0..2] OF INT"
 
 
 def test_a_huge_bound_costs_nothing() -> None:
-    type_ = good(f"TYPE T : ARRAY[0..{2**63}, 0..{2**63}] OF STRING[{2**40}]; END_TYPE").named("T")
+    type_ = good(f"TYPE T : ARRAY[0..{2**63}, 0..{2**63}] OF STRING[{2**40}]; END_TYPE").get_type("T")
     assert isinstance(type_, Array)
     assert type_.count == (2**63 + 1) ** 2
 
@@ -171,7 +171,7 @@ def test_a_huge_bound_costs_nothing() -> None:
 @pytest.mark.parametrize("name", ["Lib.T", "_.T", "Ns.Sub.t", "`T`", '"T"', '_."T"', "x . T"])
 def test_a_qualified_name_is_known_by_its_last_part(name: str) -> None:
     types = good(f"TYPE T : STRUCT END_STRUCT U : {name}; END_TYPE")
-    assert types.named("U") is types.named("T")
+    assert types.get_type("U") is types.get_type("T")
 
 
 def test_quoted_names_may_be_keywords_and_hold_anything() -> None:
@@ -234,6 +234,6 @@ def test_a_declared_type_wins_over_a_builtin_one() -> None:
     types = good(
         "TYPE TON : STRUCT a : INT; END_STRUCT; T : TON; DTL : INT; U : DTL; V : T_MaxString; END_TYPE"
     )
-    assert types.named("T") is types.named("TON")
-    assert types.named("U") is INT
-    assert types.named("V") == StringType(255)
+    assert types.get_type("T") is types.get_type("TON")
+    assert types.get_type("U") is INT
+    assert types.get_type("V") == StringType(255)

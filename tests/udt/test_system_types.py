@@ -11,9 +11,9 @@ from trcvtui.net.connection.description import ADDRESSES, CONNECTIONS
 from trcvtui.system_types import STRUCTURES, Structure
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources import read_text
+from trcvtui.udt.sources import parse_source
 from trcvtui.udt.system_types import system_types
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 
 HANDLES = "HW_ANY HW_IO HW_DEVICE HW_SUBMODULE HW_INTERFACE CONN_OUC PORT DB_ANY OB_ANY EVENT_ANY"
 
@@ -23,7 +23,7 @@ def udt(name: str, members: str) -> str:
 
 
 def laid(text: str, name: str, suffix: str = ".scl") -> Layout:
-    return lay_out(join([read_text(text, f"f{suffix}", suffix)], "f").named(name), S7, name)
+    return lay_out(join_files([parse_source(text, f"f{suffix}", suffix)], "f").get_type(name), S7, name)
 
 
 def places(layout: Layout) -> dict[str, str]:
@@ -88,18 +88,18 @@ def test_a_type_of_the_users_own_comes_first_and_a_difference_is_noted() -> None
         ("x : LReal", 8, ("1 value in 8 bytes, the system type has 3 values in 6 bytes",)),
         ("InterfaceId : UInt; ID : Word; ConnectionType : Byte", 6, ()),
     ):
-        types = join([read_text(own.format(members), "f.scl", ".scl")], "f")
-        assert lay_out(types.named("T"), S7).size == size
+        types = join_files([parse_source(own.format(members), "f.scl", ".scl")], "f")
+        assert lay_out(types.get_type("T"), S7).size == size
         assert types.notes.get("tcon_configured", ()) == notes
 
 
 def test_no_source_of_another_vendor_has_system_types() -> None:
     text = "TYPE T : STRUCT p : PORT; END_STRUCT END_TYPE"
-    read = read_text(text, "f.st", ".st")
-    assert "PORT" in join([read], "f").problems[0].found
-    tia = read_text(udt("S", "p : PORT;"), "f.scl", ".scl")
-    assert join([read, tia], "f").names() == ["S"]
-    assert join([read], "f", has_system_types=True).names()[:1] == ["T"]  # of a Siemens project
+    read = parse_source(text, "f.st", ".st")
+    assert "PORT" in join_files([read], "f").problems[0].found
+    tia = parse_source(udt("S", "p : PORT;"), "f.scl", ".scl")
+    assert join_files([read, tia], "f").names() == ["S"]
+    assert join_files([read], "f", has_system_types=True).names()[:1] == ["T"]  # of a Siemens project
 
 
 def test_what_is_not_verified_is_said_wherever_members_are_shown(

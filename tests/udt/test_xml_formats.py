@@ -12,10 +12,10 @@ from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
+from trcvtui.udt.sources import decode_text, parse_source, parse_xml_source, xml_source
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.sources.xml_source import MOST_DEPTH, read_xml
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.type_set import TypeSet, join_files
 
 OPENNESS = """<?xml version="1.0" encoding="utf-8"?>
 <Document><Engineering version="V21" />
@@ -37,15 +37,15 @@ ADDED = 'data name="http://www.3s-software.com/plcopenxml/{}" handleUnknown="imp
 def twincat(text: str, name: str = "Motor", object_: str = "DUT") -> Declarations:
     head = '\ufeff<?xml version="1.0" encoding="utf-8"?>\n<TcPlcObject Version="1.1.0.1">\n'
     cdata = f'  <{object_} Name="{name}">\n    <Declaration><![CDATA[{text}]]></Declaration>\n  </{object_}>'
-    return read_xml_file((head + cdata + "\n</TcPlcObject>").lstrip("\ufeff"), "F")
+    return parse_xml_source((head + cdata + "\n</TcPlcObject>").lstrip("\ufeff"), "F")
 
 
 def openness(members: str) -> Declarations:
-    return read_xml_file(OPENNESS.format(members), "F")
+    return parse_xml_source(OPENNESS.format(members), "F")
 
 
 def plcopen(types: str, version: str = "tc6_0200", more: str = "") -> Declarations:
-    return read_xml_file(PLCOPEN.format(types=types, version=version, more=more), "F")
+    return parse_xml_source(PLCOPEN.format(types=types, version=version, more=more), "F")
 
 
 def data_type(type_: str, added: str = "", name: str = "T") -> str:
@@ -59,7 +59,7 @@ def st(text: str) -> object:
 
 def line_of(text: str) -> str:
     with pytest.raises(UserError) as refused:
-        read_xml_file(text, "F")
+        parse_xml_source(text, "F")
     (line,) = refused.value.lines()
     return line
 
@@ -148,9 +148,9 @@ def test_a_global_data_block_is_a_type_too() -> None:
     udt = OPENNESS.format('<Member Name="a" Datatype="Int"/>')
     block = udt.replace("SW.Types.PlcStruct", "SW.Blocks.GlobalDB").replace(">Motor<", ">Line<")
     block = block.replace("<Name>", "<MemoryLayout>Optimized</MemoryLayout><Name>")
-    read = read_xml_file(block, "F")
+    read = parse_xml_source(block, "F")
     assert [each.name for each in read.types] == ["Line"] and read.sender.layout == "s7-standard"
-    assert bare(read)[0][1:] == bare(read_xml_file(udt, "F"))[0][1:]
+    assert bare(read)[0][1:] == bare(parse_xml_source(udt, "F"))[0][1:]
     assert "optimised access" in read.types[0].notes[0]
 
 
@@ -174,27 +174,27 @@ UNIT_UDT = 'TYPE "Unit" VERSION : 0.1 STRUCT id : UInt; {} END_STRUCT; END_TYPE'
 
 
 def laid(types: TypeSet) -> list[tuple[str, int]]:
-    layout = lay_out(types.named("Motor"), S7, "Motor")
+    layout = lay_out(types.get_type("Motor"), S7, "Motor")
     return [*((leaf.path, leaf.offset) for leaf in layout.leaves()), ("", layout.size)]
 
 
 def test_members_in_the_sections_of_a_member_are_those_of_its_type() -> None:
-    types = join([openness(UNIT + '<Member Name="end" Datatype="Byte"/>')], "F")
+    types = join_files([openness(UNIT + '<Member Name="end" Datatype="Byte"/>')], "F")
     first, second = [("unit[0].id", 0), ("unit[0].ok", 2)], [("unit[1].id", 4), ("unit[1].ok", 6)]
     assert laid(types) == [*first, *second, ("end", 8), ("", 10)] and not types.notes
-    assert types.layout("Unit") == "s7-standard"
+    assert types.source_layout("Unit") == "s7-standard"
     nested = openness(copy("m", "&quot;Outer&quot;", UNIT + PAIR) + UNIT)  # a second copy, the same
-    assert [leaf for leaf, _ in laid(join([nested], "F"))][4:6] == ["m.id", "m.ok"]
+    assert [leaf for leaf, _ in laid(join_files([nested], "F"))][4:6] == ["m.id", "m.ok"]
     empty = openness(copy("m", "&quot;Unit&quot;"))
-    assert join([empty], "F").problems[0].found == "'Unit'"
+    assert join_files([empty], "F").problems[0].found == "'Unit'"
 
 
 def test_the_members_in_a_file_come_before_the_system_type_and_a_difference_is_noted() -> None:
-    types = join([openness(copy("d", "TDiag_Status", PAIR))], "F")
+    types = join_files([openness(copy("d", "TDiag_Status", PAIR))], "F")
     assert laid(types)[-1] == ("", 4)
     assert types.notes["tdiag_status"] == ("2 values in 4 bytes, the system type has 8 values in 16 bytes",)
     same = '<Member Name="addr" Datatype="Array[1..4] of Byte"/>'
-    assert not join([openness(copy("d", "IP_V4", same))], "F").notes
+    assert not join_files([openness(copy("d", "IP_V4", same))], "F").notes
 
 
 def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> None:
@@ -202,34 +202,37 @@ def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> No
         ("more : LReal;", 20, ("2 values in 10 bytes, the copy at F:6:64 has 2 values in 4 bytes",)),
         ("ok : Bool;", 8, ()),
     ):
-        types = join([openness(UNIT), read_text(UNIT_UDT.format(member), "u.udt", ".udt")], "F")
+        types = join_files([openness(UNIT), parse_source(UNIT_UDT.format(member), "u.udt", ".udt")], "F")
         assert laid(types)[-1] == ("", size) and types.notes.get("unit", ()) == notes
 
 
 def test_two_copies_that_differ_are_refused_with_both_places() -> None:
     other = copy("b", "&quot;unit&quot;", '<Member Name="id" Datatype="Real"/>')
-    (problem,) = join([openness(f"{UNIT}\n{other}")], "F").problems
+    (problem,) = join_files([openness(f"{UNIT}\n{other}")], "F").problems
     assert str(problem).startswith("F:7:") and problem.expected.endswith("the first is at F:6:64")
 
 
 def test_an_instance_has_its_parameters_and_keeps_a_pointer_to_what_is_not_elementary() -> None:
     a, b, c = (f'<Member Name="{name}" Datatype="Int"/>' for name in "abc")
     sections = {"Input": a, "InOut": b, "Static": c, "Temp": PAIR, "Constant": PAIR}
-    types = join([openness(copy("fb", "&quot;Drive&quot;", **sections))], "F")
+    types = join_files([openness(copy("fb", "&quot;Drive&quot;", **sections))], "F")
     assert laid(types) == [("fb.a", 0), ("fb.b", 2), ("fb.c", 4), ("", 6)]
     assert "a guess" in types.notes["drive"][0]
     for datatype in ("DTL", "String", "Array[0..1] of Int", "Variant"):
         inner = f'<Member Name="io" Datatype="{datatype}"/>'
         with pytest.raises(UserError, match=r"Motor\.fb\.io: found "):
-            laid(join([openness(copy("fb", "&quot;Drive&quot;", Input=a, InOut=inner))], "F"))
-    timer = join([openness(copy("t", "TON_TIME", a))], "F")  # TIA lists less than it has
+            laid(join_files([openness(copy("fb", "&quot;Drive&quot;", Input=a, InOut=inner))], "F"))
+    timer = join_files([openness(copy("t", "TON_TIME", a))], "F")  # TIA lists less than it has
     assert "a guess" in timer.notes["ton_time"][0]
 
 
 def test_a_mistake_in_a_copy_is_told_at_its_line_where_the_copy_counts() -> None:
     bad = openness(copy("m", "&quot;Unit&quot;", '\n<Member Name="x" Datatype="Array[5..1] of Int"/>'))
-    assert str(join([bad], "F").problems[0]) == "F:7:1: found '1', expected a number from 5 upwards"
-    assert join([bad, read_text(UNIT_UDT.format(""), "u.udt", ".udt")], "F").names() == ["Motor", "Unit"]
+    assert str(join_files([bad], "F").problems[0]) == "F:7:1: found '1', expected a number from 5 upwards"
+    assert join_files([bad, parse_source(UNIT_UDT.format(""), "u.udt", ".udt")], "F").names() == [
+        "Motor",
+        "Unit",
+    ]
 
 
 def test_a_block_is_no_data_type() -> None:
@@ -337,6 +340,6 @@ def test_a_sample_with_a_part_left_out_ends_in_types_or_lines(text: str, data: h
     begin = data.draw(hyp.integers(0, len(text)))
     end = data.draw(hyp.integers(begin, min(len(text), begin + 60)))
     try:
-        read_xml_file(text[:begin] + text[end:], "F")
+        parse_xml_source(text[:begin] + text[end:], "F")
     except UserError as refused:
         assert refused.lines()

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 
 from trcvtui.udt.layout.coding import Value, coding_of
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, Leaf, lay_out, rules_for
-from trcvtui.udt.layout.layout_tree import Values
+from trcvtui.udt.layout.layout_tree import LeafValues
 from trcvtui.udt.layout.rules import TEXT_FORMS
 from trcvtui.udt.literals import date_and_time_text, format_literal, format_time
 from trcvtui.udt.sources import parse_type
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.type_set import TypeSet, join_files
 from trcvtui.udt.types import (
     DAY,
+    ELEMENTARY_ROWS,
     MS,
-    ROWS,
     Array,
     Elementary,
     Enumeration,
@@ -35,7 +35,7 @@ from trcvtui.udt.types import (
 
 def types_of(text: str, name: str = "test.st") -> TypeSet:
     """Return the types that a text declares."""
-    return join([read_st(text, name)], name)
+    return join_files([read_st(text, name)], name)
 
 
 def struct_of(*types: str) -> Struct:
@@ -48,7 +48,7 @@ def layout_of(text: str, layout: str = "baosky", byte_order: str | None = None) 
     if ":" not in text:
         return lay_out(parse_type(text), rules_for(layout, byte_order))
     types = types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE")
-    return lay_out(types.named("T"), rules_for(layout, byte_order))
+    return lay_out(types.get_type("T"), rules_for(layout, byte_order))
 
 
 def places_of(layout: Layout) -> str:
@@ -56,8 +56,8 @@ def places_of(layout: Layout) -> str:
     return " ".join(f"{leaf.path}@{leaf.offset}" for leaf in layout.leaves())
 
 
-rows = st.sampled_from(ROWS)
-integers = st.sampled_from([row for row in ROWS if row.kind is ValueKind.INTEGER])
+rows = st.sampled_from(ELEMENTARY_ROWS)
+integers = st.sampled_from([row for row in ELEMENTARY_ROWS if row.kind is ValueKind.INTEGER])
 texts = st.builds(StringType, st.one_of(st.none(), st.integers(1, 254)), st.booleans())
 enumerations = st.builds(
     lambda base, is_named: Enumeration("Mode", base, (("Off", 0), ("On", 1)), is_named),
@@ -100,7 +100,7 @@ def unions(members: st.SearchStrategy[Type]) -> st.SearchStrategy[Union]:
 
 
 bools = st.sampled_from(
-    [row for row in ROWS if row.kind is ValueKind.BOOL]
+    [row for row in ELEMENTARY_ROWS if row.kind is ValueKind.BOOL]
 )  # often: they are bits in some layouts
 leaf_types: st.SearchStrategy[Type] = st.one_of(rows, bools, texts, enumerations, subranges, pointers)
 types: st.SearchStrategy[Type] = st.recursive(
@@ -147,7 +147,7 @@ def values_of(leaf: Leaf, rules: LayoutRules) -> st.SearchStrategy[Value]:
     """Return values that the leaf can hold."""
     if isinstance(leaf.type, StringType):
         return _texts(leaf.type, rules)
-    return _elementary(rules.stored(leaf.type))
+    return _elementary(rules.storage(leaf.type))
 
 
 def _texts(type_: StringType, rules: LayoutRules) -> st.SearchStrategy[Value]:
@@ -193,7 +193,7 @@ OWN_VALUES: dict[tuple[str, str], st.SearchStrategy[Value]] = {
 }
 
 
-def same(found: Values, expected: Values) -> bool:
+def same(found: LeafValues, expected: LeafValues) -> bool:
     """Return whether two decodes agree, NaN with NaN too."""
     return list(map(_key, found)) == list(map(_key, expected))
 

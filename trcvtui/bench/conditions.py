@@ -85,6 +85,6 @@ def _same(found: Value | None, expected: Value) -> bool:
 def _member(bench: Watched, data: str, path: str) -> Value | None:
     decl = bench.project.data_decl(data)
     assert decl is not None
-    number = decl.layout.number_of(path)
+    number = decl.layout.leaf_number(path)
     # A resize takes effect in the next scan: until then there may be fewer bytes than members.
     return decode_leaves(decl.layout, bench.runtime.data(data), number, number + 1)[0]

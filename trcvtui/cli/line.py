@@ -246,9 +246,9 @@ def _receivers(args: Args) -> tuple[Receiver, ...]:
         receivers = receivers_of(load_bench(args.project, args.set), pins_of(args.set))
     if args.udt is None:
         return receivers
-    from trcvtui.udt.command import only_layout
+    from trcvtui.udt.command import read_file_layout
 
-    layout, sender = only_layout(args.udt)
+    layout, sender = read_file_layout(args.udt)
     return (*receivers, receiver_of_type(layout, sender.layout))
 
 

@@ -151,7 +151,7 @@ def _cure(args: Args) -> int:
     from trcvtui.tui.lab.lab_fix import cure_source
     from trcvtui.udt import command
 
-    return print_text(cure_source(*command.two_sides_of_a_cure(args), args.form).rstrip("\n"))
+    return print_text(cure_source(*command.choose_cure_sides(args), args.form).rstrip("\n"))
 
 
 COMMANDS = {

@@ -39,7 +39,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
 from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.layout.layout import Leaf
-from trcvtui.udt.layout.layout_tree import find
+from trcvtui.udt.layout.layout_tree import find_node
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.wording import count
 
@@ -61,7 +61,7 @@ class Target(Struct, frozen=True):
         """Return the one value that it stands for; raise UserError when it is none."""
         if not self.is_raw:
             try:
-                return self.decl.layout.leaf(self.decl.layout.number_of(self.path))
+                return self.decl.layout.leaf(self.decl.layout.leaf_number(self.path))
             except UserError:
                 pass
         name = f"{self.decl.name}{'+' + str(self.offset) if self.is_raw else ''}"
@@ -95,7 +95,7 @@ def parse_target(words: Words, project: Project) -> Target:
 
 def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
     try:
-        number, node = find(decl.layout.root, path)
+        number, node = find_node(decl.layout.root, path)
     except LookupError as unknown:
         raise words.error(
             f"'{unknown}' in '{decl.name}{path}'", f"a member of {decl.type_name}, or an index within bounds"

@@ -59,7 +59,7 @@ from trcvtui.project.tables import SetOverride, quote
 from trcvtui.project.text import relocate
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
-from trcvtui.udt.literals import quoted
+from trcvtui.udt.literals import quote_text
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
@@ -212,7 +212,7 @@ def _describe_types(decl: UdtFile, project: Project) -> str:
     for name in names[:MOST_TYPES_SHOWN]:
         every = (here, LAYOUTS[sender.layout]) if sender.layout else (here,)
         try:
-            sizes = [count(lay_out(types.named(name), rules, name).size, "byte") for rules in every]
+            sizes = [count(lay_out(types.get_type(name), rules, name).size, "byte") for rules in every]
             lines.append(one_line(f"{name} {', sender: '.join(sizes)}"))
         except UserError as refused:
             lines.append(one_line(f"{name}: {refused.problems[0].message}"))
@@ -508,8 +508,8 @@ def _pair_text(key: str, value: KeyValue) -> str:
         case bool():
             return f"{key}={str(value).lower()}"
         case list():
-            return " ".join(f"{key}={quoted(text)}" for text in value)
+            return " ".join(f"{key}={quote_text(text)}" for text in value)
         case str() if " " in value or not value:
-            return f"{key}={quoted(value)}"
+            return f"{key}={quote_text(value)}"
         case _:
             return f"{key}={value}"

@@ -403,9 +403,9 @@ def _read_field_match(words: Words, project: Project) -> FieldIs:
     name, _, path = target.partition(".")
     if name.casefold() not in project.types.types:
         raise words.make_unknown_error(name, project.types.names(), "UDT")
-    layout = lay_out(project.types.named(name), project.layout_rules_of(name), name)
+    layout = lay_out(project.types.get_type(name), project.layout_rules_of(name), name)
     try:
-        leaf = layout.leaf(layout.number_of(path))
+        leaf = layout.leaf(layout.leaf_number(path))
     except UserError:
         raise words.error(f"'{target}', which is not one value", f"a member of {name}") from None
     content = leaf_bytes(layout, leaf, value, words.where)

@@ -27,7 +27,7 @@ from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.literals import format_time, quoted
+from trcvtui.udt.literals import format_time, quote_text
 from trcvtui.udt.resolve import KNOWN_TYPE
 
 MILLISECOND: Final = 1_000_000
@@ -170,7 +170,7 @@ def value_text(value: Value) -> str:
         case float() if not math.isfinite(value):
             return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
         case str():
-            return value if _LITERAL_PATTERN.fullmatch(value) else quoted(value)
+            return value if _LITERAL_PATTERN.fullmatch(value) else quote_text(value)
         case _:
             return repr(value)
 

@@ -25,12 +25,12 @@ from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, i
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
 from trcvtui.udt.layout.values import encode, encode_leaf
-from trcvtui.udt.literals import NAME
+from trcvtui.udt.literals import NAME_PATTERN
 from trcvtui.udt.sources import parse_type
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` after it.
-_STEPS_PATTERN: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
-_PATH_PATTERN: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS_PATTERN})\s*=\s*")
+_STEPS_PATTERN: Final = rf"(?:\.{NAME_PATTERN}|\[[^\]]*\])*"
+_PATH_PATTERN: Final = re.compile(rf"\s*((?:{NAME_PATTERN}|\[[^\]]*\]){_STEPS_PATTERN})\s*=\s*")
 _STRUCT_PATTERN: Final = re.compile(r"(.*?\bEND_STRUCT)\s*;?\s*(\{.*)", re.IGNORECASE | re.DOTALL)
 INLINE_STRUCT_FORM: Final = "STRUCT a : INT; END_STRUCT {a=1}"
 _EMPTY_BRACES: Final = re.compile(r"\{\s*\}")
@@ -403,7 +403,7 @@ def _read_udt(words: Words, project: Project) -> bytes:
         name = words.next("the name of a UDT")
         if name.casefold() not in project.types.types:
             raise words.make_unknown_error(name, project.types.names(), "UDT")
-        type_, rules = project.types.named(name), project.layout_rules_of(name)
+        type_, rules = project.types.get_type(name), project.layout_rules_of(name)
         braces = words.take_rest_text("members in braces such as {speed=1.5}")
     content = struct_bytes(lay_out(type_, rules, name), braces, words.where)
     if not content:

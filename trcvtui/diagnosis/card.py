@@ -112,7 +112,7 @@ def _missing(e: Evidence, decl: DataDecl | None) -> str:
         return ""
     if e.facts.drop is not None or _wanders(e):
         return ""
-    number = decl.layout.leaves_within(e.have)
+    number = decl.layout.count_leaves_within(e.have)
     if not number or number == decl.layout.leaf_count:
         return ""
     last, next_ = decl.layout.leaf(number - 1), decl.layout.leaf(number)

@@ -35,7 +35,7 @@ def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
     layout = layout_of(receiver)
     if layout is None or not 0 < size < layout.size:
         return None
-    first, last = layout.leaves_within(size), layout.leaf_count
+    first, last = layout.count_leaves_within(size), layout.leaf_count
     if first == last:
         return None  # padding alone
     names = ", ".join(f"`{leaf.path}`" for leaf in layout.leaves(first, min(first + NAMED, last)))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from trcvtui.project.project import DataDecl
-from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out, profiles_for, same_layouts
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, group_same_layouts, lay_out, profiles_for
 from trcvtui.udt.layout.rules import LayoutChoice, rules_for
 from trcvtui.udt.types import Elementary, Enumeration, ValueKind
 from trcvtui.wording import count
@@ -149,7 +149,7 @@ def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
 def _of_size(decl: DataDecl, size: int) -> Layout | None:
     """Return the type in the first layout that gives it this size; the byte order stays, where it can."""
     own = decl.layout.rules
-    laid_out = same_layouts(decl.type, profiles_for(decl.type))
+    laid_out = group_same_layouts(decl.type, profiles_for(decl.type))
     found = [layout for _, layout in laid_out if layout.size == size]
     same = [layout for layout in found if layout.rules.byte_order == own.byte_order]
     return next(iter([*same, *found]), None)

@@ -30,11 +30,11 @@ UNSURE: Final = 0.8  # where bytes are left that nothing explains
 
 
 def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
-    from trcvtui.udt.compare.fit import fit, without_near_drifts
+    from trcvtui.udt.compare.fit import drop_near_drifts, rank
 
     if len(frames) < 2 and len(frames[0]) != receiver.need:
         return _read_by_size(frames, receiver, type_, rules)
-    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
+    fits = drop_near_drifts(rank(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
     best = _plainest(fits, rules)
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
@@ -67,12 +67,12 @@ def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
 
 def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
     """Read the only message in another layout that has exactly its size and values that machines send."""
-    from trcvtui.udt.compare.fit import fit
+    from trcvtui.udt.compare.fit import rank
 
     size = len(frames[0])
     found = [
         one
-        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
+        for one in rank(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
         if not one.cause.kind
         and one.layout.size == size
         and one.members > 0
@@ -97,14 +97,14 @@ def _meaning(
 ) -> tuple[str, RemedyOffer]:
     """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
     from trcvtui.udt.compare.beside import has_length_field
-    from trcvtui.udt.compare.causes import HEADER, LONG, SWAPS, TRAILER
+    from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
 
     kind, order = best.cause.kind, best.layout.rules.byte_order
-    if kind in {swap.kind for swap in SWAPS}:
+    if kind in {swap.kind for swap in SWAP_CAUSES}:
         swap = Remedy("swap what the partner swaps: words or bytes of each number")
         return "byte-order", RemedyOffer((swap,))
-    if kind not in (None, HEADER, TRAILER, LONG):
+    if kind not in (None, HEADER, TRAILER, BYTE_TOO_MANY):
         return "", NO_OFFER
     own, has_other_order = layout_of(receiver), order != rules.byte_order
     own_size = receiver.need if kind is None or own is None else own.size

@@ -16,7 +16,7 @@ from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.layout.layout import Layout
-from trcvtui.udt.layout.layout_tree import Node, PlacedLeaf, find
+from trcvtui.udt.layout.layout_tree import Node, PlacedLeaf, find_node
 
 Filter = Callable[[MessageRow], bool]
 
@@ -94,7 +94,7 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     paths = [name[len(start) :] for start in (OF_DATA, layout.name, *before) if name.startswith(start)]
     for path in (name, *(path for path in paths if not path or path[0] in ".[")):
         try:
-            return find(layout.root, path)
+            return find_node(layout.root, path)
         except LookupError:
             continue
     return None

@@ -28,7 +28,7 @@ from trcvtui.history.records import (
     spans_within,
 )
 from trcvtui.net.received_ring import ReceivedRing
-from trcvtui.udt.byte_text import MOST_COUNTED, first_in, hit_of, last_in
+from trcvtui.udt.byte_text import MOST_BYTES_COUNTED, describe_hit, find_first, find_last
 
 STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_SEARCHES: Final = 8  # of several screens
@@ -181,8 +181,8 @@ class StreamReader:
             is_over = self._reached <= of.begin
             done, whole = seek.start - self._reached, seek.start - of.begin
         if found is not None:
-            few = of.runs(of.begin, min(of.end, of.begin + MOST_COUNTED + 1))
-            return SeekResult(seek.number, found, hit=hit_of(few, seek.patterns, found))
+            few = of.runs(of.begin, min(of.end, of.begin + MOST_BYTES_COUNTED + 1))
+            return SeekResult(seek.number, found, hit=describe_hit(few, seek.patterns, found))
         if is_over:
             return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
@@ -218,12 +218,12 @@ def _goes_on(last: MessageSpan, found: MessageSpan) -> bool:
 
 
 def _first(runs: Runs, patterns: tuple[bytes, ...]) -> int | None:
-    found = ((place, first_in(part, patterns)) for place, part in runs)
+    found = ((place, find_first(part, patterns)) for place, part in runs)
     return next((place + at for place, at in found if at is not None), None)
 
 
 def _last(runs: Runs, patterns: tuple[bytes, ...], before: int) -> int | None:
-    found = ((place, last_in(part, patterns, before - place)) for place, part in reversed(runs))
+    found = ((place, find_last(part, patterns, before - place)) for place, part in reversed(runs))
     return next((place + at for place, at in found if at is not None), None)
 
 

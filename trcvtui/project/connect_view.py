@@ -14,7 +14,7 @@ from trcvtui.net.connection.description_check import Flaw, Transport, field_name
 from trcvtui.net.layer import Credentials, tls_credentials_of
 from trcvtui.project.descriptions import UNSAFE
 from trcvtui.system_types import UNVERIFIED_NOTE
-from trcvtui.udt.literals import quoted
+from trcvtui.udt.literals import quote_text
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 
@@ -111,7 +111,7 @@ def _literal(field: DescriptionField, description: Description, address: str) ->
             size = int.from_bytes(description.data[field.offset : field.offset + 2], "big")
             return f"(TSelLength := {size}, TSel := {_to_array(value)})"  # also a length that does not fit
         case FieldType.NAME, str():
-            return quoted(value)
+            return quote_text(value)
         case FieldType.BYTES, bytes():
             return _to_array(value)
         case _:

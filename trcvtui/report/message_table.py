@@ -19,8 +19,8 @@ from trcvtui.errors import mistake, one_line
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.layout.layout import Layout, Leaf, shape
-from trcvtui.udt.layout.layout_tree import Values
+from trcvtui.udt.layout.layout import Layout, Leaf, layout_shape
+from trcvtui.udt.layout.layout_tree import LeafValues
 from trcvtui.udt.layout.value_text import mark_text, real_text, value_text
 from trcvtui.udt.layout.values import decode, decode_leaves
 from trcvtui.udt.report import json_members, json_value, own_bytes
@@ -185,7 +185,7 @@ def is_same_type(one: DataDecl | Layout | None, other: DataDecl | Layout | None)
 
 def _key(data: DataDecl | Layout) -> object:
     layout = data.layout if isinstance(data, DataDecl) else data
-    return shape(layout), *_paths(layout)
+    return layout_shape(layout), *_paths(layout)
 
 
 def _paths(layout: Layout) -> list[str]:
@@ -205,7 +205,7 @@ class _Part:
         cells = enumerate(map(_text_cell if form == "text" else _csv_cell, leaves))
         self._cells = [(place, cell) for place, cell in cells if cell is not None]
 
-    def values(self, content: bytes) -> Values:
+    def values(self, content: bytes) -> LeafValues:
         """Return the values of the columns, None for each that the bytes do not have."""
         if self._numbers is None:
             return decode(self.layout, content)

@@ -337,7 +337,7 @@ def _with_gaps(
 
 
 def _members(content: bytes, data: DataDecl) -> Iterable[Sequence[str]]:
-    within = min(data.layout.leaves_within(len(content)) + 1, data.layout.leaf_count)
+    within = min(data.layout.count_leaves_within(len(content)) + 1, data.layout.leaf_count)
     return member_rows(data.layout, content, data.name, most=min(within, MOST_MEMBERS))
 
 

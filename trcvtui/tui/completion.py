@@ -12,7 +12,7 @@ from textual.suggester import Suggester
 from trcvtui.commands.completion import NextWords, after_framing, after_trigger, offer_none
 from trcvtui.commands.table import COMMANDS
 from trcvtui.project.project import Project
-from trcvtui.udt.sources import type_paths
+from trcvtui.udt.sources import complete_type_path
 
 
 def complete(line: str, project: Project) -> str | None:
@@ -22,7 +22,7 @@ def complete(line: str, project: Project) -> str | None:
         return None
     is_path = words[:2] in (["add", "udt"], ["udt", "open"])
     last = line.split(" ", 2)[2] if is_path else last
-    for candidate in type_paths(last, project.base) if is_path else _next(words, project):
+    for candidate in complete_type_path(last, project.base) if is_path else _next(words, project):
         if candidate.startswith(last) and candidate != last:
             return line[: len(line) - len(last)] + candidate
     return None

@@ -196,7 +196,7 @@ class CurveView(TextView, inherit_bindings=False):
 
 def _leaf_at(layout: Layout, path: str) -> Leaf | None:
     with suppress(UserError):
-        return layout.leaf(layout.number_of(path))
+        return layout.leaf(layout.leaf_number(path))
     return None
 
 

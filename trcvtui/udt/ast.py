@@ -14,8 +14,8 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
 NO_LENGTH = -1  # in place of a width: an ARRAY OF `spec` without a length at the end, which is no member
-CPP = "this is C++"
-PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be
+CPP_NOTE = "this is C++"
+PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
 class Formula(NamedTuple):
@@ -144,10 +144,10 @@ class Declarations(NamedTuple):
     copies: tuple[Declaration, ...] = ()
 
 
-def bare(part: Any) -> Any:
+def strip_places(part: Any) -> Any:
     """Return a part of a declaration without its places."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
-        return type(part), *map(bare, kept)
+        return type(part), *map(strip_places, kept)
     return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

@@ -15,24 +15,24 @@ from typing import Final
 from trcvtui.errors import UserError, mistake
 
 ROW: Final = 16
-_SHOWN: Final = bytes(byte if 0x20 <= byte < 0x7F else ord(".") for byte in range(256))
+_SHOWN_CHARACTERS: Final = bytes(byte if 0x20 <= byte < 0x7F else ord(".") for byte in range(256))
 
 
 def hexdump(content: bytes) -> bytes:
     """Return the dump of all bytes, each line with its line feed, and the length in the last line."""
-    lines = [_line(content[start : start + ROW], start) for start in range(0, len(content), ROW)]
+    lines = [_hexdump_line(content[start : start + ROW], start) for start in range(0, len(content), ROW)]
     return b"".join([*lines, b"%08x\n" % len(content)]) if content else b""
 
 
-def _line(row: bytes, offset: int) -> bytes:
+def _hexdump_line(row: bytes, offset: int) -> bytes:
     left, right = row[:8].hex(" "), row[8:].hex(" ")
-    return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN) + b"|\n"
+    return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN_CHARACTERS) + b"|\n"
 
 
-EXPECTED: Final = "hex bytes such as 01 02 0A"
-_GROUP: Final = re.compile(r"[^\s,]+")
-_MARK: Final = re.compile(r"(?:0x|16#)", re.IGNORECASE)
-_NO_DIGIT: Final = re.compile(r"[^0-9a-f]", re.IGNORECASE)
+EXPECTED_HEX: Final = "hex bytes such as 01 02 0A"
+_HEX_GROUP: Final = re.compile(r"[^\s,]+")
+_HEX_PREFIX: Final = re.compile(r"(?:0x|16#)", re.IGNORECASE)
+_NON_HEX_DIGIT: Final = re.compile(r"[^0-9a-f]", re.IGNORECASE)
 _LONGEST_SHOWN: Final = 20
 
 
@@ -44,50 +44,50 @@ def parse_hex(text: str, where: str = "hex") -> bytes:
     try:
         return bytes.fromhex(text)
     except ValueError:
-        return b"".join(_group(text, found, where) for found in _GROUP.finditer(text))
+        return b"".join(_parse_group(text, found, where) for found in _HEX_GROUP.finditer(text))
 
 
-def _group(text: str, group: re.Match[str], where: str) -> bytes:
-    mark = _MARK.match(group[0])
+def _parse_group(text: str, group: re.Match[str], where: str) -> bytes:
+    mark = _HEX_PREFIX.match(group[0])
     start = 0 if mark is None else mark.end()
     digits = group[0][start:]
-    wrong = _NO_DIGIT.search(digits)
+    wrong = _NON_HEX_DIGIT.search(digits)
     if wrong is not None:
         place = group.start() + start + wrong.start()
-        raise _mistake(text, place, where, f"'{wrong[0]}'")
+        raise _make_hex_error(text, place, where, f"'{wrong[0]}'")
     if not digits or (len(digits) % 2 and len(digits) != 1):
         shown = group[0] if len(group[0]) <= _LONGEST_SHOWN else group[0][:_LONGEST_SHOWN] + "..."
-        raise _mistake(text, group.start(), where, f"'{shown}' with {len(digits)} digits")
+        raise _make_hex_error(text, group.start(), where, f"'{shown}' with {len(digits)} digits")
     return bytes.fromhex(digits if len(digits) != 1 else "0" + digits)
 
 
-def _mistake(text: str, place: int, where: str, found: str) -> UserError:
+def _make_hex_error(text: str, place: int, where: str, found: str) -> UserError:
     line_start = text.rfind("\n", 0, place) + 1
     column = place - line_start + 1
     if "\n" not in text.strip():
-        return mistake(f"{where}, position {column}", found, EXPECTED)
-    return mistake(f"{where}, line {text.count(chr(10), 0, place) + 1}, column {column}", found, EXPECTED)
+        return mistake(f"{where}, position {column}", found, EXPECTED_HEX)
+    return mistake(f"{where}, line {text.count(chr(10), 0, place) + 1}, column {column}", found, EXPECTED_HEX)
 
 
 # Each returns the bytes in the form of its name; `name` is the variable, where the form has one.
 
 
 def hex_lines(content: bytes, name: str = "") -> str:
-    return "\n".join(_lines(content, "{:02x}", " "))
+    return "\n".join(_format_rows(content, "{:02x}", " "))
 
 
 def iec_list(content: bytes, name: str = "") -> str:
-    return ",\n".join(_lines(content, "16#{:02X}", ", "))
+    return ",\n".join(_format_rows(content, "16#{:02X}", ", "))
 
 
 def st_array(content: bytes, name: str) -> str:
-    items = ",\n    ".join(_lines(content, "16#{:02X}", ", "))
+    items = ",\n    ".join(_format_rows(content, "16#{:02X}", ", "))
     last = len(content) - 1
     return f"{identifier(name)} : ARRAY[0..{last}] OF BYTE := [\n    {items}\n];" if content else ""
 
 
 def c_array(content: bytes, name: str) -> str:
-    items = ",\n    ".join(_lines(content, "0x{:02X}", ", "))
+    items = ",\n    ".join(_format_rows(content, "0x{:02X}", ", "))
     head = f"const uint8_t {identifier(name)}[{len(content)}]"
     return f"{head} = {{\n    {items}\n}};" if content else ""
 
@@ -104,7 +104,7 @@ def base64_text(content: bytes, name: str = "") -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-def _lines(content: bytes, form: str, between: str) -> Iterator[str]:
+def _format_rows(content: bytes, form: str, between: str) -> Iterator[str]:
     for at in range(0, len(content), ROW):
         yield between.join(form.format(byte) for byte in content[at : at + ROW])
 
@@ -128,98 +128,98 @@ BYTE_FORMS: Final[dict[str, Callable[[bytes, str], str]]] = {
 
 # Rule: `29 00` is hex, `"abc"` a text, `=41` and `=-1.5` a number in all sizes that hold it.
 
-WHERE: Final = "find"
+SEARCH_WHERE: Final = "find"
 EXPECTED_SEARCH: Final = "hex such as 29 00, a text such as abc, or a number such as =41 or =1234.5"
-LONGEST: Final = 256
-_WHOLE: Final = (("INT", "h", "H"), ("DINT", "i", "I"), ("LINT", "q", "Q"))
-_REALS: Final = (("REAL", "f"), ("LREAL", "d"))
+LONGEST_PATTERN: Final = 256
+_INTEGER_CODES: Final = (("INT", "h", "H"), ("DINT", "i", "I"), ("LINT", "q", "Q"))
+_REAL_CODES: Final = (("REAL", "f"), ("LREAL", "d"))
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class SearchPatterns:
     """What is looked for: any of `patterns`; `about` says it in words."""
 
     patterns: tuple[bytes, ...]
     about: str
 
 
-def wanted(text: str) -> Wanted:
+def parse_search(text: str) -> SearchPatterns:
     """Return what a text asks for: a text in quotes, hex, else a text; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
-        found = _text(text)
+        found = _parse_text_search(text)
     elif text[:1] == "=":
-        found = _number(text[1:].strip())
+        found = _parse_number_search(text[1:].strip())
     else:
-        found = _hex(text) or _text(f'"{text}"')
+        found = _parse_hex_search(text) or _parse_text_search(f'"{text}"')
     if not all(found.patterns):
-        raise mistake(WHERE, "nothing", EXPECTED_SEARCH)
-    if max(map(len, found.patterns)) > LONGEST:
-        raise mistake(WHERE, f"{max(map(len, found.patterns))} bytes", f"at most {LONGEST}")
+        raise mistake(SEARCH_WHERE, "nothing", EXPECTED_SEARCH)
+    if max(map(len, found.patterns)) > LONGEST_PATTERN:
+        raise mistake(SEARCH_WHERE, f"{max(map(len, found.patterns))} bytes", f"at most {LONGEST_PATTERN}")
     return found
 
 
-def _hex(text: str) -> Wanted | None:
+def _parse_hex_search(text: str) -> SearchPatterns | None:
     try:
         content = parse_hex(text)
     except UserError:
         return None
-    return Wanted((content,), f"hex {content[:16].hex(' ')}")
+    return SearchPatterns((content,), f"hex {content[:16].hex(' ')}")
 
 
-def _text(text: str) -> Wanted:
+def _parse_text_search(text: str) -> SearchPatterns:
     inside = text[1:-1] if len(text) > 1 and text.endswith(text[0]) else text[1:]
-    return Wanted((inside.encode(),), f"text {len(inside.encode())} B")
+    return SearchPatterns((inside.encode(),), f"text {len(inside.encode())} B")
 
 
-def _number(text: str) -> Wanted:
+def _parse_number_search(text: str) -> SearchPatterns:
     try:
         value = int(text.replace("16#", "0x"), 0)
     except ValueError:
-        return _real(text)
+        return _parse_real_search(text)
     found = [
         (name, struct.pack(order + (signed if value < 0 else plain), value))
-        for name, signed, plain in _WHOLE
+        for name, signed, plain in _INTEGER_CODES
         for order in "<>"
         if _fits(value, 8 * struct.calcsize(plain))
     ]
     if not found:
-        raise mistake(WHERE, text, "a number of at most 64 bits")
+        raise mistake(SEARCH_WHERE, text, "a number of at most 64 bits")
     if value == 0:
         found = found[:2]  # a LINT 0 is found where an INT 0 is
-    return _in_words(found)
+    return _make_patterns(found)
 
 
 def _fits(value: int, bits: int) -> bool:
     return bool(-(1 << bits - 1) <= value < 1 << bits)
 
 
-def _real(text: str) -> Wanted:
+def _parse_real_search(text: str) -> SearchPatterns:
     try:
         value = float(text)
-        return _in_words(
-            [(name, struct.pack(order + code, value)) for name, code in _REALS for order in "<>"]
+        return _make_patterns(
+            [(name, struct.pack(order + code, value)) for name, code in _REAL_CODES for order in "<>"]
         )
     except (ValueError, OverflowError):
-        raise mistake(WHERE, f"'{text[:20]}'", EXPECTED_SEARCH) from None
+        raise mistake(SEARCH_WHERE, f"'{text[:20]}'", EXPECTED_SEARCH) from None
 
 
-def _in_words(found: list[tuple[str, bytes]]) -> Wanted:
+def _make_patterns(found: list[tuple[str, bytes]]) -> SearchPatterns:
     patterns = tuple(dict.fromkeys(pattern for _, pattern in found))
     names = list(dict.fromkeys(name for name, _ in found))
-    return Wanted(patterns, f"{', '.join(names)} in either byte order")
+    return SearchPatterns(patterns, f"{', '.join(names)} in either byte order")
 
 
 # -- in bytes ------------------------------------------------------------------------------------------------
 
 
-def first_in(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> int | None:
+def find_first(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> int | None:
     """Return the first place from `start` on at which one of the patterns stands."""
     found = [place for pattern in patterns if (place := content.find(pattern, max(0, start))) >= 0]
     return min(found, default=None)
 
 
-def last_in(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
+def find_last(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
     """Return the last place before `before` at which one of the patterns stands."""
     if before <= 0:
         return None
@@ -227,7 +227,7 @@ def last_in(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | N
     return max(found, default=None)
 
 
-def all_in(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
+def find_all(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
     """Return the bytes of every place, for one pattern after the other."""
     for pattern in patterns:
         place = content.find(pattern)
@@ -237,14 +237,14 @@ def all_in(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
 
 
 MOST_HITS: Final = 10_000
-MOST_COUNTED: Final = 1024 * 1024  # bytes for all patterns together: of more the hits are not counted
+MOST_BYTES_COUNTED: Final = 1024 * 1024  # bytes for all patterns together: of more the hits are not counted
 
 
-def hit_of(runs: Sequence[tuple[int, bytes]], patterns: tuple[bytes, ...], place: int) -> str:
+def describe_hit(runs: Sequence[tuple[int, bytes]], patterns: tuple[bytes, ...], place: int) -> str:
     """Return `hit 2 of 7`: which one a place is; "" where there is too much to be counted."""
-    if sum(len(content) for _, content in runs) * len(patterns) > MOST_COUNTED:
+    if sum(len(content) for _, content in runs) * len(patterns) > MOST_BYTES_COUNTED:
         return ""
-    found = (start + match.start for start, content in runs for match in all_in(content, patterns))
+    found = (start + match.start for start, content in runs for match in find_all(content, patterns))
     places = sorted(set(islice(found, MOST_HITS)))
     is_counted = next(found, None) is None and place in places
     return f"hit {places.index(place) + 1} of {len(places)}" if is_counted else ""

@@ -16,22 +16,22 @@ from trcvtui.files import read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
-LARGEST: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
+LARGEST_INPUT: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
 EXPECTED_JSON: Final = 'a JSON object such as {"speed": 12.5}'
 
 
-def given_bytes(given: str) -> bytes:
+def read_hex_argument(given: str) -> bytes:
     """Return the bytes of hex text: the argument itself, the content of `@FILE`, or stdin for `-`."""
     from trcvtui.udt.byte_text import parse_hex
 
-    return parse_hex(*_hex_of(given))
+    return parse_hex(*_read_hex_text(given))
 
 
-def given_messages(given: str) -> list[bytes]:
+def read_messages(given: str) -> list[bytes]:
     """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
     from trcvtui.udt.byte_text import parse_hex
 
-    text, where = _hex_of(given)
+    text, where = _read_hex_text(given)
     parse_hex(text, where)  # so that a mistake is told with its line in the file
     messages = [text] if text == given else re.split(r"\n[ \t\r]*\n", text)
     found = [message for part in messages if (message := parse_hex(part))]
@@ -40,26 +40,26 @@ def given_messages(given: str) -> list[bytes]:
     return found
 
 
-def given_types(name: str) -> Declarations:
+def read_types(name: str) -> Declarations:
     """Return what a file declares, or the text on stdin for `-`."""
     from trcvtui.udt.sources import declarations_in, declarations_of
 
     if name != STDIN:
         return declarations_in(name)
-    if (data := _read(name)).strip():
+    if (data := _read_input(name)).strip():
         return declarations_of(data, where_of(name))
     expected = "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block"
     raise mistake(where_of(name), "nothing", expected)
 
 
-def given_values(name: str) -> dict[str, object]:
+def read_values(name: str) -> dict[str, object]:
     """Return the JSON object that stands in a file, or on stdin for `-`."""
     import json
 
-    where, text = where_of(name), _text(name)
+    where, text = where_of(name), _read_text(name)
     try:
-        pairs = partial(_each_once, where)
-        values = json.loads(text, parse_float=partial(_number, where), object_pairs_hook=pairs)
+        pairs = partial(_refuse_duplicates, where)
+        values = json.loads(text, parse_float=partial(_parse_float, where), object_pairs_hook=pairs)
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
@@ -68,21 +68,21 @@ def given_values(name: str) -> dict[str, object]:
     except RecursionError:
         raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
     if not isinstance(values, dict):
-        raise mistake(where, f"JSON, but {_KINDS.get(type(values), 'a number')}", EXPECTED_JSON)
+        raise mistake(where, f"JSON, but {_JSON_KIND_NAMES.get(type(values), 'a number')}", EXPECTED_JSON)
     return values
 
 
 # Python takes these, and changes them without a word.
 
 
-def _number(where: str, text: str) -> float:
+def _parse_float(where: str, text: str) -> float:
     number = float(text)
     if math.isinf(number):
         raise mistake(where, text[:40], 'a number in the range of LREAL, or "Infinity"')
     return number
 
 
-def _each_once(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _refuse_duplicates(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
     values: dict[str, object] = {}
     for key, value in pairs:
         if key in values:
@@ -91,15 +91,15 @@ def _each_once(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]
     return values
 
 
-_KINDS: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
+_JSON_KIND_NAMES: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
 
 
-def _hex_of(given: str) -> tuple[str, str]:
+def _read_hex_text(given: str) -> tuple[str, str]:
     """Return hex text, and where it stands."""
     if given != STDIN and not given.startswith("@"):
         return given, "HEX"
     name = given.removeprefix("@")
-    return _text(name), where_of(name)
+    return _read_text(name), where_of(name)
 
 
 def where_of(name: str) -> str:
@@ -107,18 +107,18 @@ def where_of(name: str) -> str:
     return "stdin" if name == STDIN else name
 
 
-def _read(name: str) -> bytes:
+def _read_input(name: str) -> bytes:
     try:
-        data = _stdin() if name == STDIN else read_bytes(name, LARGEST)
+        data = _read_stdin() if name == STDIN else read_bytes(name, LARGEST_INPUT)
     except (OSError, ValueError) as failed:
         raise mistake(where_of(name), reason_of(failed), "text that can be read") from None
-    if len(data) > LARGEST:
-        raise mistake(where_of(name), "more than that", f"at most {LARGEST} bytes")
+    if len(data) > LARGEST_INPUT:
+        raise mistake(where_of(name), "more than that", f"at most {LARGEST_INPUT} bytes")
     return data
 
 
-def _text(name: str) -> str:
-    data = _read(name)
+def _read_text(name: str) -> str:
+    data = _read_input(name)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
@@ -126,10 +126,10 @@ def _text(name: str) -> str:
         raise mistake(where_of(name), found, "text; `xxd -p` makes hex text of a binary file") from None
 
 
-def _stdin() -> bytes:
+def _read_stdin() -> bytes:
     stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
     if stdin is None:
         raise OSError("nothing, it is closed")
     if stdin.isatty():
         sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
-    return bytes(stdin.read(LARGEST + 1))
+    return bytes(stdin.read(LARGEST_INPUT + 1))

@@ -18,11 +18,11 @@ from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, on
 from trcvtui.files import is_folder
 from trcvtui.system_types import UNVERIFIED_NOTE
 from trcvtui.udt.ast import Declarations, SenderLayout
-from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, where_of
+from trcvtui.udt.cli_input import STDIN, read_hex_argument, read_messages, read_types, read_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, choice_of
+from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, parse_choice
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import apart, read_headers_with
+from trcvtui.udt.sources import qualify_variables, set_header_context
 from trcvtui.udt.system_types import unverified_in
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
@@ -34,12 +34,12 @@ def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list
     for inner in all_parts(type_):
         if isinstance(inner, Struct | Union | Enumeration):
             own = inner.name or name
-            for note in (*types.notes.get(own.casefold(), ()), *_hints(inner, rules)):
+            for note in (*types.notes.get(own.casefold(), ()), *_find_hints(inner, rules)):
                 found[f"{own}: {note}"] = None
     return list(found)
 
 
-def _hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[str]:
+def _find_hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[str]:
     if isinstance(type_, Enumeration):
         return
     if not (type_.members or type_.base or type_.bit_fields):
@@ -62,8 +62,8 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import in_columns
 
-    choice = choice_of_options(args)
-    types, own = types_of(args, None)
+    choice = parse_layout_choice(args)
+    types, own = read_all_types(args, None)
     rows: list[dict[str, Any]] = []
     wanted = (args.type or "").casefold()
     for name, where in [(each.name, each.where) for file in own for each in file.types]:
@@ -71,16 +71,16 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
             continue
         rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout, _ = TypeChoice(types, name, types.named(name), choice).layout()
+            layout, _ = TypeChoice(types, name, types.get_type(name), choice).layout()
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
-            rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
+            rows[-1]["problems"] = [str(suggest_option(each)) for each in refused.problems]
         rows[-1]["sender"] = types.sender(name).layout or None
     if not rows:
-        _ = types.named(args.type, "--type") if args.type else types.only(own)  # has the line on that
+        _ = types.get_type(args.type, "--type") if args.type else types.only_name(own)  # has the line on that
     is_good = any(row["layout"] for row in rows)
-    tell([str(problem) for file in own for problem in file.problems])
-    tell([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
+    write_notes([str(problem) for file in own for problem in file.problems])
+    write_notes([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
     if args.format == "json":
         return json_lines(rows), is_good
     table = [("type", "size", "layout", "where, or what is wrong")]
@@ -102,7 +102,7 @@ def decode(args: SimpleNamespace) -> str:
     from trcvtui.udt.report import csv_lines, decode_json, decode_text, markdown, member_rows
 
     layout = layout_of(args)
-    data = given_bytes(" ".join(args.hex))
+    data = read_hex_argument(" ".join(args.hex))
     if args.format in ("json", "text"):
         return (decode_json if args.format == "json" else decode_text)(layout, data)
     rows = member_rows(layout, data, layout.name)
@@ -114,7 +114,7 @@ def encode(args: SimpleNamespace) -> str:
     from trcvtui.udt.report import encode_values
 
     layout = layout_of(args)
-    content = encode_values(layout, given_values(args.values))
+    content = encode_values(layout, read_values(args.values))
     return BYTE_FORMS[args.format](content, layout.name)
 
 
@@ -122,7 +122,7 @@ def export(args: SimpleNamespace) -> str | None:
     """Return the answer of `udt export`, None when a file has it."""
     from trcvtui.udt import exports
 
-    exports.check(args.to, args.port)  # before the file is read: the arguments come first
+    exports.check_arguments(args.to, args.port)  # before the file is read: the arguments come first
     text = exports.export(layout_of(args), args.to, args.port)
     if args.out is None:
         return text.removesuffix("\n")
@@ -136,10 +136,10 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
-    (ours, told), (theirs, of_theirs) = [side.layout() for side in type_choices(args, *_sides(args))]
-    tell(dict.fromkeys([*told, *of_theirs]))
+    (ours, told), (theirs, of_theirs) = [side.layout() for side in type_choices(args, *_split_sides(args))]
+    write_notes(dict.fromkeys([*told, *of_theirs]))
     comparison = Comparison(ours, theirs)
-    data = given_bytes(" ".join(args.hex)) if args.hex else b""
+    data = read_hex_argument(" ".join(args.hex)) if args.hex else b""
     rows = list(comparison.rows(data))
     answer = compare_text if args.format == "text" else compare_json
     return answer(comparison, rows, data), is_equal(comparison, rows)
@@ -147,12 +147,12 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt fit`, and whether one reading fits best; our side need not hold the type."""
-    from trcvtui.udt.compare.fit import fit as ranked
+    from trcvtui.udt.compare.fit import rank as ranked
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
     [ours] = type_choices(args, args)
     rules, told = ours.rules()
-    messages = given_messages(" ".join(args.hex))
+    messages = read_messages(" ".join(args.hex))
     fits = ranked(ours.type, messages, ours.name, own=rules, sender=ours.types.sender(ours.name).layout)
     try:
         name = lay_out(ours.type, rules, ours.name).name
@@ -161,7 +161,7 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
             raise
         name = fits[0].layout.name
         told = [_refusal_text(name, rules, refused) + "the layouts that can are tried"]
-    tell([*told, *notes_of(ours.types, ours.name, ours.type, rules)])
+    write_notes([*told, *notes_of(ours.types, ours.name, ours.type, rules)])
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
         from trcvtui.udt.report import json_lines
@@ -171,15 +171,15 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     return fit_text(fits, f"{name}, {sizes} bytes"), is_sure
 
 
-def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
+def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
     """Return our rules and their layout for `udt cure`: a layout option that is given once is theirs."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
             setattr(args, option, [None, *given])
-    ours, theirs = type_choices(args, *_sides(args))
+    ours, theirs = type_choices(args, *_split_sides(args))
     (rules, told), (layout, of_theirs) = ours.rules(), theirs.layout()
-    tell(dict.fromkeys([*(told if ours.types.layout(ours.name) else []), *of_theirs]))
+    write_notes(dict.fromkeys([*(told if ours.types.source_layout(ours.name) else []), *of_theirs]))
     return rules, layout
 
 
@@ -200,7 +200,7 @@ class TypeChoice(NamedTuple):
         unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
             return choice.rules(), unsure
-        if own := self.types.layout(name):
+        if own := self.types.source_layout(name):
             text = f"{name}: a Siemens source, laid out as {own}; --layout takes another"
             return choice.rules(own), [text, *unsure]
         shown = choice.rules()
@@ -231,16 +231,16 @@ def layout_of(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
     [asked] = type_choices(args, args)
     layout, told = asked.layout()
-    tell([*told, *notes_of(asked.types, asked.name, asked.type, layout.rules)])
+    write_notes([*told, *notes_of(asked.types, asked.name, asked.type, layout.rules)])
     return layout
 
 
-def only_layout(path: str) -> tuple[Layout, SenderLayout]:
+def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
     """Return the layout of the only type of a file that no other type holds, as its source lays it out.
 
     With it the layout that a sender is likely to have.
     """
-    types, own = types_of(SimpleNamespace(file=path, others=(), constant=()), None)
+    types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()
         for _, type_ in types.types.values()
@@ -250,29 +250,29 @@ def only_layout(path: str) -> tuple[Layout, SenderLayout]:
     declared = [each.name for file in own for each in file.types]
     outer = [name for name in declared if name.casefold() not in inner]
     is_good = len(outer) == 1 and all(name.casefold() in types.types for name in declared)
-    name = outer[0] if is_good else types.only(own)
-    layout, told = TypeChoice(types, name, types.named(name, path)).layout()
-    tell(told)
+    name = outer[0] if is_good else types.only_name(own)
+    layout, told = TypeChoice(types, name, types.get_type(name, path)).layout()
+    write_notes(told)
     return layout, types.sender(name)
 
 
-def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
+def parse_layout_choice(args: SimpleNamespace) -> LayoutChoice:
     """Return what the options say of the layout; raise UserError for one that says nothing known."""
     found: dict[str, Any] = {}
     for field in LayoutChoice._fields:
         if (text := getattr(args, field)) is not None:
             name = OPTION_NAMES.get(field, f"--{field.replace('_', '-')}")
-            found[field] = choice_of(field, text, name)
+            found[field] = parse_choice(field, text, name)
     return LayoutChoice(**found)
 
 
-def tell(notes: Iterable[str]) -> None:
+def write_notes(notes: Iterable[str]) -> None:
     """Write notes on stderr."""
     for note in notes:
         sys.stderr.write(f"note: {one_line(note)}\n")
 
 
-def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:
+def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:
     """Return the types of FILE and of every `--with`, and what FILE declares.
 
     What the named ones lack (None: those of FILE) comes from folders among these, then from beside FILE.
@@ -280,7 +280,7 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     from trcvtui.udt.sources.type_folder import PACKAGE_FILES, TypeFolder, find_types, packages_around
 
     paths = [args.file, *args.others]
-    read_headers_with(paths, getattr(args, "long_size", None))
+    set_header_context(paths, getattr(args, "long_size", None))
     if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
         raise mistake(where_of(STDIN), "it more than once", "one on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
@@ -288,10 +288,10 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files[path] = [] if is_folder(path) else [apart(given_types(path), path, paths)]
+                files[path] = [] if is_folder(path) else [qualify_variables(read_types(path), path, paths)]
     own = files[args.file]
     if not own and None in names:
-        own += folders[0].all()
+        own += folders[0].read_all()
     elif own and args.file != STDIN:
         folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
     names_in = folders[0].texts if is_folder(args.file) else [args.file]
@@ -301,11 +301,11 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     given = [file for each in files.values() for file in each]
     where = ", ".join(map(where_of, paths))
     types, told = find_types(given, folders, wanted, where, constants_of(args.constant))
-    tell(told)
+    write_notes(told)
     return types, own
 
 
-def asked_for(problem: Problem) -> Problem:
+def suggest_option(problem: Problem) -> Problem:
     """Return the problem with the option that mends it, where a name of another file is unknown."""
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
@@ -320,19 +320,19 @@ def asked_for(problem: Problem) -> Problem:
 
 def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
     """Return the type of each side, or the only one of FILE, with what its options say of the layout."""
-    choices = [choice_of_options(side) for side in sides]  # the arguments come first
-    types, own = types_of(args, *[side.type for side in sides])
+    choices = [parse_layout_choice(side) for side in sides]  # the arguments come first
+    types, own = read_all_types(args, *[side.type for side in sides])
     try:
-        names = [types.only(own) if side.type is None else side.type for side in sides]
+        names = [types.only_name(own) if side.type is None else side.type for side in sides]
         return [
-            TypeChoice(types, name, types.named(name, "--type"), choice)
+            TypeChoice(types, name, types.get_type(name, "--type"), choice)
             for name, choice in zip(names, choices, strict=True)
         ]
     except UserError as refused:
-        raise UserError([asked_for(problem) for problem in refused.problems]) from None
+        raise UserError([suggest_option(problem) for problem in refused.problems]) from None
 
 
-def _sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespace]:
+def _split_sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespace]:
     ours, theirs = {}, {}
     for option in ("type", *LayoutChoice._fields):
         given = getattr(args, option)

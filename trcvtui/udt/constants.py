@@ -12,17 +12,17 @@ from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Constant, Formula, Number
-from trcvtui.udt.literals import NAME, parse_integer
+from trcvtui.udt.literals import NAME_PATTERN, parse_integer
 from trcvtui.udt.types import ELEMENTARY
 
 LookUp = Callable[[str], int | None]
 
-LONGEST = 1000
-DEEPEST = 8  # with LONGEST_CHAIN: what stays well below the depth of calls that Python allows
-LARGEST = 1 << 64
+LONGEST_FORMULA = 1000
+DEEPEST_FORMULA = 8  # with LONGEST_CHAIN: what stays well below the depth of calls that Python allows
+LARGEST_NUMBER = 1 << 64
 
-_NAME = rf'(?:{NAME}|"[^"]*"|`[^`]*`)'
-_TOKEN = (
+_NAME = rf'(?:{NAME_PATTERN}|"[^"]*"|`[^`]*`)'
+_TOKEN_PATTERN = (
     rf"\s*(?:(\.?{_NAME}(?:\.{_NAME})*(?:\#(?:\d\w*(?:\#\w+)?|{_NAME}(?:\.{_NAME})*))?)"
     r"|(\d\w*(?:\#\w+)?)|(.))"
 )
@@ -45,16 +45,16 @@ class _Evaluation:
 
     def __init__(self, formula: Formula, look_up: LookUp) -> None:
         self.formula, self.look_up = formula, look_up
-        if len(formula.text) > LONGEST:
-            raise self.refusal(f"at most {LONGEST} characters")
-        self.tokens = [found.group().strip() for found in re.finditer(_TOKEN, formula.text)] + [""]
+        if len(formula.text) > LONGEST_FORMULA:
+            raise self.refusal(f"at most {LONGEST_FORMULA} characters")
+        self.tokens = [found.group().strip() for found in re.finditer(_TOKEN_PATTERN, formula.text)] + [""]
         self.at = 0
 
     def refusal(self, expected: str) -> UserError:
         return mistake(self.formula.where, f"'{self.formula.text[:60]}'", expected)
 
     def result(self) -> int | None:
-        value = self.sum(0)
+        value = self.parse_sum(0)
         if self.tokens[self.at]:
             raise self.refusal("a whole number or a constant")
         return value
@@ -67,28 +67,28 @@ class _Evaluation:
         self.at += 1
         return symbol
 
-    def sum(self, depth: int) -> int | None:
-        return self.chain("+-", lambda: self.chain("*/", lambda: self.factor(depth)))
+    def parse_sum(self, depth: int) -> int | None:
+        return self.parse_chain("+-", lambda: self.parse_chain("*/", lambda: self.parse_factor(depth)))
 
-    def chain(self, signs: str, operand: Callable[[], int | None]) -> int | None:
+    def parse_chain(self, signs: str, operand: Callable[[], int | None]) -> int | None:
         value = operand()
         while sign := self.accept(*signs):
-            value = self.joined(sign, value, operand())
+            value = self.combine(sign, value, operand())
         return value
 
-    def factor(self, depth: int) -> int | None:
-        if depth > DEEPEST:
-            raise self.refusal(f"at most {DEEPEST} levels")
+    def parse_factor(self, depth: int) -> int | None:
+        if depth > DEEPEST_FORMULA:
+            raise self.refusal(f"at most {DEEPEST_FORMULA} levels")
         if sign := self.accept("+", "-"):
-            return self.joined(sign, 0, self.factor(depth + 1))
+            return self.combine(sign, 0, self.parse_factor(depth + 1))
         if self.accept("("):
-            value = self.sum(depth + 1)
+            value = self.parse_sum(depth + 1)
             if not self.accept(")"):
                 raise self.refusal("')'")
             return value
-        return self.operand()
+        return self.parse_operand()
 
-    def operand(self) -> int | None:
+    def parse_operand(self) -> int | None:
         token = self.tokens[self.at]
         plain = parse_integer(token)
         prefix = token.partition("#")[0].upper()
@@ -97,7 +97,7 @@ class _Evaluation:
         self.at += 1
         return self.look_up(plain_name(token)) if plain is None else plain
 
-    def joined(self, sign: str, left: int | None, right: int | None) -> int | None:
+    def combine(self, sign: str, left: int | None, right: int | None) -> int | None:
         if left is None or right is None:
             return None
         if sign == "/":
@@ -105,7 +105,7 @@ class _Evaluation:
                 raise self.refusal("no division by zero")
             return quotient(left, right)
         value = left * right if sign == "*" else left + right if sign == "+" else left - right
-        if abs(value) > LARGEST:
+        if abs(value) > LARGEST_NUMBER:
             raise self.refusal("a number of at most 64 bits")
         return value
 
@@ -117,8 +117,8 @@ def quotient(left: int, right: int) -> int:
 
 
 LONGEST_CHAIN = 12  # constants that are made of constants below them in the file
-MOST_LIKE = 64  # of one last name; with more of them none is meant
-MOST_TOLD = 4  # values or names in one message
+MOST_ALIKE = 64  # of one last name; with more of them none is meant
+MOST_NAMES_SHOWN = 4  # values or names in one message
 
 
 class _Entry(NamedTuple):
@@ -136,7 +136,7 @@ class _Entry(NamedTuple):
         return f"{self.name} ({self.where})" if self.where else self.name
 
 
-class _Found(NamedTuple):
+class _LookUpResult(NamedTuple):
     value: int | None
     unknown: tuple[str, ...]
 
@@ -147,7 +147,7 @@ class Constants:
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_Entry]] = {}
         self.by_end: dict[str, list[_Entry]] = {}
-        self.found: dict[tuple[str, str], _Found] = {}
+        self.found: dict[tuple[str, str], _LookUpResult] = {}
         self.path: list[_Entry] = []  # what is being worked out, the outermost first
         self.reasons: dict[str, str] = {}
         self.is_first = True
@@ -196,12 +196,12 @@ class Constants:
         self.whole.setdefault(key, []).append(entry)
         self.by_end.setdefault(entry.parts[-1], []).append(entry)
 
-    def _look_up(self, name: str, scope: str) -> _Found:
+    def _look_up(self, name: str, scope: str) -> _LookUpResult:
         key = name.casefold()
         if (key, scope) not in self.found:
-            self.found[key, scope] = _Found(None, (name,))  # a constant made of itself is unknown
+            self.found[key, scope] = _LookUpResult(None, (name,))  # a constant made of itself is unknown
             if len(self.path) < LONGEST_CHAIN:
-                self.found[key, scope] = self._work_out(name, self._meant(key, scope))
+                self.found[key, scope] = self._evaluate_entries(name, self._find_entries(key, scope))
             else:
                 self.reasons.setdefault(
                     key, f"which comes after {LONGEST_CHAIN} others in a chain of constants"
@@ -214,22 +214,22 @@ class Constants:
         names = [entry.name.casefold() for entry in self.path]
         if key in names:
             circle = self.path[names.index(key) :]
-            told = ", ".join(map(str, [*circle[:MOST_TOLD], circle[0].name]))
+            told = ", ".join(map(str, [*circle[:MOST_NAMES_SHOWN], circle[0].name]))
             self.reasons.setdefault(key, f"which is made of itself: {told}")
 
-    def _meant(self, key: str, scope: str) -> list[_Entry]:
+    def _find_entries(self, key: str, scope: str) -> list[_Entry]:
         own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
         exact = own or self.whole.get(key)
         if exact:
-            return _of_first_layer(exact)
+            return _keep_first_layer(exact)
         parts = tuple(key.split("."))
         like = self.by_end.get(parts[-1], [])
-        if len(like) > MOST_LIKE:
+        if len(like) > MOST_ALIKE:
             return []
         pairs = [(min(len(entry.parts), len(parts)), entry) for entry in like]
-        return _of_first_layer([entry for size, entry in pairs if entry.parts[-size:] == parts[-size:]])
+        return _keep_first_layer([entry for size, entry in pairs if entry.parts[-size:] == parts[-size:]])
 
-    def _work_out(self, name: str, entries: list[_Entry]) -> _Found:
+    def _evaluate_entries(self, name: str, entries: list[_Entry]) -> _LookUpResult:
         values: dict[int, _Entry] = {}
         for entry in entries:
             unknown: list[str] = []
@@ -241,24 +241,24 @@ class Constants:
                 self.reasons.setdefault(name.casefold(), f"which does not work out: {entry}")
             self.path.pop()
             if value is None:
-                return _Found(None, tuple(dict.fromkeys(unknown))[:MOST_LIKE] or (name,))
+                return _LookUpResult(None, tuple(dict.fromkeys(unknown))[:MOST_ALIKE] or (name,))
             values.setdefault(value + entry.offset, entry)
         if len(values) == 1:
-            return _Found(values.popitem()[0], ())
+            return _LookUpResult(values.popitem()[0], ())
         if values:
-            self.reasons.setdefault(name.casefold(), f"which is {_both(name, values)}")
-        return _Found(None, (name,))
+            self.reasons.setdefault(name.casefold(), f"which is {_describe_values(name, values)}")
+        return _LookUpResult(None, (name,))
 
 
-def _both(name: str, values: Mapping[int, _Entry]) -> str:
+def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
     told = []
-    for value, entry in list(values.items())[:MOST_TOLD]:
+    for value, entry in list(values.items())[:MOST_NAMES_SHOWN]:
         own = "" if entry.name.casefold() == name.casefold() else entry.name
         at = ", ".join(part for part in (own, entry.where) if part)
         told.append(f"{value} ({at})" if at else str(value))
     return " and ".join(told)
 
 
-def _of_first_layer(entries: list[_Entry]) -> list[_Entry]:
+def _keep_first_layer(entries: list[_Entry]) -> list[_Entry]:
     first = min((entry.layer for entry in entries), default=0)
     return [entry for entry in entries if entry.layer == first]

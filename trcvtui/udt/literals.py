@@ -9,18 +9,18 @@ import re
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE, Elementary, ValueKind
+from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE_KINDS, Elementary, ValueKind
 
 # `\w` knows no combining marks (Hindi vowels, Thai tones, decomposed accents); bidirectional and zero-width
 # characters and spaces, which stand between them, are left out.
-_MARKS: Final = (
+_COMBINING_MARKS: Final = (
     r"\u0300-\u036f\u0483-\u0489\u0591-\u05bd\u05bf\u05c1\u05c2\u05c4\u05c5\u05c7\u0610-\u061a\u064b-\u065f"
     r"\u0670\u06d6-\u06dc\u06df-\u06e4\u0711-\u074a\u07a6-\u07b0\u0900-\u0963\u0981-\u09e3\u0a01-\u0a51"
     r"\u0a81-\u0ae3\u0b01-\u0b63\u0b82-\u0bcd\u0c00-\u0c63\u0c81-\u0ce3\u0d00-\u0d63\u0d81-\u0df3"
     r"\u0e31-\u0e3a\u0e47-\u0e4e\u0eb1-\u0ebc\u0ec8-\u0ece\u0f18-\u0fbc\u102b-\u103e\u1056-\u109d"
     r"\u17b4-\u17d3\u1ab0-\u1aff\u1b00-\u1b44\u1dc0-\u1dff\u20d0-\u20f0\u302a-\u302f\u3099\u309a"
 )
-NAME: Final = rf"[^\W\d][\w{_MARKS}]*"
+NAME_PATTERN: Final = rf"[^\W\d][\w{_COMBINING_MARKS}]*"
 
 
 # IEC 61131-3 table 8: largest first, each at most once.
@@ -34,10 +34,10 @@ EXPECTED = {
     ValueKind.DATE_AND_TIME: "a date and time such as DT#2024-01-31-12:30:15",
 }
 
-_LONGEST = 64  # no literal of these types is longer; what is longer is refused unread
+_LONGEST_LITERAL = 64  # no literal of these types is longer; what is longer is refused unread
 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
-_PART = r"(?ai)(\d{1,20})(?:\.(\d{1,9}))?(ms|us|ns|d|h|m|s)_?"
+_DURATION_PART = r"(?ai)(\d{1,20})(?:\.(\d{1,9}))?(ms|us|ns|d|h|m|s)_?"
 _DURATION = r"(?ai)(?:T|TIME|LT|LTIME)#(-?)((?:[\d.]+[a-z]+_?)+)"
 _S5TIME = r"(?ai)S5T(?:IME)?#(.*)"
 _DAY_PART = r"(\d{4,20})-(\d{1,2})-(\d{1,2})"
@@ -48,7 +48,7 @@ _DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME|DATE_AND_LTIME|DTL)
 _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
-def quoted(text: str, mark: str = "'", digits: int = 2) -> str:
+def quote_text(text: str, mark: str = "'", digits: int = 2) -> str:
     """Return a text in IEC quotes, codes 0 to 255 outside ASCII as $hh; it begins and ends no comment."""
     coded = []
     for one in text:
@@ -63,7 +63,7 @@ def parse_time(text: str, where: str = "duration") -> int:
     """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
     ns = parse_duration(text)
     if ns is None:
-        shown = f"'{text}'" if len(text) <= _LONGEST else f"'{text[:_LONGEST]}...'"
+        shown = f"'{text}'" if len(text) <= _LONGEST_LITERAL else f"'{text[:_LONGEST_LITERAL]}...'"
         raise mistake(where, shown, EXPECTED[ValueKind.DURATION])
     return ns
 
@@ -101,7 +101,7 @@ def date_and_time_text(prefix: str, ns: int) -> str:
 
 def parse_literal(row: Elementary, text: str) -> int | None:
     """Return the count that a TIME-like type stores for a literal; None when it is no such literal."""
-    ns = _READ[row.kind](text)
+    ns = _LITERAL_PARSERS[row.kind](text)
     if ns is None or (ns - row.epoch_ns) % row.unit_ns:
         return None
     return (ns - row.epoch_ns) // row.unit_ns
@@ -120,7 +120,7 @@ def parse_integer(text: str) -> int | None:
         return None
     type_name, sign, base, digits = found.groups()
     row = ELEMENTARY.get((type_name or "INT").upper())
-    if row is None or row.kind not in WHOLE:
+    if row is None or row.kind not in WHOLE_KINDS:
         return None
     try:
         number = int(digits, int(base or 10))
@@ -130,7 +130,7 @@ def parse_integer(text: str) -> int | None:
 
 
 def _match(pattern: str, text: str) -> re.Match[str] | None:
-    return re.fullmatch(pattern, text.strip()) if len(text) <= _LONGEST else None
+    return re.fullmatch(pattern, text.strip()) if len(text) <= _LONGEST_LITERAL else None
 
 
 def parse_duration(text: str) -> int | None:
@@ -141,7 +141,7 @@ def parse_duration(text: str) -> int | None:
     sign, parts = found.group(1), found.group(2).lower()
     ns, at, ceiling = 0, 0, DAY + 1
     while at < len(parts):
-        part = re.match(_PART, parts[at:])
+        part = re.match(_DURATION_PART, parts[at:])
         if part is None or UNIT_NS[part.group(3)] >= ceiling:
             return None
         whole, fraction, unit = part.groups()
@@ -158,12 +158,12 @@ def parse_duration(text: str) -> int | None:
     return -ns if sign else ns
 
 
-def _date(text: str) -> int | None:
+def _parse_date(text: str) -> int | None:
     found = _match(_DATE, text)
     return None if found is None else date_ns(*map(int, found.groups()))
 
 
-def _clock(text: str) -> int | None:
+def _parse_clock(text: str) -> int | None:
     found = _match(_CLOCK, text)
     return None if found is None else _clock_ns(*found.groups())
 
@@ -177,10 +177,10 @@ def parse_date_and_time(text: str) -> int | None:
     return None if day is None or clock is None or clock >= DAY else day + clock
 
 
-_READ = {
+_LITERAL_PARSERS = {
     ValueKind.DURATION: parse_duration,
-    ValueKind.DATE: _date,
-    ValueKind.TIME_OF_DAY: _clock,
+    ValueKind.DATE: _parse_date,
+    ValueKind.TIME_OF_DAY: _parse_clock,
     ValueKind.DATE_AND_TIME: parse_date_and_time,
 }
 
@@ -205,7 +205,7 @@ _ERA_DAYS = 146_097
 _MARCH_0_TO_1970 = 719_468
 
 
-def calendar(days: int) -> tuple[int, int, int]:
+def to_date(days: int) -> tuple[int, int, int]:
     """Return year, month and day of a number of days since 1970."""
     era, day = divmod(days + _MARCH_0_TO_1970, _ERA_DAYS)
     year = (day - day // 1460 + day // 36_524 - day // 146_096) // 365
@@ -217,7 +217,7 @@ def calendar(days: int) -> tuple[int, int, int]:
 
 
 def _date_text(days: int) -> str:
-    year, month, date = calendar(days)
+    year, month, date = to_date(days)
     return f"{year:04d}-{month:02d}-{date:02d}"
 
 
@@ -233,4 +233,4 @@ def date_ns(year: int, month: int, date: int) -> int | None:
         return None
     days = _days(year, month, date)
     # 31 April would come back as 1 May: a date that does not come back as itself is none.
-    return days * DAY if calendar(days) == (year, month, date) else None
+    return days * DAY if to_date(days) == (year, month, date) else None

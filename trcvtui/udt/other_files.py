@@ -11,25 +11,25 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
 
-HEAD: Final = 4096  # bytes in which a content shows
+HEAD_BYTES: Final = 4096  # bytes in which a content shows
 _ST: Final = "its types as text: TYPE ... END_TYPE"
-_XML: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
+_XML_EXPECTED: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 _DUT: Final = "the .TcDUT file of each type"
-_CAPTURE: Final = "pcapng: editcap -F pcapng {0} {0}.pcapng"
-_NO: Final = "(?!)"
+_CAPTURE_EXPECTED: Final = "pcapng: editcap -F pcapng {0} {0}.pcapng"
+_NEVER_MATCHES: Final = "(?!)"
 
 
 class _OtherFile(NamedTuple):
     what: str
     expected: str
-    suffix: str = _NO
-    content: bytes = _NO.encode()
+    suffix: str = _NEVER_MATCHES
+    content: bytes = _NEVER_MATCHES.encode()
 
 
-_ROWS: Final = (
-    _OtherFile("a Microsoft Network Monitor 2.x capture", _CAPTURE, content=rb"\AGMBU"),
-    _OtherFile("a Microsoft Network Monitor 1.x capture", _CAPTURE, content=rb"\ARTSS"),
-    _OtherFile("a Sun snoop capture", _CAPTURE, content=rb"\Asnoop\x02"),
+_OTHER_FILES: Final = (
+    _OtherFile("a Microsoft Network Monitor 2.x capture", _CAPTURE_EXPECTED, content=rb"\AGMBU"),
+    _OtherFile("a Microsoft Network Monitor 1.x capture", _CAPTURE_EXPECTED, content=rb"\ARTSS"),
+    _OtherFile("a Sun snoop capture", _CAPTURE_EXPECTED, content=rb"\Asnoop\x02"),
     _OtherFile("a Rockwell Studio 5000 export (L5X)", _ST, "l5x", rb"<RSLogix5000Content\b"),
     _OtherFile("a Rockwell Studio 5000 export (L5K)", _ST, "l5k", rb"(?m)^\s*IE_VER\s*:="),
     _OtherFile("a Rockwell Studio 5000 project (ACD)", _ST, "acd"),
@@ -38,8 +38,8 @@ _ROWS: Final = (
                rb"<\w+ExchangeFile\b"),
     _OtherFile("an Omron Sysmac Studio export (XML)", _ST, content=rb"//www\.ia\.omron\.com/Smc"),
     _OtherFile("an Omron Sysmac Studio project (SMC2)", _ST, "smc2?|csm2"),
-    _OtherFile("a CODESYS export (.export)", _XML, "export", rb"<ExportFile>"),
-    _OtherFile("a CODESYS project (.project)", _XML, "project|projectarchive"),
+    _OtherFile("a CODESYS export (.export)", _XML_EXPECTED, "export", rb"<ExportFile>"),
+    _OtherFile("a CODESYS project (.project)", _XML_EXPECTED, "project|projectarchive"),
     _OtherFile("a Siemens TIA Portal project (.zap, .ap)", "its types as .udt or .xml", r"z?ap\d\d"),
     _OtherFile("a Siemens SIMATIC SD text file (.s7res)", "the .s7dcl file beside it", "s7res"),
     _OtherFile("a Beckhoff TwinCAT POU (.TcPOU)", _DUT, "tcpou|tcio", rb"<TcPlcObject[^>]*>\s*<(POU|Itf)\b"),
@@ -50,12 +50,12 @@ _ROWS: Final = (
 
 def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
     """Raise UserError for a file that has a row and begins so; `expected` in place of what is no capture."""
-    text, suffix = head[:HEAD].replace(b"\0", b""), name.rpartition(".")[2]  # of UTF-16, too
+    text, suffix = head[:HEAD_BYTES].replace(b"\0", b""), name.rpartition(".")[2]  # of UTF-16, too
     is_xml = re.match(rb"[\xef\xbb\xbf\xfe\xff\s]*<", text)  # a comment may name what is in such a file
-    rows = [row for row in _ROWS if is_xml or row.content[:1] not in b"</"]
+    rows = [row for row in _OTHER_FILES if is_xml or row.content[:1] not in b"</"]
     found = [row for row in rows if re.search(row.content, text)]
-    named = [row for row in _ROWS if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
+    named = [row for row in _OTHER_FILES if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
     for row in named + found if text.startswith(b"PK") else found + named:
-        wanted = row.expected if not expected or row.expected is _CAPTURE else expected
+        wanted = row.expected if not expected or row.expected is _CAPTURE_EXPECTED else expected
         what = f"{row.what}, which is not read" if head else "an empty file"
         raise mistake(name, what, wanted.format(shlex.quote(name)))

@@ -9,9 +9,9 @@ from operator import attrgetter, itemgetter
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.coding import HALF, Value
+from trcvtui.udt.layout.coding import SURROGATE, Value
 from trcvtui.udt.layout.layout import Layout, Leaf
-from trcvtui.udt.layout.layout_tree import Data, Values
+from trcvtui.udt.layout.layout_tree import Data, LeafValues
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
@@ -42,11 +42,11 @@ def show_json(layout: Layout) -> str:
 def show_text(layout: Layout) -> str:
     """Return the table of `udt show`: every leaf and every gap in offset order."""
     head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
-    table = in_columns([("offset", "size", "type", "path"), *_shown(layout)], "rrll")
+    table = in_columns([("offset", "size", "type", "path"), *_show_rows(layout)], "rrll")
     return "\n".join([head, *table, *_notes(layout)])
 
 
-def _shown(layout: Layout) -> Iterator[Row]:
+def _show_rows(layout: Layout) -> Iterator[Row]:
     rows: list[tuple[int, Row]] = []
     for leaf in layout.leaves():
         named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
@@ -75,12 +75,12 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
 
 
 def json_members(
-    named: Sequence[tuple[str, Leaf]], values: Values, data: Data
+    named: Sequence[tuple[str, Leaf]], values: LeafValues, data: Data
 ) -> tuple[dict[str, Value | None], dict[str, object]]:
     """Return the values of leaves by name, and what is odd about them: `marks`, `escaped`."""
     found = {name: value for (name, _), value in zip(named, values, strict=True)}
     marks = {name: mark for name, leaf in named if (mark := mark_text(leaf, own_bytes(leaf, data)))}
-    escaped = [name for name, value in found.items() if isinstance(value, str) and HALF.search(value)]
+    escaped = [name for name, value in found.items() if isinstance(value, str) and SURROGATE.search(value)]
     odd = ("marks", marks), ("escaped", escaped)
     return {name: json_value(each) for name, each in found.items()}, {key: some for key, some in odd if some}
 
@@ -112,17 +112,17 @@ def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
     inner, paths = values.get("values"), values.get("escaped")
     escaped = set(map(str, paths)) if isinstance(paths, list) else ()
     inner = inner if isinstance(inner, Mapping) else values
-    return encode(layout, {path: _unescaped(v) if path in escaped else v for path, v in inner.items()})
+    return encode(layout, {path: _unescape(v) if path in escaped else v for path, v in inner.items()})
 
 
 def json_value(value: Value | None) -> Value | None:
     """Return the value as JSON can hold it: NaN and infinities as text, what is no character as `\\udc00`."""
-    if isinstance(value, str) and HALF.search(value):
+    if isinstance(value, str) and SURROGATE.search(value):
         return value.replace("\\", "\\\\").encode(errors="backslashreplace").decode()
     return special_text(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _unescaped(value: object) -> object:
+def _unescape(value: object) -> object:
     if not isinstance(value, str):
         return value
     escape = r"(?i)\\(?:\\|u(d[89a-f][\da-f]{2}))"
@@ -135,10 +135,10 @@ def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
         return type_text(StringType(layout.rules.text.length(leaf.type), leaf.type.wide))
     if isinstance(leaf.type, Pointer):
         return leaf.type.text
-    return layout.rules.stored(leaf.type).name
+    return layout.rules.storage(leaf.type).name
 
 
-def unverified(layout: Layout) -> list[str]:
+def unverified_types(layout: Layout) -> list[str]:
     """Return the types in this layout whose bytes no page of the vendor describes, to be said beside them."""
     kinds = {id(leaf.type): leaf for leaf in layout.leaves()}.values()
     texts = {leaf_type_text(layout, leaf).partition("[")[0] for leaf in kinds}
@@ -156,7 +156,7 @@ def _extent(have: int, size: int) -> str:
 
 
 def _notes(layout: Layout) -> list[str]:
-    names = unverified(layout)
+    names = unverified_types(layout)
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
 
 
@@ -169,14 +169,14 @@ def json_lines(record: object) -> str:
 
 # Rule: bytes are data; in Markdown no character of a value is markup.
 
-HEAD: Final = ("offset", "type", "member", "value")
+TABLE_HEAD: Final = ("offset", "type", "member", "value")
 
 
 def markdown(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Yield the lines of a Markdown table; nothing for no rows."""
     for number, row in enumerate(rows):
         if not number:
-            yield from map(_markdown_row, (HEAD, ("---:", "---", "---", "---")))
+            yield from map(_markdown_row, (TABLE_HEAD, ("---:", "---", "---", "---")))
         yield _markdown_row(row)
 
 
@@ -191,7 +191,7 @@ def csv_lines(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     import io
 
     for number, row in enumerate(rows):
-        for cells in (row,) if number else (HEAD, row):
+        for cells in (row,) if number else (TABLE_HEAD, row):
             text = io.StringIO()
             csv.writer(text, lineterminator="").writerow(map(one_line, cells))
             yield text.getvalue()

@@ -11,7 +11,7 @@ from contextlib import suppress
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
 from trcvtui.system_types import UNSURE_HANDLE_TYPES
 from trcvtui.udt import ast
-from trcvtui.udt.ast import CPP
+from trcvtui.udt.ast import CPP_NOTE
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.layout.placing import has_padded_end
 from trcvtui.udt.system_types import system_types
@@ -19,7 +19,7 @@ from trcvtui.udt.types import (
     BUILTIN_TYPES,
     ELEMENTARY,
     VENDOR_NAMES,
-    WHOLE,
+    WHOLE_KINDS,
     Array,
     BitField,
     Elementary,
@@ -82,7 +82,7 @@ class Resolver:
         for declaration in self.declared.values():
             if isinstance(declaration.spec, ast.EnumSpec) and not declaration.spec.is_scoped:
                 self.constants.add_values(declaration.name, declaration.spec.values)
-        for key in self.in_order():
+        for key in self.order_keys():
             declaration = self.declared[key]
             if declaration.spec is None:
                 continue
@@ -94,14 +94,14 @@ class Resolver:
             if type_ is not None and key not in self.bad:
                 self.types[key], self.depths[key] = type_, depth
 
-    def in_order(self) -> list[str]:
+    def order_keys(self) -> list[str]:
         """Return all declared keys, each after the ones it uses, without recursion: chains may be long."""
         order: list[str] = []
         seen: set[str] = set()
         path: dict[str, Iterator[str]] = {}
         for root in self.declared:
             if root not in seen:
-                path[root] = self.uses(root)
+                path[root] = self.used_keys(root)
             while path:
                 key = next(reversed(path))
                 seen.add(key)
@@ -113,10 +113,10 @@ class Resolver:
                     names = [self.declared[each].name for each in path]
                     self.circles[key, used] = [names[-1], *names[list(path).index(used) : -1]]
                 elif used not in seen:
-                    path[used] = self.uses(used)
+                    path[used] = self.used_keys(used)
         return order
 
-    def uses(self, key: str) -> Iterator[str]:
+    def used_keys(self, key: str) -> Iterator[str]:
         spec = self.declared[key].spec
         names = (self.key_of(reference) for reference in references(spec)) if spec else ()
         return (name for name in names if name in self.declared)
@@ -158,15 +158,15 @@ class Resolver:
         return Array(known, element), depth + 1
 
     def build_text(self, spec: ast.TextSpec, user: str) -> Type | None:
-        length = self.whole(spec.length, user)
+        length = self.evaluate_number(spec.length, user)
         if length is not None and length < 1:
-            self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
+            self.refuse(user, _make_number_problem(spec.length, length, "a length of 1 or more"))
             return None
         return None if length is None else StringType(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: ast.RangeSpec, user: str) -> Type | None:
         base = self.look_up_integer(spec.base, user)
-        unknown = self.unknown_in(spec.low, spec.high)
+        unknown = self.find_unknown(spec.low, spec.high)
         limits = None if unknown else self.limits(spec.low, spec.high, user)
         if base is not None and unknown:
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
@@ -226,7 +226,7 @@ class Resolver:
         word = "UNION" if spec.is_union else "STRUCT"
         if isinstance(base, Union if spec.is_union else Struct):
             if spec.is_class and has_padded_end(base):
-                found = f"base class '{spec.base.name}' that does not end with a member: {CPP}"
+                found = f"base class '{spec.base.name}' that does not end with a member: {CPP_NOTE}"
                 self.refuse(user, Problem(spec.base.where, found, "a base without padding at its end"))
                 return None, depth
             return base, depth
@@ -236,9 +236,9 @@ class Resolver:
 
     def build_enum(self, spec: ast.EnumSpec, name: str, user: str) -> Type | None:
         base = self.look_up_integer(spec.base, user) if spec.base else ELEMENTARY["INT"]
-        return base and Enumeration(name, base, self.values(spec, name), spec.base is not None)
+        return base and Enumeration(name, base, self.evaluate_enum(spec, name), spec.base is not None)
 
-    def values(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
+    def evaluate_enum(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
         """Return names and numbers; None for what cannot be worked out: only the size is known."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
@@ -298,7 +298,7 @@ class Resolver:
         """Return the integer type of this name, of a subrange its base."""
         base = self.look_up(reference, user)[0]
         row = base.base if isinstance(base, Subrange) else base
-        if isinstance(row, Elementary) and row.kind in WHOLE:
+        if isinstance(row, Elementary) and row.kind in WHOLE_KINDS:
             return row
         if row is not None:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
@@ -306,20 +306,20 @@ class Resolver:
 
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
         """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
-        first, last = self.whole(low, user), self.whole(high, user)
+        first, last = self.evaluate_number(low, user), self.evaluate_number(high, user)
         if first is None or last is None:
             return None
         if last < first:
             if isinstance(high, ast.Formula) or isinstance(low, int):
                 place = self.declared[user].where if user in self.declared else "type"
-                problem = _wrong(high, last, f"a number from {first} upwards", place)
+                problem = _make_number_problem(high, last, f"a number from {first} upwards", place)
             else:
-                problem = _wrong(low, first, f"a number up to {last}")
+                problem = _make_number_problem(low, first, f"a number up to {last}")
             self.refuse(user, problem)
             return None
         return first, last
 
-    def whole(self, number: ast.Number, user: str) -> int | None:
+    def evaluate_number(self, number: ast.Number, user: str) -> int | None:
         """Return the value of a number; keep what is unknown in it."""
         if isinstance(number, int):
             return number
@@ -335,7 +335,7 @@ class Resolver:
             self.refuse(user, Problem(number.where, found, unknown_constant(name)))
         return value
 
-    def unknown_in(self, *numbers: ast.Number) -> list[str]:
+    def find_unknown(self, *numbers: ast.Number) -> list[str]:
         """Return the names in numbers that have no value; a number that is wrong in itself has none."""
         unknown: list[str] = []
         for number in numbers:
@@ -373,7 +373,7 @@ def references(spec: ast.Spec) -> Iterator[ast.Reference]:
                 yield from references(member.spec)
 
 
-def _wrong(number: ast.Number, value: int, expected: str, where: str = "") -> Problem:
+def _make_number_problem(number: ast.Number, value: int, expected: str, where: str = "") -> Problem:
     if isinstance(number, ast.Formula):
         return Problem(number.where, f"'{number.text}', which is {value}", expected)
     return Problem(where, str(value), expected)

@@ -10,7 +10,7 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedArray, PlacedLeaf, PlacedUnion
 from trcvtui.udt.layout.value_text import real_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.literals import quoted
+from trcvtui.udt.literals import quote_text
 from trcvtui.udt.types import Elementary, LeafType, StringType, ValueKind
 
 FEWEST_REPEATED: Final = 4  # `4(16#00)`, and fewer one by one
@@ -23,23 +23,23 @@ NO_DATES: Final = {"16#" + "00" * 8: "DT#1990-01-01-00:00:00", "16#" + "00" * 12
 def initial_value(layout: Layout, content: bytes, is_scl: bool = False) -> str:
     """Return it in ST, or in SCL, where double quotes are for names."""
 
-    def of(node: Node, at: int, bit: int | None = None) -> str:
+    def text_of(node: Node, at: int, bit: int | None = None) -> str:
         if isinstance(node, PlacedLeaf):
             leaf = Leaf("", node.type, at, node.size, node.coding, (bit or 0) if node.is_bit else None)
             value = decode_leaf(layout, leaf, content[at : at + node.size])
             return _literal(node.type, node.size, value, is_scl)
         if isinstance(node, PlacedArray):
             places = map(node.place, range(node.count))
-            return f"[{', '.join(_repeated([of(node.element, at + place, bit) for place, bit in places]))}]"
-        members = list(node.flat(at))
+            return f"[{', '.join(_group([text_of(node.element, at + place, bit) for place, bit in places]))}]"
+        members = list(node.flat_members(at))
         if isinstance(node, PlacedUnion):  # one member alone has a value
             members = [max(members, key=lambda one: one.node.size)]
-        return f"({', '.join(f'{one.name} := {of(one.node, one.offset, one.bit)}' for one in members)})"
+        return f"({', '.join(f'{one.name} := {text_of(one.node, one.offset, one.bit)}' for one in members)})"
 
-    return of(layout.root, 0)
+    return text_of(layout.root, 0)
 
 
-def _repeated(values: list[str]) -> list[str]:
+def _group(values: list[str]) -> list[str]:
     found = [(value, len([*same])) for value, same in groupby(values)]
     each = ([f"{n}({value})"] if n >= FEWEST_REPEATED else [value] * n for value, n in found)
     return [value for some in each for value in some]
@@ -49,9 +49,9 @@ def _literal(type_: LeafType, size: int, value: Value, is_scl: bool) -> str:
     kind = type_.kind if isinstance(type_, Elementary) else None
     if isinstance(type_, StringType) or kind is ValueKind.CHARACTER:
         if not (type_.wide if isinstance(type_, StringType) else size > 1):
-            return quoted(str(value))
+            return quote_text(str(value))
         name = "WSTRING#" if kind is None else "WCHAR#"
-        return name + quoted(str(value), "'", 4) if is_scl else quoted(str(value), '"', 4)
+        return name + quote_text(str(value), "'", 4) if is_scl else quote_text(str(value), '"', 4)
     if isinstance(value, bool):
         return str(value).upper()
     if isinstance(value, float):

@@ -61,7 +61,7 @@ class NameScope:
 
 
 # IEC 61131-3, third edition, with what CODESYS and TIA add to it.
-WORDS: Final = """
+KEYWORD_TEXT: Final = """
 abstract action and and_then array at begin bool by case class configuration const constant continue do else
 elsif end_action end_case end_class end_configuration end_for end_function end_function_block end_if
 end_interface end_method end_namespace end_program end_property end_repeat end_resource end_step end_struct
@@ -72,7 +72,7 @@ read_write ref ref_to reference region repeat resource retain return single step
 then this to transition true type union until using var var_access var_config var_constant var_external
 var_global var_in_out var_input var_output var_temp version while with wstring xor
 """
-ST_WORDS: Final = frozenset(WORDS.upper().split()) | {name.upper() for name in ELEMENTARY}
+ST_WORDS: Final = frozenset(KEYWORD_TEXT.upper().split()) | {name.upper() for name in ELEMENTARY}
 
 
 def st_word(name: str) -> str:
@@ -90,8 +90,8 @@ def is_st_word(name: str) -> bool:
     return name.upper() in ST_WORDS
 
 
-def st_renamed(type_: Type) -> Type:
-    return _Renaming().of(type_)
+def rename_for_st(type_: Type) -> Type:
+    return _Renaming().rename(type_)
 
 
 class _Renaming:
@@ -101,10 +101,10 @@ class _Renaming:
         self.names = NameScope(st_word, str.casefold)  # of types
         self._made: dict[int, tuple[Type, Type]] = {}  # the old one is kept, so that its id stays its own
 
-    def of(self, type_: Type) -> Type:
+    def rename(self, type_: Type) -> Type:
         match type_:
             case Array(bounds=bounds, element=element):
-                return Array(bounds, self.of(element))
+                return Array(bounds, self.rename(element))
             case Struct() | Union() | Enumeration():
                 if id(type_) not in self._made:
                     made = self.enumeration(type_) if isinstance(type_, Enumeration) else self.struct(type_)
@@ -114,11 +114,11 @@ class _Renaming:
                 return type_
 
     def struct(self, type_: Struct | Union) -> Struct | Union:
-        base = None if type_.base is None else self.of(type_.base)
+        base = None if type_.base is None else self.rename(type_.base)
         taken = NameScope(st_word, str.casefold)
         for member in all_members(base if isinstance(base, Struct | Union) else None):
             taken(member.name)
-        members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
+        members = tuple(Member(taken(member.name), self.rename(member.type)) for member in type_.members)
         name = self.names(type_.name) if type_.name else ""
         # A base is of its own kind.
         return replace(type_, name=name, members=members, base=base)  # type: ignore[arg-type]
@@ -130,7 +130,7 @@ class _Renaming:
 
 
 INDENT: Final = "    "
-_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_PLAIN_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def st_text(type_: Type, name: str = "") -> str:
@@ -138,7 +138,7 @@ def st_text(type_: Type, name: str = "") -> str:
 
     A name that ST cannot carry is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
     """
-    return "\n".join(_st_type(each, st_word(name)) for each in named_types(st_renamed(type_)))
+    return "\n".join(_st_type(each, st_word(name)) for each in named_types(rename_for_st(type_)))
 
 
 def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
@@ -151,7 +151,7 @@ def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
         found = [Struct(name, (Member("raw", type_),))]
     head, end = f"VERSION : 0.1\n{INDENT}STRUCT", f"{INDENT}END_STRUCT;\n\nEND_TYPE\n"
     return "\n".join(
-        f"TYPE {_scl_quoted(one.name or name)}\n{head}\n{_scl_body(one, INDENT, rules)}{end}" for one in found
+        f"TYPE {_quote_scl(one.name or name)}\n{head}\n{_scl_body(one, INDENT, rules)}{end}" for one in found
     )
 
 
@@ -177,16 +177,16 @@ def _st_body(type_: Struct | Union, indent: str) -> str:
     inner = indent + INDENT
     lines = [f"{indent}{word}"]
     lines += [
-        f"{inner}{_mark(member.type, inner)}{member.name} : {_st_spec(member.type, inner)};"
+        f"{inner}{_utf8_attribute(member.type, inner)}{member.name} : {_st_spec(member.type, inner)};"
         for member in type_.members
     ]
     return "\n".join([*lines, f"{indent}END_{word}"])
 
 
-def _mark(type_: Type, indent: str) -> str:
+def _utf8_attribute(type_: Type, indent: str) -> str:
     """Return the attribute before a member that is a STRING in UTF-8, or an ARRAY of such."""
     if isinstance(type_, Array):
-        return _mark(type_.element, indent)
+        return _utf8_attribute(type_.element, indent)
     is_utf8 = isinstance(type_, StringType) and type_.utf8
     return f"{{attribute 'TcEncoding' := 'UTF-8'}}\n{indent}" if is_utf8 else ""
 
@@ -215,10 +215,10 @@ def _st_enumeration(type_: Enumeration) -> str:
 
 def scl_name(name: str) -> str:
     """Return the name of a member as TIA takes it: in quotes where it is no plain word or a keyword."""
-    return name if _PLAIN.fullmatch(name) and not is_st_word(name) else _scl_quoted(name)
+    return name if _PLAIN_NAME.fullmatch(name) and not is_st_word(name) else _quote_scl(name)
 
 
-def _scl_quoted(name: str) -> str:
+def _quote_scl(name: str) -> str:
     # A character that nobody sees, or that a terminal obeys, is not handed on.
     return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
 
@@ -230,11 +230,11 @@ def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
     )
 
 
-def joined(type_: Array, rules: LayoutRules) -> Array:
+def join_arrays(type_: Array, rules: LayoutRules) -> Array:
     """Return an ARRAY of ARRAYs as one of all their bounds, for SCL; as it is where that moves elements."""
     if not isinstance(type_.element, Array):
         return type_
-    inner = joined(type_.element, rules)
+    inner = join_arrays(type_.element, rules)
     found = Array((*type_.bounds, *inner.bounds), inner.element)
     return found if lay_out(found, rules).size == lay_out(type_, rules).size else Array(type_.bounds, inner)
 
@@ -242,12 +242,12 @@ def joined(type_: Array, rules: LayoutRules) -> Array:
 def _scl_spec(type_: Type, indent: str, rules: LayoutRules) -> str:
     match type_:
         case Array():
-            one = joined(type_, rules)
+            one = join_arrays(type_, rules)
             return f"Array[{_ranges(one.bounds, ', ')}] of {_scl_spec(one.element, indent, rules)}"
         case Struct(name=""):
             return f"Struct\n{_scl_body(type_, indent, rules)}{indent}END_STRUCT"
         case Struct(name=name):
-            return _scl_quoted(name)
+            return _quote_scl(name)
         case Union():
             return f"Array[0..{max(lay_out(type_, rules).size, 1) - 1}] of Byte"
         case Enumeration(base=base) | Subrange(base=base):
@@ -269,17 +269,17 @@ def named_types(type_: Type) -> list[Type]:
     found: dict[int, Type] = {}
     seen: set[int] = set()
 
-    def below(one: Type) -> None:
+    def collect(one: Type) -> None:
         if id(one) in seen:
             return
         seen.add(id(one))
         for part in parts_of(one):
-            below(part)
+            collect(part)
         if isinstance(one, Struct | Union) and one.bit_fields:
             raise mistake(one.name or "STRUCT", "bit-fields or an open array of C", "a type without")
         if isinstance(one, Struct | Union | Enumeration) and one.name:
             found[id(one)] = one
 
-    below(type_)
+    collect(type_)
     found.setdefault(id(type_), type_)
     return list(found.values())

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import Declaration, Declarations, SenderLayout, Spec, bare
+from trcvtui.udt.ast import Declaration, Declarations, SenderLayout, Spec, strip_places
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
@@ -44,7 +44,7 @@ class TypeSet:
         """Return the names of the good types, as declared, in declared order."""
         return [name for name, _ in self.types.values()]
 
-    def named(self, name: str, where: str = "type") -> Type:
+    def get_type(self, name: str, where: str = "type") -> Type:
         """Return a type by name (in any case); raise UserError if it is bad, with all that is, or unknown."""
         for known in _keys(name):
             if known in self.types:
@@ -54,7 +54,7 @@ class TypeSet:
         known = ", ".join(self.names()[:8]) or "no type"
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
 
-    def layout(self, name: str) -> str:
+    def source_layout(self, name: str) -> str:
         """Return the layout that the source of a type stands for, "" for none."""
         return "" if self.sender(name).source else self.sender(name).layout
 
@@ -63,7 +63,7 @@ class TypeSet:
         known = (key for key in _keys(name) if key in self.types)
         return self.senders.get(next(known, ""), SenderLayout())
 
-    def only(self, files: Sequence[Declarations]) -> str:
+    def only_name(self, files: Sequence[Declarations]) -> str:
         """Return the name of the only type of these files; raise UserError for none, several or bad ones."""
         names = list({each.name.casefold(): each.name for file in files for each in file.types}.values())
         bad = {problem for file in files for problem in file.problems}
@@ -88,7 +88,7 @@ def _keys(name: str) -> tuple[str, str]:
 NO_TYPES = TypeSet("the project", {}, {}, ())
 
 
-def join(
+def join_files(
     files: Iterable[Declarations],
     where: str,
     constants: Mapping[str, int] | None = None,
@@ -107,7 +107,7 @@ def join(
             resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
     copies: dict[object, Declaration] = {}  # each that says the same once
     for copy in [copy for file in files for copy in file.copies]:
-        copies.setdefault(bare((copy.name, copy.spec)), copy)
+        copies.setdefault(strip_places((copy.name, copy.spec)), copy)
     again = {key: copy for key, copy in copies.items() if copy.name.casefold() in resolver.declared}
     for key in [key for key in copies if key not in again]:
         resolver.declare(copies[key], uses_system=True)
@@ -181,7 +181,7 @@ def _reading_order(problem: Problem) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split("([0-9]{1,18})", problem.where)]
 
 
-def build(spec: Spec, types: TypeSet) -> Type:
+def build_type(spec: Spec, types: TypeSet) -> Type:
     """Return the type that a specification means among these types; raise UserError with all its problems."""
     resolver = Resolver(types.constants, types.types, types.broken)
     resolver.system_users |= {""} if types.has_system_types else set()

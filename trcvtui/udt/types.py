@@ -30,7 +30,7 @@ class ValueKind(Enum):
     ADDRESS = "address"
 
 
-WHOLE = (ValueKind.INTEGER, ValueKind.BITS)
+WHOLE_KINDS = (ValueKind.INTEGER, ValueKind.BITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Elementary:
 
 # Signed TIME and LTIME and DATE in days are Baosky's. What no page of Baosky states (the epoch of DATE; TOD,
 # DT and the L-forms) follows CODESYS and is shown as unverified.
-ROWS = (
+ELEMENTARY_ROWS = (
     Elementary("BOOL", 1, 1, "?", ValueKind.BOOL),
     Elementary("BIT", 1, 1, "?", ValueKind.BOOL),
     Elementary("BYTE", 1, 1, "B", ValueKind.BITS),
@@ -104,7 +104,7 @@ SYNONYMS = {
     "__UXINT": "UXINT",
 }
 
-ELEMENTARY = {row.name: row for row in ROWS}
+ELEMENTARY = {row.name: row for row in ELEMENTARY_ROWS}
 ELEMENTARY |= {synonym: ELEMENTARY[name] for synonym, name in SYNONYMS.items()}
 ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 
@@ -276,7 +276,7 @@ def type_text(type_: Type) -> str:
 
 
 FB_INSTANCE: Final = "an FB instance"
-ANY: Final = "a reference of unknown size"
+ANY_REFERENCE: Final = "a reference of unknown size"
 
 _FUNCTION_BLOCKS = (
     *("TON", "TOF", "TP", "TONR", "LTON", "LTOF", "LTP", "TON_TIME", "TOF_TIME", "TP_TIME", "TONR_TIME"),
@@ -285,13 +285,13 @@ _FUNCTION_BLOCKS = (
     *("CTD_INT", "CTD_DINT", "CTUD_INT", "CTUD_DINT", "IEC_COUNTER", "IEC_DCOUNTER"),
     *("R_TRIG", "F_TRIG", "SR", "RS", "SEMA"),
 )
-_ANY = (
+_ANY_TYPE_NAMES = (
     *("ANY", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_BIT", "ANY_STRING", "ANY_DATE", "ANY_TYPE", "VARIANT"),
     "POINTER",
 )
 
 BUILTIN_TYPES: Final[dict[str, Type]] = {
     **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
-    **{name.casefold(): Unplaced(name, ANY) for name in _ANY},
+    **{name.casefold(): Unplaced(name, ANY_REFERENCE) for name in _ANY_TYPE_NAMES},
     "t_maxstring": StringType(255),  # TwinCAT, library Tc2_System
 }

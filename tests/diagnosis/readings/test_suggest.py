@@ -17,7 +17,7 @@ from trcvtui.cli.main import main
 from trcvtui.diagnosis.readings.members import members_of
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join
+from trcvtui.udt.type_set import join_files
 
 
 def said(messages: Sequence[bytes], cuts: Sequence[int] = (), plc_calls: bool = False) -> Built:
@@ -150,5 +150,5 @@ def test_a_type_that_is_found_has_the_size_of_the_message_whatever_is_in_it() ->
         found = members_of(messages)
         if found is not None:
             assert sum(one.size for one in found.members) == size
-            type_ = join([read_st(found.st("T"), "t.st")], "t.st").named("T", "t.st")
+            type_ = join_files([read_st(found.st("T"), "t.st")], "t.st").get_type("T", "t.st")
             assert lay_out(type_, LAYOUTS["packed"], "T").size == size

@@ -34,7 +34,7 @@ END_TYPE
 def sides(tmp_path_factory: pytest.TempPathFactory) -> tuple[Layout, Layout]:
     path = Path(tmp_path_factory.mktemp("types")) / "all.st"
     path.write_text(SOURCE, encoding="utf-8")
-    type_ = read_files([path]).named("Everything")
+    type_ = read_files([path]).get_type("Everything")
     ours, theirs = (lay_out(type_, rules_for(name), "Everything") for name in ("baosky", "s7-standard"))
     return ours, theirs
 
@@ -64,7 +64,7 @@ def test_every_byte_of_padding_is_a_row_with_its_size(sides: tuple[Layout, Layou
     assert sum(row.ours.size for row in shown) < sum(size for _, size in ours.padding())
     for side, layout in (("ours", ours), ("theirs", theirs)):
         places = [getattr(row, side) for row in shown if getattr(row, side).size]
-        assert places and all(layout.leaf_at(place.offset) is None for place in places)
+        assert places and all(layout.leaf_number_at(place.offset) is None for place in places)
 
 
 def test_a_long_array_stands_closed_until_it_is_opened(sides: tuple[Layout, Layout]) -> None:
@@ -82,7 +82,7 @@ def test_a_leaf_in_a_closed_branch_is_shown_by_opening_what_is_around_it(
     sides: tuple[Layout, Layout],
 ) -> None:
     tree = tree_of(sides)
-    leaf = sides[0].number_of("long[200].b")
+    leaf = sides[0].leaf_number("long[200].b")
     assert tree.rows[tree.row_of_leaf(leaf)].name == "long", "closed: the branch stands for it"
     y = tree.row_of_leaf(leaf, opens=True)
     found = tree.rows[y]

@@ -325,7 +325,7 @@ async def test_on_a_bench_the_lab_opens_on_what_has_come_until_data_is_written(
         assert "DATA rx has never been written: these are the bytes of the running job" in stage.words
         assert stage.lab.lab.bytes.content == bytes.fromhex("0711223344")
         await stage.press("escape")
-        rest = lay_out(load_project(path).types.named("Telegram"), rules_for("baosky")).size - 5
+        rest = lay_out(load_project(path).types.get_type("Telegram"), rules_for("baosky")).size - 5
         await stage.do("peer P1 send hex " + "01" * rest, scans=20)
         await stage.press("L")
         assert "has never been written" not in stage.words

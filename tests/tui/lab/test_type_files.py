@@ -27,7 +27,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def members(files: TypeFiles) -> int:
-    return len(files.types.named("T").members)  # type: ignore[union-attr]
+    return len(files.types.get_type("T").members)  # type: ignore[union-attr]
 
 
 def test_a_file_that_did_not_change_is_not_read_again(path: Path) -> None:

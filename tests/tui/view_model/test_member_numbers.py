@@ -13,7 +13,7 @@ from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.member_numbers import MemberNumbers, number_in
 
 LAYOUT = next(each.layout for each in bench_project().data if each.name == "rx")
-SPEED = LAYOUT.leaf(LAYOUT.number_of("speed"))
+SPEED = LAYOUT.leaf(LAYOUT.leaf_number("speed"))
 
 
 def message(number: int, speed: float, reason: str = "", have: int = 24, size: int = 24) -> MessageRow:

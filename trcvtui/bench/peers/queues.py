@@ -238,7 +238,7 @@ class _Beginning:
 class _Frames:
     def __init__(self, match: FieldIs) -> None:
         self._match = match
-        self._number = match.layout.number_of(match.path)
+        self._number = match.layout.leaf_number(match.path)
         self._frame = bytearray()
 
     def begin(self) -> None:

@@ -27,14 +27,14 @@ def kinds_of(project: Project) -> tuple[str, ...]:
 
 def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
     """Return the command that the fields make; an empty field says nothing."""
-    from trcvtui.udt.literals import quoted  # read when first asked for
+    from trcvtui.udt.literals import quote_text  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(kind, project)
     words = ["add", kind, name.strip()]
     for key, text in texts.items():
         value = text.strip()
         if value:
-            shown = quoted(value) if key in may_have_blanks else value
+            shown = quote_text(value) if key in may_have_blanks else value
             words.append(shown if key in bare else f"{key}={shown}")
     return " ".join(words)
 
@@ -139,11 +139,11 @@ def set_line(
     if part.kind == "message":  # its text is the end of the line
         words += [f"peer={changed['peer']}"] if "peer" in changed else []
         return " ".join([*words, after["text"]])
-    from trcvtui.udt.literals import quoted  # read when first asked for
+    from trcvtui.udt.literals import quote_text  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(part.kind, project)
     words += [changed.pop(key) for key in bare & changed.keys()]
     for key, text in changed.items():
         is_quoted = text and (key in may_have_blanks or " " in text)
-        words.append(f"{key}={quoted(text) if is_quoted else text}")
+        words.append(f"{key}={quote_text(text) if is_quoted else text}")
     return " ".join(words)

@@ -120,13 +120,13 @@ class MemberField(FormField):
     @property
     def written(self) -> str:
         """Return `path=value` as the payload has it, "" where the field is empty."""
-        from trcvtui.udt.literals import quoted  # read when first asked for
+        from trcvtui.udt.literals import quote_text  # read when first asked for
 
         text = self.value.strip()
         if not text:
             return ""
         is_bare = isinstance(self.leaf.type, StringType) and text[0] not in "'\""
-        return f"{self.leaf.path}={quoted(text) if is_bare else text}"
+        return f"{self.leaf.path}={quote_text(text) if is_bare else text}"
 
 
 class UdtForm(FieldsDialog[str, MemberField]):
@@ -183,7 +183,7 @@ def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
     name = next((name for name in names if name.casefold() in types.types), "")
     if not name:
         return None
-    layout = lay_out(types.named(name), view_model.project.layout_rules_of(name), name)
+    layout = lay_out(types.get_type(name), view_model.project.layout_rules_of(name), name)
     values = _values(text, view_model) if mode == UDT and name == first else {}
     return UdtForm(view_model.project, view_model.peer, name, layout, values)
 

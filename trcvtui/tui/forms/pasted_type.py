@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.tables import find_hidden
-from trcvtui.udt.sources import read_text
+from trcvtui.udt.sources import parse_source
 
 MOST: Final = 64 * 1024  # characters
 LONGEST_NAME: Final = 60
@@ -29,7 +29,7 @@ def pasted_type(text: str, base: Path) -> tuple[Path, str]:
         raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, none of them for control")
     source, name = "\n".join([*lines, ""]), UNNAMED
     with suppress(UserError):  # the form says what is wrong in it
-        name = next((each.name for each in read_text(source, UNNAMED, ".st").types), name)
+        name = next((each.name for each in parse_source(source, UNNAMED, ".st").types), name)
     stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
     files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))
     file = next(file for file in files if not os.path.lexists(file))

@@ -18,7 +18,7 @@ from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.compare.compare import Comparison, Summary
-from trcvtui.udt.compare.fit import Fit, fit, verdict
+from trcvtui.udt.compare.fit import Fit, rank, verdict
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Profile, lay_out
 from trcvtui.udt.layout.rules import LAYOUT_ALIASES, LAYOUTS, TEXT_FORMS, LayoutRules
 from trcvtui.udt.sources import read_files
@@ -320,7 +320,7 @@ class Lab:
         is_known = name.casefold() in self.files.types.types
         if not is_known and declared is not None and declared.type_name == name:
             return declared.type
-        return self.files.types.named(name, "udt type")
+        return self.files.types.get_type(name, "udt type")
 
     def open(self, path: Path) -> None:
         """Look at the types of a file; raise UserError when it cannot be read, or has no good type."""
@@ -476,7 +476,7 @@ class Lab:
         self._is_early = self.bytes.window() is None  # the messages are still on their way
         if self.type is not None and messages:
             own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
-            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
+            self.fits = rank(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
 
     @property
     def judgement(self) -> str:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.tui.formatting import plain
-from trcvtui.udt.cure.padded_type import padded_type, told
+from trcvtui.udt.cure.padded_type import list_notes, padded_type
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.rules import LayoutRules
@@ -67,7 +67,7 @@ def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cu
         block, act = ("receiving", "waits for") if kind == RECEIVER else ("sending", "sends")
         without = f"without LEN it {act} {found.layout.size} bytes"
         comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
-    comments += [plain(line) for line in told(found)]
+    comments += [plain(line) for line in list_notes(found)]
     if own.byte_order != wanted.rules.byte_order:
         comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
     if found.type is wanted.type:

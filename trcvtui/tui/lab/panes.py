@@ -16,7 +16,7 @@ from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
-from trcvtui.udt.compare.fit_report import named, same_words
+from trcvtui.udt.compare.fit_report import reading_title, same_readings_text
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.literals import parse_integer
 
@@ -163,7 +163,7 @@ def _bytes_of(place: Place) -> range:
 
 
 def _is_gap(layout: Layout | None, place: int) -> bool:
-    return layout is not None and place < layout.size and layout.leaf_at(place) is None
+    return layout is not None and place < layout.size and layout.leaf_number_at(place) is None
 
 
 class FitList(LineView):
@@ -195,10 +195,10 @@ class FitList(LineView):
         for number, found in enumerate(fits):
             chosen = number == self.cursor
             parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
-            parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(named(found), width - 12), "")]
+            parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrapped(f"no byte tells it from {same_words(found)}", width - 5)
+                twins = wrapped(f"no byte tells it from {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason(reason.points, reason.path, reason.text, width, number)

@@ -211,7 +211,7 @@ class LabScreen(SideScreen[None]):
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
         ours = self.lab.layout(OURS)
-        leaf = ours.leaf_at(message.offset) if ours is not None and message.offset >= 0 else None
+        leaf = ours.leaf_number_at(message.offset) if ours is not None and message.offset >= 0 else None
         if leaf is not None:
             self.tree_view.show_leaf(leaf)
         self.show()

@@ -28,7 +28,7 @@ from trcvtui.tui.widgets.hex_view import (
 )
 from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, ruled
 from trcvtui.tui.widgets.typed_lines import Goal
-from trcvtui.udt.byte_text import Wanted, hit_of
+from trcvtui.udt.byte_text import SearchPatterns, describe_hit
 from trcvtui.wording import stamp
 
 BAR: Final = 12
@@ -208,11 +208,11 @@ class DataFace(Face):
 
     # -- looking for bytes -------------------------------------------------------------------------------
 
-    def find(self, wanted: Wanted, is_forward: bool, again: bool) -> None:
+    def find(self, wanted: SearchPatterns, is_forward: bool, again: bool) -> None:
         self.note, patterns = "", wanted.patterns
         if self.data.find(patterns, is_forward, again):
             place = self.data.cursor or 0
-            self.hit = place, hit_of([(0, self.data.content)], patterns, place)
+            self.hit = place, describe_hit([(0, self.data.content)], patterns, place)
         else:
             self.note = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
 

@@ -17,7 +17,7 @@ from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
-from trcvtui.udt.byte_text import Wanted
+from trcvtui.udt.byte_text import SearchPatterns
 from trcvtui.wording import stamp
 
 Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
@@ -69,7 +69,7 @@ def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
 def field_at(project: Project, instance: str, byte: int) -> str:
     """Return the path of the member of an instance's DATA that holds a byte, "" for padding."""
     declared = project.received_data(instance)
-    number = declared.layout.leaf_at(byte) if declared is not None else None
+    number = declared.layout.leaf_number_at(byte) if declared is not None else None
     return declared.layout.leaf(number).path if declared is not None and number is not None else ""
 
 
@@ -226,7 +226,7 @@ class StreamFace(Face):
         kept = self.stream.window
         self._select_offset(goal, self.stream.select, range(kept.begin, kept.end), kept.lack)
 
-    def find(self, wanted: Wanted, is_forward: bool, again: bool) -> None:
+    def find(self, wanted: SearchPatterns, is_forward: bool, again: bool) -> None:
         self.note, stream = "", self.stream
         here = stream.cursor if stream.cursor is not None else stream.window.begin
         after = is_forward and again and stream.cursor is not None

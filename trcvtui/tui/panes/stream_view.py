@@ -31,7 +31,7 @@ from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HOLE, NARROW, WAS, ByteLines, frame_signs, marks_of_span
 from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
-from trcvtui.udt.byte_text import all_in
+from trcvtui.udt.byte_text import find_all
 from trcvtui.wording import duration, stamp
 
 # The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
@@ -278,7 +278,7 @@ class StreamView(ByteLines):
         return f"≠ {found} of {min(len(here), len(there))} bytes{sizes}: "
 
     def _find_matches(self) -> None:
-        found = all_in(self.window.content, self.patterns)
+        found = find_all(self.window.content, self.patterns)
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:

@@ -218,7 +218,7 @@ class UdtTable(LineView):
         if declared is None or offset < 0:
             return range(0)
         place = offset
-        while (number := declared.layout.leaf_at(place)) is None and place > 0:
+        while (number := declared.layout.leaf_number_at(place)) is None and place > 0:
             place -= 1
         self.cursor = number
         if number is None:

@@ -11,7 +11,7 @@ from trcvtui.history.waveform_text import merged
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
-from trcvtui.udt.byte_text import all_in, first_in, last_in
+from trcvtui.udt.byte_text import find_all, find_first, find_last
 
 # `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, after the second suffix.
 
@@ -295,7 +295,7 @@ class HexView(ByteLines):
             return set()
         more = max(map(len, self.patterns)) - 1
         first = max(0, start - more)
-        found = all_in(self.content[first : stop + more], self.patterns)
+        found = find_all(self.content[first : stop + more], self.patterns)
         return {first + place for match in found for place in match}
 
     def _before(self, place: int) -> int | None:
@@ -380,9 +380,9 @@ class HexView(ByteLines):
         """Go to the next or the previous match, the cursor's own only where this is no repetition."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
-            place = first_in(self.content, patterns, here + 1 if again else max(0, here))
+            place = find_first(self.content, patterns, here + 1 if again else max(0, here))
         else:
-            place = last_in(self.content, patterns, here)
+            place = find_last(self.content, patterns, here)
         if place is not None:
             self.select(place)
         return place is not None

@@ -24,7 +24,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.tui.formatting import plain
-from trcvtui.udt.byte_text import Wanted, wanted
+from trcvtui.udt.byte_text import SearchPatterns, parse_search
 
 
 class TypedField(Input):
@@ -270,14 +270,14 @@ class FindLine(Horizontal):
         self._tell(wrong)
 
     @property
-    def wanted(self) -> Wanted | Goal | None:
+    def wanted(self) -> SearchPatterns | Goal | None:
         """Return what stands there to be looked for, also after the line was left with escape."""
         asked = self._read(self._field.value.strip())
         return asked if not isinstance(asked, str) else None
 
-    def _read(self, text: str) -> Wanted | Goal | str:
+    def _read(self, text: str) -> SearchPatterns | Goal | str:
         try:
-            return goal(text) if text[:1] in ("@", "#") else wanted(text)
+            return goal(text) if text[:1] in ("@", "#") else parse_search(text)
         except UserError as wrong:
             return f"✗ {wrong.lines()[0]}"
 

@@ -10,26 +10,26 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final, Literal, NamedTuple
 
-from trcvtui.udt.compare.causes import HEADER, LONG, MOST_EXTRA, SHORT, FitCause
+from trcvtui.udt.compare.causes import BYTE_TOO_FEW, BYTE_TOO_MANY, HEADER, MOST_EXTRA_BYTES, FitCause
 from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.compare.likelihood import chance
 
 # What stands after a message, with how likely; and marks at its begin.
-ENDINGS: Final = {
+END_MARKS: Final = {
     b"\r\n": ("CR LF", 0.4), b"\n": ("LF", 0.1), b"\r": ("CR", 0.1), b"\x03": ("ETX", 0.05),
     b"\x04": ("EOT", 0.02), b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02),
     b"\0\r\n": ("NUL CR LF", 0.02), b"\x03\r\n": ("ETX CR LF", 0.02), b"\r\n\r\n": ("CR LF CR LF", 0.02),
 }  # fmt: skip
-STARTS: Final = {b"\x02": "STX", b"\x01": "SOH"}
-CHECKSUM: Final = 0.02
-MOST_CHECKED: Final = 2048  # bytes of a message of which checksums are made
+START_MARKS: Final = {b"\x02": "STX", b"\x01": "SOH"}
+CHECKSUM_SHARE: Final = 0.02
+MOST_CHECKSUM_BYTES: Final = 2048  # bytes of a message of which checksums are made
 OWN_ENDING: Final = 0.15  # anything else of two or more bytes
-ZEROS_BEFORE: Final = 0.05
+ZEROS_BEFORE_SHARE: Final = 0.05
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
-BLOCK_CHECK: Final = "xor8"  # as devices call it
-ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
-LENGTH_FIELD: Final = 0.5  # how often a header has the length
-BOTH: Final = -5.0  # points of bytes before and after
+BLOCK_CHECK_NAME: Final = "xor8"  # as devices call it
+INT_BYTE_ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
+LENGTH_FIELD_SHARE: Final = 0.5  # how often a header has the length
+BOTH_SIDES_POINTS: Final = -5.0  # points of bytes before and after
 
 
 class ExtraEvidence(NamedTuple):
@@ -49,30 +49,30 @@ def usual_length(lengths: Sequence[int]) -> int:
     return length if often * 2 >= len(lengths) else 0
 
 
-def around(size: int, length: int) -> Iterator[FitCause]:
+def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
     """Yield the ways in which a type lies in a longer message, with bytes before and after it."""
     extra = length - size
-    if size and 1 < extra <= MOST_EXTRA and extra % size:  # else several of the same type
+    if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else several of the same type
         for front in range(1, extra):
-            yield FitCause(HEADER, front, front=front, back=extra - front, cost=BOTH)
+            yield FitCause(HEADER, front, front=front, back=extra - front, cost=BOTH_SIDES_POINTS)
 
 
 def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
     """Return what the bytes before and after one message say; None where it is not so."""
-    if cause.kind == LONG:
-        is_known = _trailer(before, unit, after) is not None  # then it is no byte too many
-        said = f"one byte too many: {_hex(after)}"
+    if cause.kind == BYTE_TOO_MANY:
+        is_known = _judge_trailer(before, unit, after) is not None  # then it is no byte too many
+        said = f"one byte too many: {_hex_text(after)}"
         return None if is_known else ExtraEvidence(-0.5, said, has_meaning=False, of_after=-0.5)
-    if cause.kind == SHORT:
+    if cause.kind == BYTE_TOO_FEW:
         return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
-    tail = _trailer(before, unit, after) if after else None
+    tail = _judge_trailer(before, unit, after) if after else None
     if after and before and not cause.is_guess and (tail is None or not tail.has_meaning):
         return None
     if after and tail is None:
         if not before:
             return None
-        tail = ExtraEvidence(math.log(OWN_ENDING), f"after it stands {_hex(after)}", has_meaning=False)
-    head = _header(before, len(unit), after) if before else None
+        tail = ExtraEvidence(math.log(OWN_ENDING), f"after it stands {_hex_text(after)}", has_meaning=False)
+    head = _judge_header(before, len(unit), after) if before else None
     if head and tail:
         is_known = head.has_meaning and tail.has_meaning
         points, text = head.points + tail.points, f"{head.text}; {tail.text}"
@@ -80,26 +80,26 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     return head or (tail and tail._replace(of_after=tail.points)) or ExtraEvidence(0.0, "")
 
 
-def _header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
-    said = f"before it stands {_hex(before)}"
-    mark = next((mark for mark in STARTS if before.startswith(mark) and b"\x03" in after), b"")
-    name = STARTS.get(mark, "")
-    field = length_field(before, size + len(after)) or length_field(before, size)
+def _judge_header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
+    said = f"before it stands {_hex_text(before)}"
+    mark = next((mark for mark in START_MARKS if before.startswith(mark) and b"\x03" in after), b"")
+    name = START_MARKS.get(mark, "")
+    field = find_length_field(before, size + len(after)) or find_length_field(before, size)
     known = f"{said}, {name}" if mark else said
     if field is None:
         left = before[len(mark) :]
-        likely = 1 - LENGTH_FIELD if any(before) else ZEROS_BEFORE
+        likely = 1 - LENGTH_FIELD_SHARE if any(before) else ZEROS_BEFORE_SHARE
         return ExtraEvidence(math.log(likely), known, not left, "" if left else name)
     part, words = field
-    points = math.log(LENGTH_FIELD / 8 / len(before)) - chance(part)
+    points = math.log(LENGTH_FIELD_SHARE / 8 / len(before)) - chance(part)
     is_meant = (len(mark) + len(part)) * 2 >= len(before)  # else it may be one by chance
     named = ", ".join(filter(None, (name, f"with {words}")))
     return ExtraEvidence(points, f"{known}, {words}", is_meant, named if is_meant else "")
 
 
-def _trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
-    said = f"after it stands {_hex(after)}"
-    name, share = ENDINGS.get(after) or _checked(before, unit, after)
+def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
+    said = f"after it stands {_hex_text(after)}"
+    name, share = END_MARKS.get(after) or _find_checksum(before, unit, after)
     if name:
         return ExtraEvidence(math.log(share) - chance(after), f"{said}, {name}", after=name)
     if len(after) == 1:
@@ -109,42 +109,42 @@ def _trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
     return ExtraEvidence(math.log(OWN_ENDING), said, has_meaning=False)
 
 
-def _checked(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
+def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
     """Return the name of a checksum after a message, alone or beside a mark; "": it is none that is known."""
     if name := _checksum((before + unit, unit), after):
-        return name, CHECKSUM
-    for mark, (ending, share) in ENDINGS.items():
+        return name, CHECKSUM_SHARE
+    for mark, (ending, share) in END_MARKS.items():
         of, start, end = unit + mark, len(mark), -len(mark)
         if after.startswith(mark) and (name := _checksum((before + of, before[1:] + of, of), after[start:])):
-            return f"{ending}, {name}", share * CHECKSUM
+            return f"{ending}, {name}", share * CHECKSUM_SHARE
         of = unit
         if after.endswith(mark) and (name := _checksum((before + of, before[1:] + of, of), after[:end])):
-            return f"{name}, {ending}", share * CHECKSUM
+            return f"{name}, {ending}", share * CHECKSUM_SHARE
     return "", 0.0
 
 
 def _checksum(contents: Sequence[bytes], after: bytes) -> str:
-    if not after or len(contents[0]) > MOST_CHECKED:
+    if not after or len(contents[0]) > MOST_CHECKSUM_BYTES:
         return ""
     for name, (width, of) in CHECKSUMS.items():
         if width == len(after):
             numbers = map(of, contents)
-            if any(number.to_bytes(width, order) == after for number in numbers for order in ORDERS):
-                return f"BCC ({name})" if name == BLOCK_CHECK else name
+            if any(number.to_bytes(width, order) == after for number in numbers for order in INT_BYTE_ORDERS):
+                return f"BCC ({name})" if name == BLOCK_CHECK_NAME else name
     return ""
 
 
-def _hex(raw: bytes) -> str:
+def _hex_text(raw: bytes) -> str:
     return raw.hex(" ").upper()
 
 
 def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
     """Return whether each message begins with the length of what follows it; one byte may be it by chance."""
-    found = [length_field(one[: cause.n], size) for one in messages]
+    found = [find_length_field(one[: cause.n], size) for one in messages]
     return cause.kind == HEADER and all(one is not None and len(one[0]) * 2 >= cause.n for one in found)
 
 
-def length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
+def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
     """Return the bytes of a header that are a length, and what it counts; None where there are none."""
     for width in (4, 2, 1):
         for at in range(len(extra) - width + 1):
@@ -154,7 +154,7 @@ def length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
                 size + len(extra): "of all",
                 size + len(extra) - at - width: "of what follows it",
             }
-            for order in ORDERS:
+            for order in INT_BYTE_ORDERS:
                 number = int.from_bytes(part, order)
                 if number in counted:
                     form = "" if width == 1 else f", {order}-endian"

@@ -9,16 +9,16 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.udt.compare.likelihood import pairs_exchanged, words_exchanged
+from trcvtui.udt.compare.likelihood import exchange_pairs, exchange_words
 
-HEADER, TRAILER, LONG, SHORT = "header", "trailer", "long", "short"
+HEADER, TRAILER, BYTE_TOO_MANY, BYTE_TOO_FEW = "header", "trailer", "long", "short"
 WORD_SWAP, BYTE_SWAP, BLANKS = "word-swap", "byte-swap", "blanks"
-MORE, FEWER, WIDTH = "more", "fewer", "width"  # of a member of the sender's type
-DRIFTS: Final = (MORE, FEWER, WIDTH)
-MOST_EXTRA: Final = 64  # bytes of a header or a trailer
-MOST_OF_STREAM: Final = 8  # the same where no message ends, or several are one
+MEMBER_MORE, FEWER, WIDTH = "more", "fewer", "width"  # of a member of the sender's type
+DRIFTS: Final = (MEMBER_MORE, FEWER, WIDTH)
+MOST_EXTRA_BYTES: Final = 64  # bytes of a header or a trailer
+MOST_EXTRA_IN_STREAM: Final = 8  # the same where no message ends, or several are one
 
-Change = Callable[[bytes], bytes]
+BytesChange = Callable[[bytes], bytes]
 
 
 class FitCause(NamedTuple):
@@ -35,9 +35,9 @@ class FitCause(NamedTuple):
     back: int = 0
     cost: float = 0.0
     about: str = ""
-    of_member: dict[int, Change] | None = None
-    of_all: Change | None = None
-    of_text: Change | None = None
+    of_member: dict[int, BytesChange] | None = None
+    of_all: BytesChange | None = None
+    of_text: BytesChange | None = None
     member: str = ""
     theirs: str = ""
     is_guess: bool = False  # its bytes before and after need no meaning
@@ -45,10 +45,10 @@ class FitCause(NamedTuple):
     def __str__(self) -> str:
         """Return the cause as it stands after a profile: "" for none."""
         count, more = (
-            "1 bit" if self.kind == MORE and not self.n else _bytes_text(self.n),
+            "1 bit" if self.kind == MEMBER_MORE and not self.n else _bytes_text(self.n),
             _bytes_text(self.back),
         )
-        words = _IN_WORDS.get(self.kind or "", "").format(
+        words = _CAUSE_TEXTS.get(self.kind or "", "").format(
             count, member=one_line(self.member), theirs=one_line(self.theirs)
         )
         return f"{words} and {more} after it" if self.kind == HEADER and self.back else words
@@ -56,7 +56,7 @@ class FitCause(NamedTuple):
     def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
         """Return whether a message of one of these lengths can be the type of this size with this cause."""
         period = size + self.front + self.back
-        if max(self.front, self.back) > MOST_OF_STREAM:
+        if max(self.front, self.back) > MOST_EXTRA_IN_STREAM:
             is_several = not (self.front + self.back) % max(size, 1)  # of the same type
             return framed and period in lengths and not is_several
         if not framed:
@@ -68,21 +68,21 @@ def _bytes_text(number: int) -> str:
     return "1 byte" if number == 1 else f"{number} bytes"
 
 
-_IN_WORDS: Final = {
+_CAUSE_TEXTS: Final = {
     HEADER: "{} before it",
     TRAILER: "{} after it",
-    LONG: "one byte long",
-    SHORT: "one byte short",
+    BYTE_TOO_MANY: "one byte long",
+    BYTE_TOO_FEW: "one byte short",
     WORD_SWAP: "words exchanged (CDAB)",
     BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
     BLANKS: "texts filled with blanks",
-    MORE: "{} more before {member}",
+    MEMBER_MORE: "{} more before {member}",
     FEWER: "without {member}",
     WIDTH: "{member} as {theirs}",
 }
 
 
-def _in_pairs(raw: bytes) -> bytes:
+def _swap_words(raw: bytes) -> bytes:
     """Return the words of each 32 bits exchanged."""
     out, end = bytearray(raw), len(raw) & ~3
     for to, place in enumerate((2, 3, 0, 1)):  # by slices: a message may have 4 MiB
@@ -91,41 +91,41 @@ def _in_pairs(raw: bytes) -> bytes:
 
 
 NONE: Final = FitCause()
-_words: Final[dict[int, Change]] = {4: words_exchanged, 8: words_exchanged}
-_bytes: Final[dict[int, Change]] = dict.fromkeys((2, 4, 8), pairs_exchanged)
+_WORD_CHANGES: Final[dict[int, BytesChange]] = {4: exchange_words, 8: exchange_words}
+_BYTE_CHANGES: Final[dict[int, BytesChange]] = dict.fromkeys((2, 4, 8), exchange_pairs)
 # A swap of words in one byte order and a swap of bytes in the other one are often the same bytes: they cost
 # the same, and the one in our own byte order comes first.
-SWAPS: Final = (
-    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_words),
-    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: words_exchanged}),
+SWAP_CAUSES: Final = (
+    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_WORD_CHANGES),
+    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: exchange_words}),
     FitCause(
         WORD_SWAP,
         cost=-4.0,
         about="of each number of 4 bytes, and of each half of 8",
-        of_member={4: words_exchanged, 8: _in_pairs},
+        of_member={4: exchange_words, 8: _swap_words},
     ),
-    FitCause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_in_pairs),
-    FitCause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=pairs_exchanged),
-    FitCause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_bytes),
+    FitCause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_swap_words),
+    FitCause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=exchange_pairs),
+    FitCause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_BYTE_CHANGES),
 )
-EXTRA: Final = (
-    *(FitCause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
-    *(FitCause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
-    FitCause(LONG, 1, back=1, cost=-3.0),
-    FitCause(SHORT, 1, back=-1, cost=-3.0, about="its last byte is missing"),
-    FitCause(SHORT, 1, front=-1, cost=-6.0, about="its first byte is missing"),
+EXTRA_CAUSES: Final = (
+    *(FitCause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA_BYTES + 1)),
+    *(FitCause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA_BYTES + 1)),
+    FitCause(BYTE_TOO_MANY, 1, back=1, cost=-3.0),
+    FitCause(BYTE_TOO_FEW, 1, back=-1, cost=-3.0, about="its last byte is missing"),
+    FitCause(BYTE_TOO_FEW, 1, front=-1, cost=-6.0, about="its first byte is missing"),
 )
-BLANK_TEXTS: Final = FitCause(
+BLANKS_CAUSE: Final = FitCause(
     BLANKS, cost=-2.5, about="no NUL ends them", of_text=lambda raw: raw.rstrip(b" ").ljust(len(raw), b"\0")
 )
-CAUSES: Final = (NONE, *SWAPS, BLANK_TEXTS, *EXTRA)
+CAUSES: Final = (NONE, *SWAP_CAUSES, BLANKS_CAUSE, *EXTRA_CAUSES)
 
 
-def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> Cutting:
+def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> CutMessages:
     """Return the messages cut for a type of `size` bytes, the last ones, what is over stays out."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:
-        return Cutting((), (), 0, 0)
+        return CutMessages((), (), 0, 0)
     if not framed:
         messages = [b"".join(messages)]
     whole: list[tuple[bytes, int, int]] = []
@@ -146,10 +146,10 @@ def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, mos
         unit = lead + piece[first:last]
         units.append(cause.of_all(unit) if cause.of_all else unit)
         extras.append((piece[:first], piece[last:]))
-    return Cutting(tuple(units), tuple(extras), fitting, several)
+    return CutMessages(tuple(units), tuple(extras), fitting, several)
 
 
-class Cutting(NamedTuple):
+class CutMessages(NamedTuple):
     """Messages of the type's size, what stood before and after each, how many fit, how many are in one."""
 
     units: tuple[bytes, ...]

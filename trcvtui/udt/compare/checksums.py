@@ -11,19 +11,19 @@ from typing import Final
 CRC16_START, CRC16_POLYNOMIAL = 0xFFFF, 0xA001
 
 
-def _crc16_row(byte: int) -> int:
+def _crc16_table_entry(byte: int) -> int:
     for _ in range(8):
         byte = (byte >> 1) ^ (CRC16_POLYNOMIAL if byte & 1 else 0)
     return byte
 
 
-_CRC16: Final = tuple(_crc16_row(byte) for byte in range(256))
+_CRC16_TABLE: Final = tuple(_crc16_table_entry(byte) for byte in range(256))
 
 
 def _crc16_modbus(content: bytes) -> int:
     crc = CRC16_START
     for byte in content:
-        crc = (crc >> 8) ^ _CRC16[(crc ^ byte) & 0xFF]
+        crc = (crc >> 8) ^ _CRC16_TABLE[(crc ^ byte) & 0xFF]
     return crc
 
 

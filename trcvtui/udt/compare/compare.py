@@ -20,29 +20,29 @@ from trcvtui.udt.report import json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
 from trcvtui.wording import in_columns, json_text
 
-Pair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
+LeafPair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
 
 
-def pair(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[Pair]:
+def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
     """Yield every leaf of both: what only theirs has stands after its siblings; `a`, `b`: the first ones."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
-    waiting = _below(theirs, b)
-    for name, (first, node) in _below(ours, a).items():
+    waiting = _child_nodes(theirs, b)
+    for name, (first, node) in _child_nodes(ours, a).items():
         if name in waiting:
             other, their_node = waiting.pop(name)
-            yield from pair(node, their_node, first, other)
+            yield from pair_leaves(node, their_node, first, other)
         else:
             yield from ((number, None) for number in range(first, first + node.leaves))
     for first, node in waiting.values():
         yield from ((None, number) for number in range(first, first + node.leaves))
 
 
-def _below(node: Node, first: int) -> dict[str, tuple[int, Node]]:
+def _child_nodes(node: Node, first: int) -> dict[str, tuple[int, Node]]:
     match node:
         case PlacedStruct():
-            return {one.name.casefold(): (one.first, one.node) for one in node.flat(first=first)}
+            return {one.name.casefold(): (one.first, one.node) for one in node.flat_members(first=first)}
         case PlacedArray(element=element):
             return {
                 index: (first + number * element.leaves, element)
@@ -52,11 +52,11 @@ def _below(node: Node, first: int) -> dict[str, tuple[int, Node]]:
             return {"": (first, node)}
 
 
-NAMED: Final = 3  # members that a sentence names
-MOST_FOUND: Final = 256  # differences that are counted
+MOST_NAMED: Final = 3  # members that a sentence names
+MOST_DIFFERENCES: Final = 256  # differences that are counted
 
 
-class Apart(NamedTuple):
+class MemberDifference(NamedTuple):
     """A member that differs, with both sides in words; `is_place`: in its place, else in its stored form."""
 
     path: str
@@ -65,18 +65,18 @@ class Apart(NamedTuple):
     is_place: bool
 
 
-def difference(a: Layout, b: Layout) -> str:
+def describe_difference(a: Layout, b: Layout) -> str:
     """Return in what two layouts of one type differ; of the elements of an ARRAY the first is named."""
     parts = []
     if a.size != b.size:
         parts.append(f"the size, {a.size} and {b.size} bytes")
     other_text = a.rules.text.name != b.rules.text.name and has_text(a.type)
-    found = list(islice(_members_apart(a, b, not other_text), MOST_FOUND))
+    found = list(islice(_find_differences(a, b, not other_text), MOST_DIFFERENCES))
     for words, is_place in (("the place of", True), ("the stored form of", False)):
         members = [one for one in found if one.is_place is is_place]
         if members:
-            shown = [f"{one.path or a.name} ({one.ours} and {one.theirs})" for one in members[:NAMED]]
-            more = f" and {len(members) - NAMED} more" if len(members) > NAMED else ""
+            shown = [f"{one.path or a.name} ({one.ours} and {one.theirs})" for one in members[:MOST_NAMED]]
+            more = f" and {len(members) - MOST_NAMED} more" if len(members) > MOST_NAMED else ""
             parts.append(f"{words} {', '.join(shown)}{more}")
     if a.rules.byte_order != b.rules.byte_order:
         parts.append("the byte order")
@@ -85,7 +85,7 @@ def difference(a: Layout, b: Layout) -> str:
     return "; ".join(parts) or "nothing"
 
 
-def _members_apart(a: Layout, b: Layout, with_texts: bool) -> Iterator[Apart]:
+def _find_differences(a: Layout, b: Layout, with_texts: bool) -> Iterator[MemberDifference]:
     named: dict[str, str] = {}  # path of an ARRAY -> index of the element that is named
     for ours, theirs in zip(a.leaves(), b.leaves(), strict=True):
         places = place_text(ours), place_text(theirs)
@@ -97,10 +97,10 @@ def _members_apart(a: Layout, b: Layout, with_texts: bool) -> Iterator[Apart]:
         if any(named.setdefault(path, index) != index for path, index in elements):
             continue
         if places[0] != places[1]:
-            yield Apart(ours.path, *places, is_place=True)
+            yield MemberDifference(ours.path, *places, is_place=True)
         if not same_form:
             forms = form_text(ours.type, a.rules), form_text(theirs.type, b.rules)
-            yield Apart(ours.path, *forms, is_place=False)
+            yield MemberDifference(ours.path, *forms, is_place=False)
 
 
 PLACE: Final = "place"
@@ -157,7 +157,7 @@ class Comparison:
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs
-        self._pairs = list(pair(ours.root, theirs.root))
+        self._pairs = list(pair_leaves(ours.root, theirs.root))
         self._forms: dict[tuple[int, int], tuple[str, tuple[object, ...]]] = {}  # leaves share their types
 
     @property
@@ -167,11 +167,11 @@ class Comparison:
     def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
         """Yield the rows of number start..stop-1 (default: all); the bytes may end anywhere."""
         for ours, theirs in self._pairs[start:stop]:
-            our, their = self._cell(self.ours, ours, data), self._cell(self.theirs, theirs, data)
+            our, their = self._compare(self.ours, ours, data), self._compare(self.theirs, theirs, data)
             shown = our or their
-            yield ComparedRow(shown.leaf.path if shown else "", our, their, _differs(our, their))
+            yield ComparedRow(shown.leaf.path if shown else "", our, their, _list_differences(our, their))
 
-    def _cell(self, layout: Layout, number: int | None, data: Data) -> ComparedLeaf | None:
+    def _compare(self, layout: Layout, number: int | None, data: Data) -> ComparedLeaf | None:
         if number is None:
             return None
         leaf = layout.leaf(number)
@@ -189,7 +189,7 @@ class Comparison:
         return Summary(self.ours.size, self.theirs.size, self.row_count, len(differing), first)
 
 
-def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
+def _list_differences(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
         return ("only theirs" if ours is None else "only ours",)
     same_type = ours.type == theirs.type  # another type has a form of its own
@@ -202,8 +202,8 @@ def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[st
     return (*found, VALUE) if ours.value != theirs.value else tuple(found)
 
 
-MARK: Final = "*"
-NOTHING: Final = "-"
+DIFFERS_MARK: Final = "*"
+MISSING_TEXT: Final = "-"
 
 
 def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
@@ -223,13 +223,13 @@ def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
         {
             "path": row.path,
             "differs": row.differs,
-            "ours": _cell(ours, row.ours, data),
-            "theirs": _cell(theirs, row.theirs, data),
+            "ours": _cell_json(ours, row.ours, data),
+            "theirs": _cell_json(theirs, row.theirs, data),
         }
         for row in rows
     ]
     lines = ",\n".join(f"    {json_text(record)}" for record in records)
-    sides = f'  "ours": {json_text(_side(ours))},\n  "theirs": {json_text(_side(theirs))},\n'
+    sides = f'  "ours": {json_text(_side_json(ours))},\n  "theirs": {json_text(_side_json(theirs))},\n'
     told = f'  "rows": [\n{lines}\n  ],\n' if lines else '  "rows": [],\n'
     return f'{{\n{sides}{told}  "equal": {json_text(is_equal(comparison, rows))}\n}}'
 
@@ -241,25 +241,25 @@ def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
     head = ("", "path", "ours", *values, "theirs", *values, "differs")
     told = [(*_texts_of(row, ours.name, bool(data)), ", ".join(row.differs)) for row in rows]
     table = in_columns([head, *told], "llrlrll" if data else "llrrl")
-    lines = [f"ours    {_extent(ours)}", f"theirs  {_extent(theirs)}", *table, str(comparison.summary(rows))]
+    lines = [f"ours    {_header(ours)}", f"theirs  {_header(theirs)}", *table, str(comparison.summary(rows))]
     if ours.rules.byte_order != theirs.rules.byte_order:
         lines.append(f"byte order: ours {ours.rules.byte_order}, theirs {theirs.rules.byte_order}")
     return "\n".join(lines)
 
 
 def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
-    texts = [MARK if row.differs else "", row.path or name]
+    texts = [DIFFERS_MARK if row.differs else "", row.path or name]
     for cell in (row.ours, row.theirs):
-        texts += [place_text(cell.leaf), cell.value] if cell else [NOTHING, ""]
+        texts += [place_text(cell.leaf), cell.value] if cell else [MISSING_TEXT, ""]
     return tuple(texts if with_values else texts[:3] + texts[4:5])
 
 
-def _extent(layout: Layout) -> str:
+def _header(layout: Layout) -> str:
     rules = layout.rules
     return f"{one_line(layout.name)}: {layout.size} bytes, layout {rules.name}, {rules.byte_order}-endian"
 
 
-def _side(layout: Layout) -> dict[str, object]:
+def _side_json(layout: Layout) -> dict[str, object]:
     rules = layout.rules
     return {
         "type": layout.name,
@@ -270,7 +270,7 @@ def _side(layout: Layout) -> dict[str, object]:
     }
 
 
-def _cell(layout: Layout, cell: ComparedLeaf | None, data: bytes) -> dict[str, object] | None:
+def _cell_json(layout: Layout, cell: ComparedLeaf | None, data: bytes) -> dict[str, object] | None:
     if cell is None:
         return None
     leaf = cell.leaf

@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from trcvtui.udt.compare.causes import DRIFTS, FEWER, SHORT
+from trcvtui.udt.compare.causes import BYTE_TOO_FEW, DRIFTS, FEWER
 from trcvtui.udt.compare.reading import Reading, is_number
 
-CLEAR: Final = 5.0  # points ahead of the next other reading
+CLEAR_LEAD: Final = 5.0  # points ahead of the next other reading
 CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or two: padding may hide them
-CLEAR_OF_FEWER: Final = 10.0  # where the sender may lack a member: those after it are in its place then
-CLEAR_IN_ORDER: Final = 3.0  # of one in the same byte order, numbers that are round in another one aside
-LESS_CLEAR: Final = 2.0  # points fewer where the other one has a value that machines do not send
-OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
-OWN_POINTS: Final = 4.0  # of the members
+CLEAR_LEAD_OF_FEWER: Final = 10.0  # where the sender may lack a member: those after it are in its place then
+CLEAR_LEAD_IN_ORDER: Final = 3.0  # of one in the same byte order, numbers that are round in another one aside
+LEAD_LESS_WHERE_ODD: Final = 2.0  # points fewer where the other one has a value that machines do not send
+CLEAR_OWN_LEAD: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
+LEAST_OWN_POINTS: Final = 4.0  # of the members
 
 
-def doubt_of(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
+def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
     """Return why the first reading is not called best; "" where it is."""
     if not ranked or not messages:
         return "there are no bytes"
     best = ranked[0]
-    return _of_itself(best, messages) or next(filter(None, (_beside(best, one) for one in ranked[1:])), "")
+    return _own_doubt(best, messages) or next(filter(None, (_contest(best, one) for one in ranked[1:])), "")
 
 
-def _of_itself(best: Reading, messages: Sequence[bytes]) -> str:
+def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
     """Return why a reading is not sure, whatever the others are."""
     if not best.has_length:
         return "no message has the length of the type"
@@ -34,7 +34,9 @@ def _of_itself(best: Reading, messages: Sequence[bytes]) -> str:
         return f"{others} of {len(messages)} messages have another length"
     if best.cutting.several > 1 and len(messages) > 1:
         return "every message is several times as long as the type"
-    if best.cause.kind == SHORT and any(is_number(member) and not parts for member, parts in best.read):
+    if best.cause.kind == BYTE_TOO_FEW and any(
+        is_number(member) and not parts for member, parts in best.read
+    ):
         return "the byte that is missing is one of a number"
     ending = {message[-2:] for message in messages}
     last = best.read[-1][0] if best.read else None
@@ -48,47 +50,47 @@ def _of_itself(best: Reading, messages: Sequence[bytes]) -> str:
         return f"{best.filled}: a member may lie there"
     if best.narrow:
         return best.narrow
-    if number := best.exchanged():
+    if number := best.find_exchanged():
         return f"{number} is likelier with its bytes exchanged"
-    if best.own_points < OWN_POINTS:
+    if best.own_points < LEAST_OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     return ""
 
 
-def _beside(best: Reading, other: Reading) -> str:
+def _contest(best: Reading, other: Reading) -> str:
     """Return why another reading may be right instead."""
-    is_one_way = other.way == best.way or (best.cause.kind is None and best.widest <= 2)
-    if is_one_way and best.cause.kind in (None, other.cause.kind) and is_same(best, other):
+    is_one_way = other.order == best.order or (best.cause.kind is None and best.widest_number <= 2)
+    if is_one_way and best.cause.kind in (None, other.cause.kind) and reads_same_values(best, other):
         return ""
     is_other_place = other.cause.kind not in DRIFTS and other.places != best.places
     if not is_other_place and all(best.by_path.get(path) == has for path, has in other.by_path.items()):
         return ""
-    is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
-    clear_of_drift = CLEAR_OF_FEWER if other.cause.kind == FEWER else CLEAR_OF_DRIFT
-    clear = clear_of_drift - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
-    clear -= LESS_CLEAR if other.odd else 0.0
+    is_rare = other.order != best.order and abs(other.own_points - best.own_points) < CLEAR_OWN_LEAD
+    clear_of_drift = CLEAR_LEAD_OF_FEWER if other.cause.kind == FEWER else CLEAR_OF_DRIFT
+    clear = clear_of_drift - best.cause.cost if other.cause.kind in DRIFTS else CLEAR_LEAD
+    clear -= LEAD_LESS_WHERE_ODD if other.odd else 0.0
     if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
-        if is_same(best, other):
-            return f"{called(other)} ({other.score:+.1f}) reads the same values at the same places"
-        if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
-            return f"{called(other)} ({other.score:+.1f}) reads values that are as good"
-        return f"{called(other)} ({other.score:+.1f}) is near"
+        if reads_same_values(best, other):
+            return f"{reading_name(other)} ({other.score:+.1f}) reads the same values at the same places"
+        if abs(other.own_points - best.own_points) < 0.01 and other.order != best.order:
+            return f"{reading_name(other)} ({other.score:+.1f}) reads values that are as good"
+        return f"{reading_name(other)} ({other.score:+.1f}) is near"
     if best.cause.kind is None and other.cause.kind is not None:
         return ""  # numbers that are all round, and a cause: two rare things at once
-    ahead = CLEAR - best.order if other.way != best.way else CLEAR_IN_ORDER
-    if other.fair > (best.score if other.has_plain else best.fair) - ahead:
+    ahead = CLEAR_LEAD - best.order_points if other.order != best.order else CLEAR_LEAD_IN_ORDER
+    if other.fair_score > (best.score if other.has_plain else best.fair_score) - ahead:
         return (
-            f"{called(other)} may be right: without numbers that are round in a byte order "
+            f"{reading_name(other)} may be right: without numbers that are round in a byte order "
             "(multiples of 256) it is as good"
         )
     return ""
 
 
-def is_same(best: Reading, other: Reading) -> bool:
-    return other.score > best.score - CLEAR and other.values == best.values
+def reads_same_values(best: Reading, other: Reading) -> bool:
+    return other.score > best.score - CLEAR_LEAD and other.values == best.values
 
 
-def called(reading: Reading) -> str:
+def reading_name(reading: Reading) -> str:
     return f"{reading.profiles[0]}, {reading.cause}" if reading.cause.kind else str(reading.profiles[0])

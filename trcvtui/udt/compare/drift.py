@@ -11,11 +11,11 @@ from operator import itemgetter
 from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.compare.causes import FEWER, MORE, WIDTH, FitCause
-from trcvtui.udt.compare.likelihood import REPEATED, LeafEvidence, evidence, repeated_zeros
-from trcvtui.udt.layout.layout import Layout, Leaf, Profile, beside, lay_out
+from trcvtui.udt.compare.causes import FEWER, MEMBER_MORE, WIDTH, FitCause
+from trcvtui.udt.compare.likelihood import REPEAT_EXPONENT, LeafEvidence, evidence, repeated_zero_points
+from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, merge_own_rules
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
-from trcvtui.udt.layout.placing import Placing, Span, up
+from trcvtui.udt.layout.placing import Placing, Span, round_up
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -33,17 +33,17 @@ from trcvtui.udt.types import (
 MOST_MEMBERS: Final = 64  # of a STRUCT whose drifts are tried
 MOST_LEAVES: Final = 256  # that are looked at
 MOST_DRIFTS: Final = 24  # that are returned
-MOST_TRIED: Final = 4000  # of one layout that have the right size
-FIRST_SIGHT: Final = 3  # messages, the last ones, by which those are chosen
-MOST_MORE: Final = 256  # bytes of a member more
+MOST_DRIFTS_TRIED: Final = 4000  # of one layout that have the right size
+MOST_FIRST_MESSAGES: Final = 3  # messages, the last ones, by which those are chosen
+MOST_ADDED_BYTES: Final = 256  # bytes of a member more
 LARGEST_ALIGN: Final = 8
-SLACK: Final = 7  # bytes that gaps can take or give
+GAP_SLACK: Final = 7  # bytes that gaps can take or give
 COST: Final = -8.0  # points of a drift
-OTHER_COST: Final = -9.5  # of a member of the same width, as REAL for DINT
-EACH_BYTE: Final = -0.4  # of a member more, up to 8
+SAME_WIDTH_COST: Final = -9.5  # of a member of the same width, as REAL for DINT
+ADDED_BYTE_COST: Final = -0.4  # of a member more, up to 8
 UNKNOWN: Final = "\0"  # the name of a member that our type does not have: no source can have it
-FILLERS: Final = tuple(ELEMENTARY[name] for name in ("LWORD", "DWORD", "WORD", "BYTE", "BOOL"))
-FAMILIES: Final = (
+FILLER_TYPES: Final = tuple(ELEMENTARY[name] for name in ("LWORD", "DWORD", "WORD", "BYTE", "BOOL"))
+TYPE_FAMILIES: Final = (
     ("SINT", "INT", "DINT", "LINT"),
     ("USINT", "UINT", "UDINT", "ULINT"),
     ("BYTE", "WORD", "DWORD", "LWORD"),
@@ -53,7 +53,7 @@ FAMILIES: Final = (
     ("LINT", "ULINT", "LREAL"),
 )
 
-_Part = tuple[str, Type, Node | Span]
+_StructPart = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
@@ -64,12 +64,12 @@ class _Drift(NamedTuple):
     type: Callable[[], Type]
 
 
-def is_unknown(leaf: Leaf) -> bool:
+def is_unknown_member(leaf: Leaf) -> bool:
     """Return whether a leaf is of a member that our type does not have."""
     return UNKNOWN in leaf.path
 
 
-def drifted_layouts(
+def find_drifted_layouts(
     layouts: Sequence[tuple[Sequence[Profile], Layout]], messages: Sequence[bytes], own: LayoutRules
 ) -> Iterator[tuple[tuple[Profile, ...], Layout, FitCause]]:
     """Yield the likeliest ways in which a drifted type has the size of the messages, each once."""
@@ -77,50 +77,50 @@ def drifted_layouts(
     asked = [(profile, layout) for profiles, layout in layouts for profile in profiles]
     known: dict[LayoutRules, list[_Drift]] = {}  # the same in both byte orders
     found: dict[object, tuple[float, Profile, _Drift]] = {}
-    judge = _Judge(messages)
+    judge = _PlaceScores(messages)
     for profile, layout in asked:
         is_several = size > layout.size and not size % max(layout.size, 1)  # messages in one
         if is_several or not 0 < layout.leaf_count <= MOST_LEAVES:
             continue
-        rules = beside(profile.rules, own)
+        rules = merge_own_rules(profile.rules, own)
         in_order = replace(rules, byte_order="big")
         if in_order not in known:
-            drifts = _Drifts(rules).of(layout.type, size - layout.size, "")
+            drifts = _DriftSearch(rules).find_drifts(layout.type, size - layout.size, "")
             fitting = (drift for drift in drifts if drift.lying.size == size)
-            known[in_order] = list(islice(fitting, MOST_TRIED))
+            known[in_order] = list(islice(fitting, MOST_DRIFTS_TRIED))
         for drift in known[in_order]:
             cause = drift.cause
-            points = round(cause.cost + judge.points(drift.lying, 0, rules), 6)
+            points = round(cause.cost + judge.score_node(drift.lying, 0, rules), 6)
             key = rules.byte_order, profile.text, cause.member, cause.theirs, points
             found.setdefault(key, (points, profile, drift))
-    seen = {_places(layout, shift) for _, layout in asked for shift in (0, size - layout.size)}
+    seen = {_own_places(layout, shift) for _, layout in asked for shift in (0, size - layout.size)}
     for _, profile, drift in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
-        layout = lay_out(drift.type(), beside(profile.rules, own), layouts[0][1].name)
-        places = _places(layout)
+        layout = lay_out(drift.type(), merge_own_rules(profile.rules, own), layouts[0][1].name)
+        places = _own_places(layout)
         if places not in seen:
             seen.add(places)
             yield (profile,), layout, drift.cause
 
 
-class _Judge:
+class _PlaceScores:
     """What the messages say for members at given places: at first sight, each place looked at once."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
-        self.messages = messages[-FIRST_SIGHT:]
+        self.messages = messages[-MOST_FIRST_MESSAGES:]
         self.at_place: dict[tuple[int, int, str], tuple[float, Node | Span]] = {}
         self.of_bytes: dict[object, LeafEvidence | None] = {}
 
-    def points(self, node: Node | Span, offset: int, rules: LayoutRules) -> float:
+    def score_node(self, node: Node | Span, offset: int, rules: LayoutRules) -> float:
         key = id(node), offset, rules.byte_order
         if key not in self.at_place:
             if isinstance(node, PlacedLeaf):
-                points = self.leaf_points(node, offset, rules)
+                points = self.score_leaf(node, offset, rules)
             else:
-                points = sum(self.points(part, offset + start, rules) for start, part in _parts(node))
+                points = sum(self.score_node(part, offset + start, rules) for start, part in _parts(node))
             self.at_place[key] = points, node
         return self.at_place[key][0]
 
-    def leaf_points(self, node: PlacedLeaf, offset: int, rules: LayoutRules) -> float:
+    def score_leaf(self, node: PlacedLeaf, offset: int, rules: LayoutRules) -> float:
         told: dict[bytes, float] = {}
         for part in {message[offset : offset + node.size] for message in self.messages}:
             key = node.type, stored_form(node.type, rules), rules.byte_order, node.is_bit, part
@@ -132,8 +132,8 @@ class _Judge:
                 told[part] = found.points
         if not told:
             return 0.0
-        points: float = sum(told.values()) * len(told) ** (REPEATED - 1)
-        return points + repeated_zeros(node.type, told)
+        points: float = sum(told.values()) * len(told) ** (REPEAT_EXPONENT - 1)
+        return points + repeated_zero_points(node.type, told)
 
 
 def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node | Span]]:
@@ -144,143 +144,143 @@ def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node 
     return zip(node.offsets, node.nodes, strict=True)
 
 
-def _places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
+def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
     """Return where the members of our own type lie, and in which form."""
     rules = layout.rules
     return rules.byte_order, *(
         (leaf.path, leaf.offset + shift, leaf.bit, leaf.size, stored_form(leaf.type, rules))
         for leaf in layout.leaves()
-        if not is_unknown(leaf)
+        if not is_unknown_member(leaf)
     )
 
 
-class _Changes:
+class _StructVariants:
     """A STRUCT with others in place of some parts: what follows lies alike at like remainders."""
 
-    def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_Part]) -> None:
+    def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
         self.cap, self.has_bits = placing.cap(type_), _has_bit(parts)
-        spots, end, align = placing.spots(type_, parts)
-        self.starts = [*(offset for offset, _ in spots), up(end, align)]
+        spots, end, align = placing.member_spots(type_, parts)
+        self.starts = [*(offset for offset, _ in spots), round_up(end, align)]
         self.heads = [Span(0, placing.rules.struct_floor)]
         for start, part in zip(self.starts, parts, strict=False):
             head = self.heads[-1]
-            _, end, step = self.put(part, head.size)
-            self.heads.append(Span(end, max(head.align, step), ((0, head), *_known(start, part))))
+            _, end, step = self.place_part(part, head.size)
+            self.heads.append(Span(end, max(head.align, step), ((0, head), *_known_place(start, part))))
         self.tails: dict[tuple[int, int], Span] = {}
 
-    def put(self, part: _Part, end: int) -> tuple[int, int, int]:
+    def place_part(self, part: _StructPart, end: int) -> tuple[int, int, int]:
         """Return where a part begins and ends that follows `end`, and its alignment."""
         _, inner, node = part
         step = self.placing.step(node, self.cap)
-        start = up(end, step)
-        return start, up(start + node.size, self.placing.end_floor(inner)), step
+        start = round_up(end, step)
+        return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
-    def change(self, at: int, stop: int, new: _Part | None = None) -> tuple[Span, int]:
+    def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
         """Return the STRUCT with one part, or none, for those from `at` to `stop`; how far the next moves."""
         if self.has_bits or (new and _has_bit([new])):  # where the next one lies tells no remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
-            spots, end, align = self.placing.spots(self.type, parts)
+            spots, end, align = self.placing.member_spots(self.type, parts)
             places = zip(spots, parts, strict=True)
-            lying = [one for (start, _), part in places for one in _known(start, part)]
+            lying = [one for (start, _), part in places for one in _known_place(start, part)]
             starts = [start for start, _ in spots[len(parts) - len(self.parts) + stop :]]
         else:
             head = self.heads[at]
-            start, end, step = self.put(new, head.size) if new else (0, head.size, 1)
+            start, end, step = self.place_part(new, head.size) if new else (0, head.size, 1)
             before = end - end % LARGEST_ALIGN
-            tail = self.tail(stop, end % LARGEST_ALIGN)
-            lying = [(0, head), *(_known(start, new) if new else []), (before, tail)]
+            tail = self.place_tail(stop, end % LARGEST_ALIGN)
+            lying = [(0, head), *(_known_place(start, new) if new else []), (before, tail)]
             starts = [before + place for place, _ in tail.parts[:1]]
             end, align = before + tail.size, max(step, head.align, tail.align)
-        size = up(end, align)
+        size = round_up(end, align)
         return Span(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
 
-    def tail(self, stop: int, filled: int) -> Span:
+    def place_tail(self, stop: int, filled: int) -> Span:
         """Return the parts from `stop` on after so many bytes."""
         if stop == len(self.parts):
             return Span(filled, 1)
         if (stop, filled) not in self.tails:
             part = self.parts[stop]
-            start, end, step = self.put(part, filled)
-            before, rest = end - end % LARGEST_ALIGN, self.tail(stop + 1, end % LARGEST_ALIGN)
-            lying = *_known(start, part), (before, rest)
+            start, end, step = self.place_part(part, filled)
+            before, rest = end - end % LARGEST_ALIGN, self.place_tail(stop + 1, end % LARGEST_ALIGN)
+            lying = *_known_place(start, part), (before, rest)
             self.tails[stop, filled] = Span(before + rest.size, max(step, rest.align), lying)
         return self.tails[stop, filled]
 
 
-def _known(start: int, part: _Part) -> list[tuple[int, Node | Span]]:
+def _known_place(start: int, part: _StructPart) -> list[tuple[int, Node | Span]]:
     """Return where a part lies; nothing for one that our type does not have."""
     name, _, lying = part
     return [] if name == UNKNOWN else [(start, lying)]
 
 
-def _has_bit(parts: Sequence[_Part]) -> bool:
+def _has_bit(parts: Sequence[_StructPart]) -> bool:
     return any(isinstance(node, PlacedLeaf) and node.is_bit for _, _, node in parts)
 
 
-class _Drifts:
+class _DriftSearch:
     """The drifts of a type in one layout, each as it lies: few have the size of the messages."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)
 
-    def of(self, type_: Type, spare: int, path: str) -> Iterator[_Drift]:
+    def find_drifts(self, type_: Type, spare: int, path: str) -> Iterator[_Drift]:
         """Yield the drifts that can make the type about `spare` bytes larger."""
         match type_:
             case Array(element=element, count=count):
-                for drift in self.of(element, spare // count, path):
+                for drift in self.find_drifts(element, spare // count, path):
                     pitch, align = self.placing.pitch(drift.lying)
                     lying = tuple((pitch * number, drift.lying) for number in range(count))
-                    made = partial(_array_of, type_, drift.type)
+                    made = partial(_array_with_element, type_, drift.type)
                     yield _Drift(drift.cause, Span(pitch * count, align, lying), made)
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
-                yield from self.of_struct(type_, spare, path)
+                yield from self.find_struct_drifts(type_, spare, path)
             case _:
                 size, about = self.placing.place(type_, path).size, f"here it is {type_text(type_)}"
-                for other in _widths(type_, spare):
+                for other in _other_width_types(type_, spare):
                     try:
                         node = self.placing.place(other, path)
                     except UserError:  # a text that this layout cannot hold
                         continue
-                    cost = COST if node.size != size else OTHER_COST
+                    cost = COST if node.size != size else SAME_WIDTH_COST
                     cause = FitCause(WIDTH, cost=cost, about=about, member=path, theirs=type_text(other))
-                    yield _Drift(cause, node, partial(_same, other))
+                    yield _Drift(cause, node, partial(_return_type, other))
 
-    def of_struct(self, type_: Struct, spare: int, path: str) -> Iterator[_Drift]:
-        parts = self.placing.parts(type_, path)
+    def find_struct_drifts(self, type_: Struct, spare: int, path: str) -> Iterator[_Drift]:
+        parts = self.placing.place_members(type_, path)
         first = len(parts) - len(type_.members)  # 1 where it EXTENDS another one
-        change = _Changes(self.placing, type_, parts).change
+        change = _StructVariants(self.placing, type_, parts).replace_parts
         paths = [f"{path}.{name}" if path and name else path or name for name, _, _ in parts]
         for at, (name, inner, _) in enumerate(parts):
-            for drift in self.of(inner, spare, paths[at]):
+            for drift in self.find_drifts(inner, spare, paths[at]):
                 found, _ = change(at, at + 1, (name, inner, drift.lying))
-                yield _Drift(drift.cause, found, partial(_with, type_, at, at + 1, first, name, drift.type))
+                yield _Drift(drift.cause, found, partial(_splice, type_, at, at + 1, first, name, drift.type))
             if spare <= 0 and at >= first and len(parts) > 1:
                 cause = FitCause(FEWER, cost=COST, about="the sender may not have it", member=paths[at])
-                yield _Drift(cause, change(at, at + 1)[0], partial(_with, type_, at, at + 1, first))
+                yield _Drift(cause, change(at, at + 1)[0], partial(_splice, type_, at, at + 1, first))
         for at in range(first, len(parts) + 1):
             seen = set()
             place = paths[at] if at < len(parts) else f"the end of {path}" if path else "the end"
-            for filler in _fillers(spare):
+            for filler in _filler_types(spare):
                 found, shift = change(at, at, (UNKNOWN, filler, self.placing.place(filler, path)))
                 if (*found[:2], shift) not in seen:
                     seen.add((*found[:2], shift))
-                    cost = COST + EACH_BYTE * min(max(shift, 0), 8)
+                    cost = COST + ADDED_BYTE_COST * min(max(shift, 0), 8)
                     about = "the sender may have them"
-                    cause = FitCause(MORE, shift, cost=cost, about=about, member=place)
-                    made = partial(_with, type_, at, at, first, UNKNOWN, partial(_same, filler))
+                    cause = FitCause(MEMBER_MORE, shift, cost=cost, about=about, member=place)
+                    made = partial(_splice, type_, at, at, first, UNKNOWN, partial(_return_type, filler))
                     yield _Drift(cause, found, made)
 
 
-def _same(type_: Type) -> Type:
+def _return_type(type_: Type) -> Type:
     return type_
 
 
-def _array_of(type_: Array, element: Callable[[], Type]) -> Type:
+def _array_with_element(type_: Array, element: Callable[[], Type]) -> Type:
     return replace(type_, element=element())
 
 
-def _with(
+def _splice(
     type_: Struct, at: int, stop: int, first: int, name: str = "", new: Callable[[], Type] | None = None
 ) -> Type:
     """Return the STRUCT with one member, or none, in place of those from `at` to `stop`."""
@@ -292,23 +292,23 @@ def _with(
     return replace(type_, members=(*type_.members[: at - first], *members, *type_.members[stop - first :]))
 
 
-def _fillers(spare: int) -> Iterator[Type]:
-    if -SLACK <= spare <= MOST_MORE:
-        yield from FILLERS
-        for count in range(max(spare - SLACK, 3), spare + SLACK + 1):
+def _filler_types(spare: int) -> Iterator[Type]:
+    if -GAP_SLACK <= spare <= MOST_ADDED_BYTES:
+        yield from FILLER_TYPES
+        for count in range(max(spare - GAP_SLACK, 3), spare + GAP_SLACK + 1):
             yield Array(((1, count),), ELEMENTARY["BYTE"])
 
 
-def _widths(type_: Type, spare: int) -> Iterator[Type]:
+def _other_width_types(type_: Type, spare: int) -> Iterator[Type]:
     match type_:
-        case Elementary(name=name) if abs(spare) <= 2 * SLACK:
-            for family in FAMILIES:
+        case Elementary(name=name) if abs(spare) <= 2 * GAP_SLACK:
+            for family in TYPE_FAMILIES:
                 yield from (ELEMENTARY[one] for one in family if name in family and one != name)
         case Enumeration(base=base):
-            for other in _widths(base, spare):
+            for other in _other_width_types(base, spare):
                 assert isinstance(other, Elementary)
                 yield replace(type_, base=other, is_named=True)
         case StringType(length=length) if length is not None and spare:
-            for more in range(spare - SLACK, spare + SLACK + 1):
+            for more in range(spare - GAP_SLACK, spare + GAP_SLACK + 1):
                 if more * spare > 0 and length + more > 0:
                     yield replace(type_, length=length + more)

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.udt.compare.beside import around, usual_length
+from trcvtui.udt.compare.beside import surrounding_causes, usual_length
 from trcvtui.udt.compare.causes import CAUSES, DRIFTS, NONE, FitCause
-from trcvtui.udt.compare.compare import difference
-from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, called, doubt_of, is_same
-from trcvtui.udt.compare.drift import drifted_layouts
+from trcvtui.udt.compare.compare import describe_difference
+from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, find_doubt, reading_name, reads_same_values
+from trcvtui.udt.compare.drift import find_drifted_layouts
 from trcvtui.udt.compare.reading import EvidenceCache, LayoutView, Reading, Reason
 from trcvtui.udt.layout.layout import (
     DEFAULT_LAYOUT,
@@ -23,19 +23,19 @@ from trcvtui.udt.layout.layout import (
     Layout,
     LayoutRules,
     Profile,
+    group_same_layouts,
     profiles_for,
-    same_layouts,
 )
 from trcvtui.udt.types import Type
 
 MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
 MOST_FITS: Final = 64  # that are returned; those without a cause all
-FAR: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
-NAMED: Final = 3  # members that a sentence names
-TIE: Final = 1.0  # points: less is no evidence
+FAR_BEHIND: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
+MOST_NAMED: Final = 3  # members that a sentence names
+TIE_POINTS: Final = 1.0  # points: less is no evidence
 # Where members lie in longer messages is looked for with so many members and messages, and given up below.
-MOST_PLACED: Final = (32, 4)
-MISPLACED: Final = -30.0
+MOST_PLACED_AND_MESSAGES: Final = (32, 4)
+MISPLACED_POINTS: Final = -30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class Fit:
         return f"{self.name} ({self.score:+.1f})" + (f", the same for these bytes: {also}" if also else "")
 
 
-def fit(
+def rank(
     type_: Type,
     messages: Sequence[bytes],
     name: str = "",
@@ -100,44 +100,44 @@ def fit(
     lengths = [len(message) for message in seen]
     different = set(lengths)
     known: EvidenceCache = {}
-    layouts = same_layouts(type_, asked, name, own)
+    layouts = group_same_layouts(type_, asked, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
         size = layout.size
         fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(size, framed, different)]
-        fitting += around(size, usual_length(lengths)) if framed else ()
+        fitting += surrounding_causes(size, usual_length(lengths)) if framed else ()
         tried.append((same, layout, fitting))
     if framed and seen:
-        drifted = drifted_layouts(layouts, seen, own)
+        drifted = find_drifted_layouts(layouts, seen, own)
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
     for same, layout, causes in tried:
         look = LayoutView(layout, known)
-        ways = [*causes, *_placed(look, seen)] if framed else causes
-        readings = (Reading.of(same, look, cause, seen, framed) for cause in ways)
+        ways = [*causes, *_find_likeliest_place(look, seen)] if framed else causes
+        readings = (Reading.judge(same, look, cause, seen, framed) for cause in ways)
         found += [reading for reading in readings if reading is not None]
     if framed and len(messages) > len(seen):
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
         for reading in found:
             reading.others.append(said)
     found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
-    return tuple(_ranked(found, seen))
+    return tuple(_merge_readings(found, seen))
 
 
-def _placed(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
+def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
     """Return the likeliest place of the members in longer messages, whatever the bytes beside them are."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
-    members, most = look.members[: MOST_PLACED[0]], MOST_PLACED[1]
+    members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
     best, place = 0.0, None
-    ways = [*around(size, length)]
+    ways = [*surrounding_causes(size, length)]
     for cause in ways:
         points = 0.0
         for member in members:
             start, stop = member.start + cause.front, member.stop + cause.front
             said = [look.evidence(member, message[start:stop]) for message in some]
             points += sum(one.points for one in said if one is not None)
-            if points < MISPLACED:
+            if points < MISPLACED_POINTS:
                 break
         if points > best:
             best, place = points, cause
@@ -153,10 +153,10 @@ def _strangeness(profile: Profile, own: LayoutRules) -> int:
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return the best one and those that are tied with it by their points."""
-    return tuple(fit for fit in fits if fit.score > fits[0].score - TIE)
+    return tuple(fit for fit in fits if fit.score > fits[0].score - TIE_POINTS)
 
 
-def without_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
+def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
     """Return the readings, but the drifts only where they are clearly ahead: of many some are, by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
@@ -175,28 +175,28 @@ def verdict(fits: Sequence[Fit]) -> str:
         return f"no profile fits these bytes well; the least bad is {best}"
     if len(tied) == 1:
         return f"{best} is ahead, but that is not sure: {best.doubt}"
-    names = " and ".join(fit.name for fit in tied[:NAMED])
-    more = f" (and {len(tied) - NAMED} more)" if len(tied) > NAMED else ""
-    return f"{names}{more} cannot be told apart by these bytes: {_apart(tied[0], tied[1])}"
+    names = " and ".join(fit.name for fit in tied[:MOST_NAMED])
+    more = f" (and {len(tied) - MOST_NAMED} more)" if len(tied) > MOST_NAMED else ""
+    return f"{names}{more} cannot be told apart by these bytes: {_describe_difference(tied[0], tied[1])}"
 
 
-def _apart(one: Fit, other: Fit) -> str:
+def _describe_difference(one: Fit, other: Fit) -> str:
     if one.cause != other.cause:
         causes = [str(fit.cause) or "no other cause" for fit in (one, other)]
         return f"the first two are {' and '.join(causes)}"
-    return f"the first two differ only in {difference(one.layout, other.layout)}"
+    return f"the first two differ only in {describe_difference(one.layout, other.layout)}"
 
 
-def _ranked(found: list[Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
+def _merge_readings(found: list[Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
     merged: dict[object, list[Reading]] = {}
     for reading in found:
         merged.setdefault(reading.meaning, []).append(reading)
     rows = list(merged.values())[:MOST_FITS]
-    rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR]
-    doubt = doubt_of([row[0] for row in rows], messages)
+    rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR_BEHIND]
+    doubt = find_doubt([row[0] for row in rows], messages)
     odd = f"machines seldom send such a value: {rows[0][0].odd}" if rows and rows[0][0].odd else ""
     number = 0
-    for together in _shared(rows) if messages else [rows]:
+    for together in _group_same_rows(rows) if messages else [rows]:
         rank = number + 1
         for row in together:
             first, number = row[0], number + 1
@@ -205,15 +205,15 @@ def _ranked(found: list[Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
                 profiles, first.look.layout, first.score, first.reasons(), first.cause,
                 round(first.own_points, 2), number == 1 and not (doubt or odd), number == 1 and not doubt,
                 (doubt or odd) if number == 1 else "",
-                rank, tuple(called(other[0]) for other in together if other is not row),
+                rank, tuple(reading_name(other[0]) for other in together if other is not row),
             )  # fmt: skip
 
 
-def _shared(rows: list[list[Reading]]) -> Iterator[list[list[Reading]]]:
+def _group_same_rows(rows: list[list[Reading]]) -> Iterator[list[list[Reading]]]:
     """Yield the rows, those that read the same together, each of them less than `CLEAR` below their best."""
     left = rows
     while left:
         best = left[0][0]
-        near = [row for row in left if any(is_same(best, one) for one in row)]
+        near = [row for row in left if any(reads_same_values(best, one) for one in row)]
         yield near
         left = [row for row in left if row not in near]

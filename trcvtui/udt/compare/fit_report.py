@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.compare.fit import MOST_LENGTHS, NAMED, Fit, verdict
+from trcvtui.udt.compare.fit import MOST_LENGTHS, MOST_NAMED, Fit, verdict
 
-MOST_ROWS: Final = 10  # of the text; JSON has all
+MOST_READINGS_SHOWN: Final = 10  # of the text; JSON has all
 MOST_PRINTED: Final = 12
 
 
@@ -47,21 +47,21 @@ def fit_text(fits: Sequence[Fit], came: str) -> str:
         for found, before in zip(fits, (None, *fits), strict=False)
         if found.rank != (before and before.rank)
     ]
-    for found in rows[:MOST_ROWS]:
-        lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
+    for found in rows[:MOST_READINGS_SHOWN]:
+        lines.append(f"{found.rank:>2} {found.score:+8.1f}  {reading_title(found)}")
         if found is fits[0]:
             told = list(reason_lines(found))
             lines += [f"             {line}" for line in told[:MOST_PRINTED]]
             if len(told) > MOST_PRINTED:
                 lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
         elif found.same:
-            lines.append(f"             no byte tells it from {same_words(found)}")
-    if len(rows) > MOST_ROWS:
-        lines.append(f"and {len(rows) - MOST_ROWS} more readings (--format json)")
+            lines.append(f"             no byte tells it from {same_readings_text(found)}")
+    if len(rows) > MOST_READINGS_SHOWN:
+        lines.append(f"and {len(rows) - MOST_READINGS_SHOWN} more readings (--format json)")
     return "\n".join(lines)
 
 
-def named(found: Fit) -> str:
+def reading_title(found: Fit) -> str:
     """Return the first profile with the cause, and how many mean the same."""
     more = len(found.profiles) - 1
     return found.name + (f" (and {more} the same)" if more else "")
@@ -72,7 +72,7 @@ def reason_lines(found: Fit) -> Iterator[str]:
     if found.doubt:
         yield one_line(f"not sure: {found.doubt}")
     if found.same:
-        yield f"no byte tells it from {same_words(found)}"
+        yield f"no byte tells it from {same_readings_text(found)}"
     if len(found.profiles) > 1:
         yield "the same for these bytes: " + "; ".join(str(profile) for profile in found.profiles[1:])
     if found.profile.text:
@@ -81,7 +81,7 @@ def reason_lines(found: Fit) -> Iterator[str]:
     yield from (one_line(f"{reason.points:+.1f} {reason.text}") for reason in found.reasons)
 
 
-def same_words(found: Fit) -> str:
+def same_readings_text(found: Fit) -> str:
     """Return the other readings that find the same values at the same places."""
-    more = len(found.same) - NAMED
-    return "; ".join(found.same[:NAMED]) + (f"; and {more} more" if more > 0 else "")
+    more = len(found.same) - MOST_NAMED
+    return "; ".join(found.same[:MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")

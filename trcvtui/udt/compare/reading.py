@@ -9,38 +9,38 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from trcvtui.udt.compare.beside import extra_evidence
-from trcvtui.udt.compare.causes import Cutting, FitCause, cut
-from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown
+from trcvtui.udt.compare.causes import CutMessages, FitCause, cut
+from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown_member
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
-    REPEATED,
+    REPEAT_EXPONENT,
     LeafEvidence,
     bits_evidence,
     evidence,
+    exchange_pairs,
+    exchange_words,
     gap_points,
-    pairs_exchanged,
-    repeated_zeros,
-    spoken,
-    steady,
-    words_exchanged,
+    judge_step,
+    repeated_zero_points,
+    value_bytes,
 )
-from trcvtui.udt.layout.layout import Layout, LayoutRules, Leaf, Profile, shape
+from trcvtui.udt.layout.layout import Layout, LayoutRules, Leaf, Profile, layout_shape
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import Elementary, StringType, ValueKind, all_parts
 
 MOST_GAPS: Final = 16  # that are looked at
-SHOWN: Final = 32  # characters of a value
+MOST_VALUE_CHARACTERS: Final = 32  # characters of a value
 MOST_REASONS: Final = 64
 
 # The points of what is no member; those of members and causes stand in likelihood.py.
 LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
-MULTIPLE: Final = -1.0  # less, when it is several times that size
-MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
-MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
-UNLIKELY: Final = -3.0  # points of a number
-EXCHANGED: Final = (6.0, 4.5)  # how much likelier with other bytes a number of 2 bytes is, and of more
-CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
+MULTIPLE_POINTS: Final = -1.0  # less, when it is several times that size
+MOST_ORDER_POINTS: Final = 8.0  # points of numbers for a byte order
+MOST_ROUND_POINTS: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
+UNLIKELY_POINTS: Final = -3.0  # points of a number
+EXCHANGED_LEAD: Final = (6.0, 4.5)  # how much likelier with other bytes a number of 2 bytes is, and of more
+CONTRARY_WEIGHT: Final = 3.0  # how much more a number counts that speaks for the other order
 
 
 class Reason(NamedTuple):
@@ -74,7 +74,7 @@ class LayoutView:
         leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
-            if (leaf.bit is not None and not is_last) or is_unknown(leaf):
+            if (leaf.bit is not None and not is_last) or is_unknown_member(leaf):
                 continue
             bits = 0 if leaf.bit is None else leaf.bit + 1
             form = leaf.type, *stored_form(leaf.type, layout.rules), leaf.size, layout.rules.byte_order
@@ -114,7 +114,7 @@ class Reading:
     """A layout and a cause held against the bytes."""
 
     def __init__(
-        self, profiles: tuple[Profile, ...], look: LayoutView, cause: FitCause, cutting: Cutting
+        self, profiles: tuple[Profile, ...], look: LayoutView, cause: FitCause, cutting: CutMessages
     ) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
         self.others: list[Reason] = []  # all reasons but the members'
@@ -129,7 +129,7 @@ class Reading:
         self.has_plain = False  # a number that is round in no way
 
     @classmethod
-    def of(
+    def judge(
         cls,
         profiles: tuple[Profile, ...],
         look: LayoutView,
@@ -143,7 +143,7 @@ class Reading:
         if cause.kind is not None and not is_cut:
             return None
         if not is_cut:
-            cutting = Cutting(tuple(messages[-MOST_MESSAGES:]), (), 0, 1)
+            cutting = CutMessages(tuple(messages[-MOST_MESSAGES:]), (), 0, 1)
         found = cls(profiles, look, cause, cutting)
         found.has_length = is_cut
         if not (found.judge_cause() and found.judge_members()):
@@ -170,7 +170,7 @@ class Reading:
         if len({extra.has_meaning for extra in told.values()}) > 1:  # a length in some of them is chance
             befores = dict.fromkeys(befores, min(befores.values()))
         afters = {after: extra.of_after for (_, after), extra in told.items()}
-        points = sum(sum(one.values()) * len(one) ** (REPEATED - 1) for one in (befores, afters))
+        points = sum(sum(one.values()) * len(one) ** (REPEAT_EXPONENT - 1) for one in (befores, afters))
         said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
         if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
             said += " in each message"
@@ -196,20 +196,20 @@ class Reading:
                 parts = changed
             self.judge_member(member, parts)
             self.read.append((member, parts))
-        self.weigh_equals()
+        self.weaken_equals()
         return has_changed
 
-    def weigh_equals(self) -> None:
+    def weaken_equals(self) -> None:
         """Let equal bytes in several members, as in an ARRAY, say less than others would."""
         count = Counter(one.parts for one in self.said)
         for number, one in enumerate(self.said):
-            share = count[one.parts] ** (REPEATED - 1)
+            share = count[one.parts] ** (REPEAT_EXPONENT - 1)
             points, fair, order = one.points * share, one.fair * share, one.order * share
             self.said[number] = one._replace(points=points, fair=fair, order=order)
 
     def judge_member(self, member: ReadMember, parts: list[bytes]) -> None:
         rules = self.look.layout.rules
-        distinct = {spoken(member.leaf, part, rules): part for part in parts}.values()
+        distinct = {value_bytes(member.leaf, part, rules): part for part in parts}.values()
         told = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
         if not told:
             return
@@ -217,10 +217,10 @@ class Reading:
         is_shared = self.look.layout.root.overlaps  # a UNION: what is none here may be another member
         odd = "" if is_shared else next((found.why for found, _ in told if found.is_odd), "")
         self.odd = self.odd or (f"{self.path(member)}: {odd}" if odd else "")
-        share = len(told) ** REPEATED / len(told)
+        share = len(told) ** REPEAT_EXPONENT / len(told)
         points = sum(found.points for found, _ in told)
         values = tuple(part for _, part in told)
-        constant = repeated_zeros(member.leaf.type, values)
+        constant = repeated_zero_points(member.leaf.type, values)
         nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
         self.said.append(
             MemberPoints(
@@ -250,7 +250,7 @@ class Reading:
 
     def judge_steps(self, member: ReadMember, parts: list[bytes]) -> None:
         pairs = [(before, after) for before, after in pairwise(parts) if before != after]
-        steps = [steady(member.leaf, before, after, self.look.layout.rules) for before, after in pairs]
+        steps = [judge_step(member.leaf, before, after, self.look.layout.rules) for before, after in pairs]
         told = [step for step in steps if step[0]]
         if told:
             mean = sum(points for points, _ in told) / len(told)
@@ -275,7 +275,7 @@ class Reading:
         )
         count = f", {several} times the {size} of the type" if several > 1 else f", and the type has {size}"
         said = f"{have} bytes came{count}" + (f"{beside} {cause}" if beside else "")
-        self.others.append(Reason(round(points + (MULTIPLE if several > 1 else 0), 2), "", said))
+        self.others.append(Reason(round(points + (MULTIPLE_POINTS if several > 1 else 0), 2), "", said))
 
     def judge_gaps(self) -> None:
         for offset, size in self.look.gaps:
@@ -289,7 +289,7 @@ class Reading:
             self.filled = self.filled or (said if filled else "")
             points = min(gap_points(part) for part in there)
             if filled:  # what differs from message to message is a value more likely
-                points *= len(there) ** REPEATED
+                points *= len(there) ** REPEAT_EXPONENT
             self.others.append(Reason(round(points, 2), "", said))
 
     # -- what follows -------------------------------------------------------------------------------------
@@ -307,20 +307,20 @@ class Reading:
         return round(self.own_points + sum(one.points for one in self.others), 2)
 
     @cached_property
-    def fair(self) -> float:
+    def fair_score(self) -> float:
         """Return the points in a comparison of byte orders: all numbers of a sender may be round."""
         more = sum(one.fair - one.points for one in self.said)
-        return self.score + (min(more, MOST_OF_ROUND) if self.has_plain else more)
+        return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
     @property
-    def order(self) -> float:
+    def order_points(self) -> float:
         """Return what the numbers say for the byte order: what speaks against it counts more."""
         told = [one.order for one in self.said]
         for_it = sum(points for points in told if points > 0)
-        return min(for_it + CONTRARY * sum(points for points in told if points < 0), MOST_OF_ORDER)
+        return min(for_it + CONTRARY_WEIGHT * sum(points for points in told if points < 0), MOST_ORDER_POINTS)
 
     @property
-    def way(self) -> object:
+    def order(self) -> object:
         """Return in which order the bytes of numbers are read."""
         cause = self.cause
         return self.profiles[0].byte_order, cause.kind if cause.of_member or cause.of_all else None
@@ -331,7 +331,7 @@ class Reading:
         look = self.look
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
         cause = self.cause
-        return (cause.kind, cause.front, cause.back, cause.member, cause.theirs), shape(
+        return (cause.kind, cause.front, cause.back, cause.member, cause.theirs), layout_shape(
             look.layout, by_bytes=is_seen
         )
 
@@ -342,7 +342,7 @@ class Reading:
         for member, parts in self.read:
             bits = max(member.bits, 1)  # a BOOL alone in its byte is read alike as a bit and as a byte
             form = stored_form(member.leaf.type, rules)
-            members.append((member.start + front, bits, form, *self.plain(member, parts)))
+            members.append((member.start + front, bits, form, *self.plain_values(member, parts)))
         return size + front + self.cause.back, tuple(members)
 
     @cached_property
@@ -350,29 +350,29 @@ class Reading:
         """Return where the members begin, and which of them are bits."""
         front = self.cause.front
         return (
-            self.way,
+            self.order,
             self.cause.kind,
             [(member.leaf.path, member.start + front, member.bits) for member, _ in self.read],
         )
 
-    def exchanged(self) -> str:
+    def find_exchanged(self) -> str:
         """Return a number that would be far likelier with its bytes exchanged; "" where there is none."""
         for member, parts in self.read:
             if not is_number(member) or member.leaf.size == 1 or member.bits:
                 continue
-            share: float = max(len(set(parts)), 1) ** (REPEATED - 1)
+            share: float = max(len(set(parts)), 1) ** (REPEAT_EXPONENT - 1)
             own, *others = (
                 share
                 * sum(found.points for part in set(parts) if (found := self.look.evidence(member, way(part))))
-                for way in (bytes, reversed_bytes, pairs_exchanged, words_exchanged)
+                for way in (bytes, reverse_bytes, exchange_pairs, exchange_words)
             )
-            if own < UNLIKELY and max(others) > own + EXCHANGED[member.leaf.size > 2]:
+            if own < UNLIKELY_POINTS and max(others) > own + EXCHANGED_LEAD[member.leaf.size > 2]:
                 value = decode_leaf(self.look.layout, member.leaf, parts[-1])
                 return f"{self.path(member)} = {value_text(member.leaf, value, parts[-1])}"
         return ""
 
     @property
-    def widest(self) -> int:
+    def widest_number(self) -> int:
         """Return the size of the largest number: up to 2, words exchanged are nothing, bytes the order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
@@ -385,14 +385,14 @@ class Reading:
             for member, parts in self.read
         }
 
-    def plain(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
+    def plain_values(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
         """Yield what makes the value of a member, as it would be in big-endian."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
         if isinstance(member.leaf.type, StringType) and member.leaf.type.wide:
             yield is_little
         for part in parts:
-            said = spoken(member.leaf, part, rules)
+            said = value_bytes(member.leaf, part, rules)
             yield said[::-1] if is_little and is_number(member) else said
 
     def is_negative(self, one: MemberPoints) -> bool:
@@ -413,14 +413,14 @@ class Reading:
         ]
         said += [(one.points, one) for one in self.said]
         said.sort(key=lambda one: -abs(one[0]))
-        shown = [self.worded(one) for _, one in said[:MOST_REASONS]]
+        shown = [self.word_reason(one) for _, one in said[:MOST_REASONS]]
         if look.layout.leaf_count > look.stop:
             shown.append(
                 Reason(0.0, "", f"only the first {look.stop} of {look.layout.leaf_count} are judged")
             )
         return tuple(reason for reason in shown if reason.points or not reason.path)
 
-    def worded(self, one: Reason | MemberPoints) -> Reason:
+    def word_reason(self, one: Reason | MemberPoints) -> Reason:
         if isinstance(one, Reason):
             return one
         leaf, path = one.member.leaf, self.path(one.member)
@@ -429,11 +429,11 @@ class Reading:
                 round(one.points, 2), leaf.path, f"16#{one.raw.hex().upper()} up to {path}: {one.why}"
             )
         value = value_text(leaf, decode_leaf(self.look.layout, leaf, one.raw), one.raw)
-        shown = value if len(value) <= SHOWN else value[:SHOWN] + "..."
+        shown = value if len(value) <= MOST_VALUE_CHARACTERS else value[:MOST_VALUE_CHARACTERS] + "..."
         return Reason(round(one.points, 2), leaf.path, f"{path} = {shown}: {one.why}")
 
 
-def reversed_bytes(raw: bytes) -> bytes:
+def reverse_bytes(raw: bytes) -> bytes:
     return raw[::-1]
 
 

@@ -23,7 +23,7 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedUnion,
     members_of,
 )
-from trcvtui.udt.layout.placing import BYTE, Filling, Placing, Unreachable, free_name
+from trcvtui.udt.layout.placing import BYTE, Builder, Placing, Unreachable, claim_name
 from trcvtui.udt.layout.rules import S7, LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -57,8 +57,8 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
         return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
     if isinstance(node.type, StringType):
-        return _text(node.type, node.size, theirs, ours)
-    stored, own = theirs.stored(node.type), ours.stored(node.type)
+        return _substitute_text(node.type, node.size, theirs, ours)
+    stored, own = theirs.storage(node.type), ours.storage(node.type)
     if own.name in ours.bits:
         return ELEMENTARY["BYTE"], f"a BOOL of one byte in {theirs.name}, a bit in {ours.name}: here a BYTE"
     if stored_form(node.type, theirs) == stored_form(node.type, ours):
@@ -73,7 +73,7 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
     return ELEMENTARY[bits], note
 
 
-def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
+def _substitute_text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if theirs.text.header != ours.text.header:
         forms = ("a NUL after", "two lengths before")
         there, here = forms[theirs.text.header], forms[ours.text.header]
@@ -81,7 +81,7 @@ def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) 
     declared = theirs.text.length(type_)
     length = size // (2 if type_.wide else 1) - ours.text.extra
     found = StringType(length, type_.wide, type_.utf8)
-    if length < declared or length > ours.text.most(found):
+    if length < declared or length > ours.text.largest_length(found):
         name = type_text(StringType(declared, type_.wide))
         return None, f"{name} of {size} bytes: {ours.name} has none of that size and length"
     return (type_ if ours.text.length(type_) == length else found), ""
@@ -90,7 +90,7 @@ def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) 
 RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
-def prove(
+def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
     """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
@@ -100,18 +100,18 @@ def prove(
     if (key := (id(wanted), id(found))) in proved:
         return
     if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
-        own = {one.name.casefold(): one for one in found.flat()}
-        for name, offset, bit, node, _ in wanted.flat():
+        own = {one.name.casefold(): one for one in found.flat_members()}
+        for name, offset, bit, node, _ in wanted.flat_members():
             one = own.get(name.casefold())
             is_raw = (id(wanted), name) in raw
             if is_raw and (bit is not None or one is None):
                 continue
             if one is None or one.offset != offset or (is_raw and one.node.size != node.size):
-                raise Unreachable(_below(path, name), "it comes to lie elsewhere")
+                raise Unreachable(_join_path(path, name), "it comes to lie elsewhere")
             if not is_raw:
                 if one.bit != bit:
-                    raise Unreachable(_below(path, name), "it comes to lie at another bit")
-                prove(node, one.node, raw, _below(path, name), proved)
+                    raise Unreachable(_join_path(path, name), "it comes to lie at another bit")
+                prove_places(node, one.node, raw, _join_path(path, name), proved)
     elif isinstance(wanted, PlacedUnion) and isinstance(found, PlacedArray):  # its bytes
         if found.size != wanted.size:
             raise Unreachable(path, "it has another size")
@@ -119,7 +119,7 @@ def prove(
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
             raise Unreachable(path, "its elements come to lie elsewhere")
-        prove(wanted.element, found.element, raw, path + "[]", proved)
+        prove_places(wanted.element, found.element, raw, path + "[]", proved)
     elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
         (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
     ):
@@ -127,7 +127,7 @@ def prove(
     proved.add(key)
 
 
-MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
+MOST_NOTES: Final = 1024  # raw members that are named; a type of theirs may be used again and again
 
 
 class PaddedType(NamedTuple):
@@ -156,20 +156,20 @@ def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> Pad
     and a UNION is its bytes there.
     """
     rules = replace(rules, takes_pack=False) if is_scl else rules
-    found, apart = _nearest(wanted, rules, is_scl), []
-    while parts := _taken_apart(wanted, {one.path for one in found.unreached}):
+    found, apart = _find_nearest(wanted, rules, is_scl), []
+    while parts := _flatten_structs(wanted, {one.path for one in found.unreached}):
         wanted, notes = parts
         apart += notes
-        found = _nearest(wanted, rules, is_scl)
+        found = _find_nearest(wanted, rules, is_scl)
     return found._replace(notes=(*apart, *found.notes))
 
 
-def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
+def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
     """Return the layout with the members of the STRUCTs of these names in their place; None without one."""
     type_, root = wanted.type, wanted.root
-    if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_TOLD:
+    if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_NOTES:
         return None
-    taken = {one.name.casefold() for one in root.flat()}
+    taken = {one.name.casefold() for one in root.flat_members()}
     members: list[Member] = []
     placed: list[PlacedMember] = []
     notes: list[MemberNote] = []
@@ -179,7 +179,7 @@ def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[M
             parts = list(members_of(inner, node))
             notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
         for below, at, own_bit, part, part_type in parts:
-            own = free_name(f"{name}_{below}", taken) if below else name
+            own = claim_name(f"{name}_{below}", taken) if below else name
             members.append(Member(own, part_type))
             placed.append(PlacedMember(own, offset + at, part, own_bit or 0))
     if not notes:
@@ -188,18 +188,18 @@ def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[M
     return Layout(wanted.name, flat, wanted.rules, PlacedStruct(placed, root.size, root.align)), notes
 
 
-def _nearest(wanted: Layout, rules: LayoutRules, is_scl: bool) -> PaddedType:
+def _find_nearest(wanted: Layout, rules: LayoutRules, is_scl: bool) -> PaddedType:
     packs = (None, 1) if rules.takes_pack else (None,)
     rebuilt = [_Rebuild(wanted, rules, pack, longer, is_scl) for longer in (False, True) for pack in packs]
-    tries = [_corrected(wanted, rules, rebuild) for rebuild in rebuilt]
+    tries = [_try_rebuild(wanted, rules, rebuild) for rebuild in rebuilt]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
-def _corrected(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> PaddedType:
+def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> PaddedType:
     try:
-        type_ = rebuild.type(wanted.type, wanted.root, "")
+        type_ = rebuild.rebuild_type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
-        prove(wanted.root, layout.root, rebuild.raw)
+        prove_places(wanted.root, layout.root, rebuild.raw)
         unreached = tuple(MemberNote(one.path, one.reason) for one in rebuild.unreached)
         return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
     except Unreachable as failed:  # bytes and nothing else, which every layout can hold
@@ -209,7 +209,7 @@ def _corrected(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> PaddedT
         return PaddedType(raw, layout, (MemberNote("", why),), ())
 
 
-class _Raw(NamedTuple):
+class _RawMemberNote(NamedTuple):
     """A member that became raw: its path, the path after it of what is why, and the words."""
 
     path: str
@@ -221,11 +221,11 @@ class _Raw(NamedTuple):
         return f"{self.path}{self.inner}: {self.why}" if self.inner else self.why
 
 
-class _Built(NamedTuple):
+class _RebuiltStruct(NamedTuple):
     """A STRUCT that was rebuilt; paths are those after its own."""
 
     type: Struct | Union
-    unreached: list[_Raw]
+    unreached: list[_RawMemberNote]
     notes: list[MemberNote]
 
 
@@ -240,12 +240,12 @@ class _Rebuild:
         self.name = wanted.name
         self.suffix = wanted.rules.name.replace("-", "_")
         self.placing = Placing(rules)
-        self.unreached: list[_Raw] = []
+        self.unreached: list[_RawMemberNote] = []
         self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
-        self._built: dict[int, _Built | Unreachable] = {}
+        self._built: dict[int, _RebuiltStruct | Unreachable] = {}
 
-    def type(self, type_: Type, node: Node, path: str) -> Type:
+    def rebuild_type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type in place of this one; raise Unreachable."""
         match type_:
             case Array():
@@ -257,12 +257,12 @@ class _Rebuild:
                 return Array(((0, node.size - 1),), BYTE)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
-                return self.once(type_, node, path)
+                return self.rebuild_once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
                 found, why = substitute(node, self.theirs, self.rules)
                 if self.is_scl and isinstance(found, StringType):
-                    length, most = self.rules.text.length(found), S7.text.most(found)
+                    length, most = self.rules.text.length(found), S7.text.largest_length(found)
                     if length > most:
                         raise Unreachable(path, f"{type_text(found)}: SCL has at most {most} characters")
                 if found is None:
@@ -271,24 +271,24 @@ class _Rebuild:
                     self.notes.append(MemberNote(path, why))
                 return found
 
-    def once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
+    def rebuild_once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
         if id(type_) not in self._built:
-            self._built[id(type_)] = self.built(type_, node, path)
+            self._built[id(type_)] = self.rebuild(type_, node, path)
         built = self._built[id(type_)]
         if isinstance(built, Unreachable):
-            raise Unreachable(_below(path, built.path) if built.path else path, built.why)
-        for one in built.unreached[: max(MOST_TOLD - len(self.unreached), 0)]:
-            self.unreached.append(one._replace(path=_below(path, one.path)))
-        for note in built.notes[: max(MOST_TOLD - len(self.notes), 0)]:
-            self.notes.append(note._replace(path=_below(path, note.path)))
+            raise Unreachable(_join_path(path, built.path) if built.path else path, built.why)
+        for one in built.unreached[: max(MOST_NOTES - len(self.unreached), 0)]:
+            self.unreached.append(one._replace(path=_join_path(path, one.path)))
+        for note in built.notes[: max(MOST_NOTES - len(self.notes), 0)]:
+            self.notes.append(note._replace(path=_join_path(path, note.path)))
         return built.type
 
-    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built | Unreachable:
+    def rebuild(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _RebuiltStruct | Unreachable:
         others = self.unreached, self.notes
         self.unreached, self.notes = [], []
         try:
-            made = self.struct(type_, node) if isinstance(type_, Struct) else self.union(type_, node)
-            return _Built(self.named(type_, made, path), self.unreached, self.notes)
+            made = self.lay_struct(type_, node) if isinstance(type_, Struct) else self.lay_union(type_, node)
+            return _RebuiltStruct(self.make_type(type_, made, path), self.unreached, self.notes)
         except Unreachable as failed:
             return failed
         finally:
@@ -296,7 +296,7 @@ class _Rebuild:
 
     def array(self, type_: Array, node: PlacedArray, path: str) -> Type:
         first = ",".join(str(low) for low, _ in type_.bounds)
-        element = self.type(type_.element, node.element, f"{path}[{first}]")
+        element = self.rebuild_type(type_.element, node.element, f"{path}[{first}]")
         found = type_ if element is type_.element else Array(type_.bounds, element)
         placed = self.placing.place(found, path)
         assert isinstance(placed, PlacedArray)
@@ -305,38 +305,38 @@ class _Rebuild:
             raise Unreachable(path, why)
         return found
 
-    def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
+    def lay_struct(self, type_: Struct, node: PlacedStruct) -> Builder:
         # No multiple of more is the size: no member may be aligned to it.
         limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
-        fill = self.filling(type_, node, limit)
+        fill = self.make_builder(type_, node, limit)
         for name, offset, bit, child, inner in members_of(type_, node):
             mark = len(self.unreached), len(self.notes)
             try:
-                fill.put(name, self.type(inner, child, name), offset, bit, name)
+                fill.put(name, self.rebuild_type(inner, child, name), offset, bit, name)
             except Unreachable as failed:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
-                self.unreached.append(_Raw(name, failed.path[len(name) :], failed.why))
+                self.unreached.append(_RawMemberNote(name, failed.path[len(name) :], failed.why))
                 self.raw.add((id(node), name))
                 with suppress(Unreachable):  # where no bytes can begin either, padding covers it
                     fill.put_raw(name, offset, child.size, bit is not None, name)
-        fill.finish(self.size(node, fill), "")
+        fill.pad_to_size(self.size(node, fill), "")
         return fill
 
-    def union(self, type_: Union, node: PlacedStruct) -> Filling:
-        fill = self.filling(type_, node)
+    def lay_union(self, type_: Union, node: PlacedStruct) -> Builder:
+        fill = self.make_builder(type_, node)
         for name, _, _, child, inner in members_of(type_, node):
-            fill.overlay(name, self.type(inner, child, name), name)
-        fill.cover(self.size(node, fill), "")
+            fill.overlay(name, self.rebuild_type(inner, child, name), name)
+        fill.pad_union(self.size(node, fill), "")
         return fill
 
-    def size(self, node: PlacedStruct, fill: Filling) -> int:
-        return fill.least(node.size) if node is self.longer else node.size
+    def size(self, node: PlacedStruct, fill: Builder) -> int:
+        return fill.least_size(node.size) if node is self.longer else node.size
 
-    def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
+    def make_builder(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Builder:
         cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)
-        return Filling(self.placing, cap, {one.name.casefold() for one in node.flat()}, limit)
+        return Builder(self.placing, cap, {one.name.casefold() for one in node.flat_members()}, limit)
 
-    def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
+    def make_type(self, type_: Struct | Union, fill: Builder, path: str) -> Struct | Union:
         members = tuple(fill.members)
         is_old = self.pack is None and not type_.base and not type_.bit_fields
         if is_old and [id(one.type) for one in members] == [id(one.type) for one in type_.members]:
@@ -351,10 +351,10 @@ class _Rebuild:
         return made(name, members, None, pack)
 
 
-def _below(path: str, inner: str) -> str:
+def _join_path(path: str, inner: str) -> str:
     return f"{path}.{inner}" if path else inner
 
 
-def told(found: PaddedType) -> list[str]:
+def list_notes(found: PaddedType) -> list[str]:
     lines = [f"{one.path or type_text(found.type)}: not reached: {one.text}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

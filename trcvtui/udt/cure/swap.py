@@ -11,7 +11,7 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7, LayoutRules
-from trcvtui.udt.st_write import joined, scl_name, scl_text, st_renamed, st_text, st_word
+from trcvtui.udt.st_write import join_arrays, rename_for_st, scl_name, scl_text, st_text, st_word
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -32,7 +32,7 @@ from trcvtui.udt.types import (
 Language = Literal["st", "scl"]
 BITS: Final = {2: "WORD", 4: "DWORD", 8: "LWORD"}
 # TIA converts these by way of a number.
-SCL_VIA: Final = {
+SCL_INTERMEDIATE_TYPES: Final = {
     "TIME": "DINT",
     "LTIME": "LINT",
     "DATE": "UINT",
@@ -40,7 +40,7 @@ SCL_VIA: Final = {
     "LTOD": "ULINT",
     "LDT": "LINT",
 }
-HELPERS: Final = {
+HELPER_FUNCTIONS: Final = {
     "SWAP2": """FUNCTION SWAP2 : WORD
 VAR_INPUT x : WORD; END_VAR
 SWAP2 := ROL(x, 8);
@@ -82,7 +82,7 @@ def language_of(rules: LayoutRules) -> Language:
     return "scl" if rules.name == S7.name else "st"
 
 
-class Swap(NamedTuple):
+class SwapCode(NamedTuple):
     """The swapped telegram as a type and as text, helper functions, statements; `left_out` is not swapped."""
 
     type: Type
@@ -96,12 +96,12 @@ class Swap(NamedTuple):
         return "\n".join(part for part in (self.types, self.helpers, self.code) if part)
 
 
-def swap_code(sent: Layout, language: Language = "st") -> Swap:
+def swap_code(sent: Layout, language: Language = "st") -> SwapCode:
     """Return what turns round the bytes of every number of the variable `msg`, into `wire`."""
-    return _Swapping(sent.rules, language).swap(sent)
+    return _SwapWriter(sent.rules, language).swap(sent)
 
 
-class _At(NamedTuple):
+class _SwapPosition(NamedTuple):
     """Where the statements are: the type as declared, target, source, the path as declared."""
 
     plain: Type
@@ -112,7 +112,7 @@ class _At(NamedTuple):
     indent: str = ""
 
 
-class _Swapping:
+class _SwapWriter:
     def __init__(self, rules: LayoutRules, language: Language) -> None:
         self.rules, self.language = rules, language
         self.left_out: list[str] = []
@@ -120,73 +120,73 @@ class _Swapping:
         self.deepest = 0
         self._made: dict[int, Struct] = {}
 
-    def swap(self, sent: Layout) -> Swap:
+    def swap(self, sent: Layout) -> SwapCode:
         plain = sent.type
         if self.language == "st":
-            sent = lay_out(st_renamed(sent.type), self.rules, st_word(sent.name))
-        made = self.turned(sent.type)
+            sent = lay_out(rename_for_st(sent.type), self.rules, st_word(sent.name))
+        made = self.swap_type(sent.type)
         assert lay_out(made, self.rules).size == sent.size
-        body = "\n".join(self.statements(sent.type, _At(plain, "wire", "msg", "")))
+        body = "\n".join(self.statements(sent.type, _SwapPosition(plain, "wire", "msg", "")))
         types, name = "", f"{sent.name}_swapped"
         if made is not sent.type:
             types = st_text(made, name) if self.language == "st" else scl_text(made, name, self.rules)
-        helpers = "\n".join(text for name, text in HELPERS.items() if name in self.helpers)
+        helpers = "\n".join(text for name, text in HELPER_FUNCTIONS.items() if name in self.helpers)
         loops = ", ".join(f"i{number}" for number in range(1, self.deepest + 1))
         note = f"{loops} : DINT; " if loops else ""
         name = getattr(made, "name", "") or name
-        head = f"// msg : {sent.name}; wire : {name}; {note}send {self.named('wire')}"
-        return Swap(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
+        head = f"// msg : {sent.name}; wire : {name}; {note}send {self.variable_name('wire')}"
+        return SwapCode(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
 
-    def turned(self, type_: Type) -> Type:
+    def swap_type(self, type_: Type) -> Type:
         """Return the type with a bit string for every number."""
         match type_:
             case Array(bounds=bounds, element=element):
-                made = self.turned(element)
+                made = self.swap_type(element)
                 return type_ if made is element else Array(bounds, made)
             case Struct():
                 if id(type_) not in self._made:
-                    self._made[id(type_)] = self.turned_struct(type_)
+                    self._made[id(type_)] = self.swap_struct(type_)
                 return self._made[id(type_)]
             case _:
-                row = self.number(type_)
+                row = self.number_row(type_)
                 return type_ if row is None or row.kind is ValueKind.BITS else ELEMENTARY[BITS[row.size]]
 
-    def turned_struct(self, type_: Struct) -> Struct:
-        members = tuple(Member(member.name, self.turned(member.type)) for member in type_.members)
-        base = None if type_.base is None else self.turned_struct(type_.base)
+    def swap_struct(self, type_: Struct) -> Struct:
+        members = tuple(Member(member.name, self.swap_type(member.type)) for member in type_.members)
+        base = None if type_.base is None else self.swap_struct(type_.base)
         pairs = zip(members, type_.members, strict=True)
         if base is type_.base and all(new.type is old.type for new, old in pairs):
             return type_
         name = f"{type_.name}_swapped" if type_.name else ""
         return Struct(name, members, base, type_.pack, type_.bit_fields)
 
-    def stored(self, type_: Type) -> Elementary | None:
-        return self.rules.stored(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
+    def stored_row(self, type_: Type) -> Elementary | None:
+        return self.rules.storage(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
 
-    def number(self, type_: Type) -> Elementary | None:
-        row = self.stored(type_)
+    def number_row(self, type_: Type) -> Elementary | None:
+        row = self.stored_row(type_)
         if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is ValueKind.ADDRESS:
             return None
         return row
 
-    def is_bytes(self, type_: Type) -> bool:
+    def keeps_bytes(self, type_: Type) -> bool:
         """Return whether no byte of the type has another place after the swap."""
         match type_:
             case Array() | Struct() | Union():
-                return all(map(self.is_bytes, parts_of(type_)))
+                return all(map(self.keeps_bytes, parts_of(type_)))
             case StringType(wide=wide):
                 return not wide
             case _:
-                row = self.stored(type_)
+                row = self.stored_row(type_)
                 return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
 
-    def statements(self, type_: Type, at: _At) -> Iterator[str]:
+    def statements(self, type_: Type, at: _SwapPosition) -> Iterator[str]:
         _, to, of, path, _, indent = at
-        row = self.number(type_)
-        if self.is_bytes(type_) and _has_name(type_):
-            yield f"{indent}{self.named(to)} := {self.named(of)};"
+        row = self.number_row(type_)
+        if self.keeps_bytes(type_) and _has_type_name(type_):
+            yield f"{indent}{self.variable_name(to)} := {self.variable_name(of)};"
         elif row is not None:
-            yield f"{indent}{self.named(to)} := {self.swapped(row, self.named(of))};"
+            yield f"{indent}{self.variable_name(to)} := {self.swap_expression(row, self.variable_name(of))};"
         elif isinstance(type_, Array):
             yield from self.loops(type_, at)
         elif isinstance(type_, Struct):
@@ -201,30 +201,30 @@ class _Swapping:
             self.left_out.append(f"{path or of}: {what}")
             yield f"{indent}// {to} is not swapped here: {what}"
 
-    def loops(self, type_: Array, at: _At) -> Iterator[str]:
+    def loops(self, type_: Array, at: _SwapPosition) -> Iterator[str]:
         depth, indent, plain = at.depth, at.indent, at.plain
         if self.language == "scl":  # here the type is as declared
-            type_ = plain = joined(type_, self.rules)
+            type_ = plain = join_arrays(type_, self.rules)
         names = [f"i{depth + number}" for number in range(1, len(type_.bounds) + 1)]
         self.deepest = max(self.deepest, depth + len(names))
         inner = indent
         for name, (low, high) in zip(names, type_.bounds, strict=True):
-            yield f"{inner}FOR {self.named(name)} := {low} TO {high} DO"
+            yield f"{inner}FOR {self.variable_name(name)} := {low} TO {high} DO"
             inner += "    "
-        index = f"[{','.join(map(self.named, names))}]"
+        index = f"[{','.join(map(self.variable_name, names))}]"
         assert isinstance(plain, Array)
         below = at.path + index, depth + len(names), inner
-        there = _At(plain.element, at.to + index, at.of + index, *below)
+        there = _SwapPosition(plain.element, at.to + index, at.of + index, *below)
         yield from self.statements(type_.element, there)
         for _ in names:
             inner = inner[:-4]
             yield f"{inner}END_FOR;"
 
-    def swapped(self, row: Elementary, value: str) -> str:
+    def swap_expression(self, row: Elementary, value: str) -> str:
         """Return the expression of a number whose bytes are turned round."""
         bits = BITS[row.size]
         if self.language == "scl":
-            via = SCL_VIA.get(row.name)
+            via = SCL_INTERMEDIATE_TYPES.get(row.name)
             if via:
                 value = f"{row.name}_TO_{via}({value})"
             same = row.kind is ValueKind.BITS
@@ -237,11 +237,11 @@ class _Swapping:
             value = f"{row.name}_TO_{bits}({value})"
         return f"SWAP{row.size}({value})"
 
-    def named(self, path: str) -> str:
+    def variable_name(self, path: str) -> str:
         return f"#{path}" if self.language == "scl" else path
 
 
-def _has_name(type_: Type) -> bool:
+def _has_type_name(type_: Type) -> bool:
     while isinstance(type_, Array):
         type_ = type_.element
     return not isinstance(type_, Struct) or bool(type_.name)

@@ -10,7 +10,7 @@ from trcvtui.udt.layout.layout import Layout
 LANGUAGES: Final = {"lua": "Wireshark dissector"}  # name, which is the files' extension too -> title
 
 
-def check(to: str, port: int | None = None) -> None:
+def check_arguments(to: str, port: int | None = None) -> None:
     """Raise UserError for an unknown language, or a port that is none."""
     if to not in LANGUAGES:
         raise mistake("--to", f"'{to}'", "one of " + ", ".join(LANGUAGES))
@@ -20,7 +20,7 @@ def check(to: str, port: int | None = None) -> None:
 
 def export(layout: Layout, to: str, port: int | None = None) -> str:
     """Return the type in that language; raise UserError as `check` does, or for a type without a value."""
-    check(to, port)
-    from trcvtui.udt.exports.lua import write
+    check_arguments(to, port)
+    from trcvtui.udt.exports.lua import write_dissector
 
-    return write(layout, port)
+    return write_dissector(layout, port)

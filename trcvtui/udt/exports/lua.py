@@ -20,7 +20,7 @@ from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
 
 MOST_FIELDS = 20_000
-PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
+FILTER_PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
 LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
 CLOCKS = {
     ValueKind.DURATION: "duration",
@@ -28,10 +28,10 @@ CLOCKS = {
     ValueKind.TIME_OF_DAY: "clock",
     ValueKind.DATE_AND_TIME: "date_clock",
 }
-OWN_FORMS = {"8s": "bcd", "12s": "dtl"}
+OWN_FORM_READERS = {"8s": "bcd", "12s": "dtl"}
 
 
-def write(layout: Layout, port: int | None = None) -> str:
+def write_dissector(layout: Layout, port: int | None = None) -> str:
     """Return the dissector; without a port it waits for "Decode As"."""
     if not layout.size or not layout.leaf_count:
         raise mistake(layout.name, "a type without a value", "a type with at least one")
@@ -44,21 +44,21 @@ def write(layout: Layout, port: int | None = None) -> str:
     structs = [writer.struct(type_, node) for type_, node in structs_of(layout.type, layout.root)]
     rules, name = layout.rules, one_line(layout.name)
     form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
-    begin = Template(_parts()["begin"].text).substitute(
+    begin = Template(_read_parts()["begin"].text).substitute(
         name=name,
         form=form,
         where=f"TCP port {port}" if port else '"Decode As" on a TCP port',
         little=str(rules.byte_order == "little").lower(),
         size=layout.size,
-        title=quoted(name),
-        filter=quoted(filter_name(layout.name)),
-        about=quoted(f"{name} ({form})"),
+        title=quote(name),
+        filter=quote(filter_name(layout.name)),
+        about=quote(f"{name} ({form})"),
     )
     add = f"add({port}, proto)" if port else "add_for_decode_as(proto)"
-    end = Template(_parts()["end"].text).substitute(
+    end = Template(_read_parts()["end"].text).substitute(
         root=root, register=f'DissectorTable.get("tcp.port"):{add}'
     )
-    readers = [part.text for reader, part in _parts().items() if reader in writer.readers]
+    readers = [part.text for reader, part in _read_parts().items() if reader in writer.readers]
     return "".join(
         [begin, *readers, *(f"{text}\n" for text in (*writer.enumerations.values(), *structs)), end]
     )
@@ -70,7 +70,7 @@ class _LuaPart(NamedTuple):
 
 
 @cache
-def _parts() -> dict[str, _LuaPart]:
+def _read_parts() -> dict[str, _LuaPart]:
     """Return the parts of `dissector.lua` by name, in the order in which they are written."""
     text = Path(__file__).with_name("dissector.lua").read_text(encoding="utf-8")
     _, *pieces = re.split(r"^--- (.+)\n", text, flags=re.MULTILINE)
@@ -80,10 +80,10 @@ def _parts() -> dict[str, _LuaPart]:
 
 def filter_name(name: str) -> str:
     """Return the name of the protocol in a display filter."""
-    return PREFIX + ascii_word(name).lower()
+    return FILTER_PREFIX + ascii_word(name).lower()
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Return the text as a Lua string; what is not plain ASCII as its UTF-8 bytes."""
     written = []
     for byte in text.encode("utf-8", "replace"):
@@ -118,7 +118,7 @@ class _LuaWriter:
         return "\n".join([*lines, "  }", "end", ""])
 
     def node(self, type_: Type, node: Node, at: int, name: str | None, path: str, bit: int) -> str:
-        shown = "nil" if name is None else quoted(name)
+        shown = "nil" if name is None else quote(name)
         place = f"{at}, {node.size}, {shown}"
         match type_, node:
             case Struct() | Union(), PlacedStruct():
@@ -132,61 +132,61 @@ class _LuaWriter:
     def array(self, type_: Array, node: PlacedArray, at: int, name: str | None, path: str) -> str:
         shown = name or self.layout.name
         bounds = "{ " + ", ".join(f"{{ {low}, {high} }}" for low, high in type_.bounds) + " }"
-        place = f"{at}, {node.size}, {quoted(shown)}, {bounds}"
+        place = f"{at}, {node.size}, {quote(shown)}, {bounds}"
         if node.is_bits:
-            masked = f"masks({path}, {quoted(shown)}, {min(8, node.columns)})"
+            masked = f"masks({path}, {quote(shown)}, {min(8, node.columns)})"
             return f"bit_list({place}, {node.row_size}, {masked})"
         return f"list({place}, {node.pitch}, {self.node(type_.element, node.element, 0, shown, path, 0)})"
 
     def leaf(self, node: PlacedLeaf, place: str, name: str, path: str, bit: int) -> str:
         path = f'{path} .. ".value"' if path == "FILTER" else path
         if node.is_bit:
-            return f'leaf({place}, field("bool", {path}, {quoted(name)}, 8, nil, {1 << bit}))'
-        kind, more, read = self.form(node)
+            return f'leaf({place}, field("bool", {path}, {quote(name)}, 8, nil, {1 << bit}))'
+        kind, more, read = self.field_form(node)
         more = f", {more}" if more else ""
         read = f", {read}" if read else ""
-        return f'leaf({place}, field("{kind}", {path}, {quoted(name)}{more}){read})'
+        return f'leaf({place}, field("{kind}", {path}, {quote(name)}{more}){read})'
 
-    def form(self, node: PlacedLeaf) -> tuple[str, str, str]:
+    def field_form(self, node: PlacedLeaf) -> tuple[str, str, str]:
         if isinstance(node.type, StringType):
-            return "string", "", self.reads_text(node.type)
-        row = self.rules.stored(node.type)
+            return "string", "", self.text_reader(node.type)
+        row = self.rules.storage(node.type)
         if isinstance(node.type, Enumeration):
-            return _integer(row), f"base.DEC, {self.enumeration(node.type, row)}", ""
+            return _integer_type(row), f"base.DEC, {self.use_enumeration(node.type, row)}", ""
         match row.kind:
             case ValueKind.BOOL:
                 return "bool", "", ""
             case ValueKind.INTEGER:
-                return _integer(row), "base.DEC", ""
+                return _integer_type(row), "base.DEC", ""
             case ValueKind.BITS | ValueKind.ADDRESS:
-                return _integer(row), "base.HEX", ""
+                return _integer_type(row), "base.HEX", ""
             case ValueKind.REAL:
                 return "float" if row.size == 4 else "double", "", ""
             case ValueKind.CHARACTER:
-                return "string", "", self.uses("latin1" if row.size == 1 else "wide")
+                return "string", "", self.use("latin1" if row.size == 1 else "wide")
             case _:
-                return "string", "", self.reads_time(row)
+                return "string", "", self.time_reader(row)
 
-    def reads_text(self, text: StringType) -> str:
+    def text_reader(self, text: StringType) -> str:
         name = ("headed" if self.rules.text.header else "ended") + ("_wide" if text.wide else "")
-        reader = f", {self.uses('as_utf8')}" if text.utf8 else ""
-        return f"{self.uses(name)}({self.rules.text.length(text)}{reader})"
+        reader = f", {self.use('as_utf8')}" if text.utf8 else ""
+        return f"{self.use(name)}({self.rules.text.length(text)}{reader})"
 
-    def reads_time(self, row: Elementary) -> str:
-        if row.code in OWN_FORMS or row.name == "S5TIME":
-            return self.uses(OWN_FORMS.get(row.code, "s5time"))
+    def time_reader(self, row: Elementary) -> str:
+        if row.code in OWN_FORM_READERS or row.name == "S5TIME":
+            return self.use(OWN_FORM_READERS.get(row.code, "s5time"))
         epoch = f", {row.epoch_ns // DAY}" if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME) else ""
         signed = str(row.code.islower()).lower()
-        return f"{self.uses(CLOCKS[row.kind])}({quoted(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
+        return f"{self.use(CLOCKS[row.kind])}({quote(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
 
-    def uses(self, reader: str) -> str:
+    def use(self, reader: str) -> str:
         if reader not in self.readers:
             self.readers.add(reader)
-            for needed in _parts()[reader].calls:
-                self.uses(needed)
+            for needed in _read_parts()[reader].calls:
+                self.use(needed)
         return reader
 
-    def enumeration(self, type_: Enumeration, row: Elementary) -> str:
+    def use_enumeration(self, type_: Enumeration, row: Elementary) -> str:
         if type_ not in self.enumerations:
             name = self.taken_values("e_" + (type_.name or row.name))
             lines = [f"values.{name} = {{"]
@@ -194,13 +194,13 @@ class _LuaWriter:
             for word, number in type_.values:
                 if number is not None and abs(number) < LARGEST_EXACT and number not in told:
                     told.add(number)
-                    lines.append(f"  [{number}] = {quoted(word)},")
+                    lines.append(f"  [{number}] = {quote(word)},")
             self.enumerations[type_] = "\n".join([*lines, "}", ""])
             self.value_names[type_] = name
         return f"values.{self.value_names[type_]}"
 
 
-def _integer(row: Elementary) -> str:
+def _integer_type(row: Elementary) -> str:
     return f"{'int' if row.code.islower() else 'uint'}{8 * row.size}"
 
 
@@ -211,29 +211,29 @@ def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, Placed
     """Yield every structure and union with leaves in it once, those that others use before these."""
     seen: set[Struct | Union] = set()
 
-    def below(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
+    def walk(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
         if isinstance(type_, Array) and isinstance(node, PlacedArray):
-            yield from below(type_.element, node.element)
+            yield from walk(type_.element, node.element)
         elif isinstance(type_, Struct | Union) and isinstance(node, PlacedStruct) and type_ not in seen:
             seen.add(type_)
             for _, _, _, inner, member in members_of(type_, node):
                 if inner.leaves:
-                    yield from below(member, inner)
+                    yield from walk(member, inner)
             yield type_, node
 
-    yield from below(type_, node)
+    yield from walk(type_, node)
 
 
 def count_fields(type_: Type, node: Node) -> int:
     """Return how many paths without indices lead to a leaf; it may grow as 2 to the depth."""
     counts: dict[Type, int] = {}
 
-    def count(type_: Type, node: Node) -> int:
+    def count_paths(type_: Type, node: Node) -> int:
         while isinstance(type_, Array) and isinstance(node, PlacedArray):
             type_, node = type_.element, node.element
         return counts.get(type_, 1)
 
     for struct, placed in structs_of(type_, node):
         members = members_of(struct, placed)
-        counts[struct] = sum(count(member, inner) for _, _, _, inner, member in members if inner.leaves)
-    return count(type_, node)
+        counts[struct] = sum(count_paths(member, inner) for _, _, _, inner, member in members if inner.leaves)
+    return count_paths(type_, node)

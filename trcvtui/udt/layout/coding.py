@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LayoutRules
 from trcvtui.udt.literals import (
     EXPECTED,
-    calendar,
     date_and_time_text,
     date_ns,
     format_literal,
@@ -25,13 +24,14 @@ from trcvtui.udt.literals import (
     parse_integer,
     parse_literal,
     parse_s5time,
+    to_date,
 )
 from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, LeafType, StringType, ValueKind
 
 Value = bool | int | float | str
 
 
-class Refused(Exception):
+class ValueRefused(Exception):
     """A value that the type cannot hold; the text says what it can hold."""
 
 
@@ -66,28 +66,28 @@ def parse_hex_text(value: object, size: int) -> bytes | None:
 # The bytes after the text have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
 
 # What is no text in the encoding becomes codes that nothing else has, and comes back as the same bytes.
-ODD_CODES = {
+ENCODING_ERRORS = {
     "latin-1": "strict",
     "utf-8": "surrogateescape",
     "utf-16-le": "surrogatepass",
     "utf-16-be": "surrogatepass",
 }
-HALF = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
+SURROGATE = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
 
 
-def _marked(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
+def _mark_odd_codes(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
     """Return a coding of text that marks codes that are no characters: `no text: 16#DC00 and 2 more`."""
 
-    def odd(raw: bytes) -> str:
+    def describe_odd(raw: bytes) -> str:
         assert coding.to_value is not None
         (stored,) = struct.unpack(BYTE_ORDERS[rules.byte_order] + coding.code, raw)
-        found = HALF.findall(str(coding.to_value(stored)))
+        found = SURROGATE.findall(str(coding.to_value(stored)))
         told = coding.odd(raw) if coding.odd else ""
         more = f" and {len(found) - 1} more" if found[1:] else ""
         mark = f"no text: 16#{f'{ord(found[0]):04X}'[-digits:]}{more}" if found else ""
         return ", ".join(filter(None, (told, mark)))
 
-    return coding._replace(odd=odd)
+    return coding._replace(odd=describe_odd)
 
 
 def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
@@ -95,53 +95,53 @@ def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
-    coding = (_headed if rules.text.header else _ended)(type_, rules, charset)
-    return coding if charset == "latin-1" else _marked(coding, rules, 2 if type_.utf8 else 4)
+    coding = (_headed_coding if rules.text.header else _ended_coding)(type_, rules, charset)
+    return coding if charset == "latin-1" else _mark_odd_codes(coding, rules, 2 if type_.utf8 else 4)
 
 
-def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
+def _headed_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     longest = rules.text.length(type_)
     lengths = struct.Struct(BYTE_ORDERS[rules.byte_order] + ("HH" if type_.wide else "BB"))
     unit = lengths.size // 2
-    characters_of = _checked(type_, longest, charset, has_nul=True)
+    characters_of = _make_encoder(type_, longest, charset, has_nul=True)
 
     def to_value(raw: bytes) -> str:
         # An actual length beyond the field ends at the field.
         actual: int = lengths.unpack_from(raw)[1]
-        return raw[lengths.size :][: actual * unit].decode(charset, ODD_CODES[charset])
+        return raw[lengths.size :][: actual * unit].decode(charset, ENCODING_ERRORS[charset])
 
     def to_raw(value: object) -> bytes:
         characters = characters_of(value)
         return lengths.pack(longest, len(characters) // unit) + characters
 
-    def odd(raw: bytes) -> str:
+    def describe_odd(raw: bytes) -> str:
         own, actual = lengths.unpack_from(raw)
         if actual > longest:
             return f"length {actual} of {longest}"
         return f"longest {own}, not {longest}" if own != longest else ""
 
-    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
+    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, describe_odd)
 
 
-def _ended(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
+def _ended_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     unit = 2 if type_.wide else 1
     longest = rules.text.length(type_)
 
     def to_value(raw: bytes) -> str:
         # Without a NUL the text ends with the last character that may be one.
-        return raw[: min(_end(raw, unit), longest * unit)].decode(charset, ODD_CODES[charset])
+        return raw[: min(_find_end(raw, unit), longest * unit)].decode(charset, ENCODING_ERRORS[charset])
 
-    def odd(raw: bytes) -> str:
-        end = _end(raw, unit)
+    def describe_odd(raw: bytes) -> str:
+        end = _find_end(raw, unit)
         if end > longest * unit:
             return "no NUL" if end == len(raw) else f"length {end // unit} of {longest}"
         return ""
 
-    to_raw = _checked(type_, longest, charset, has_nul=False)
-    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
+    to_raw = _make_encoder(type_, longest, charset, has_nul=False)
+    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, describe_odd)
 
 
-def _end(raw: bytes, unit: int) -> int:
+def _find_end(raw: bytes, unit: int) -> int:
     if unit == 1:
         end = raw.find(0)
     else:
@@ -149,25 +149,25 @@ def _end(raw: bytes, unit: int) -> int:
     return len(raw) if end < 0 else end
 
 
-def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
+def _make_encoder(type_: StringType, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
     unit = 2 if type_.wide else 1
     codes = "" if has_nul else ", none of code 0"
     if not (type_.wide or type_.utf8):
         codes = f", codes {0 if has_nul else 1} to 255"
     expected = f"text of at most {longest} {'bytes in UTF-8' if type_.utf8 else 'characters'}{codes}"
 
-    def characters_of(value: object) -> bytes:
+    def encode_checked(value: object) -> bytes:
         if not isinstance(value, str) or ("\0" in value and not has_nul):
-            raise Refused(expected)
+            raise ValueRefused(expected)
         try:
-            characters = value.encode(charset, ODD_CODES[charset])
+            characters = value.encode(charset, ENCODING_ERRORS[charset])
         except UnicodeEncodeError:
-            raise Refused(expected) from None
+            raise ValueRefused(expected) from None
         if len(characters) > longest * unit:
-            raise Refused(expected)
+            raise ValueRefused(expected)
         return characters
 
-    return characters_of
+    return encode_checked
 
 
 # Bytes that are no such value are shown as hex, and that hex is taken back: nothing is lost on the way.
@@ -181,7 +181,7 @@ def _weekday(ns: int) -> int:
     return (ns // DAY + 4) % 7 + 1
 
 
-def _moment(year: int, month: int, day: int, hour: int, minute: int, second: int, ns: int) -> int | None:
+def _moment_ns(year: int, month: int, day: int, hour: int, minute: int, second: int, ns: int) -> int | None:
     """Return the nanoseconds since 1970; None when it is no date or no time of day."""
     date = date_ns(year, month, day)
     if date is None or hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
@@ -189,16 +189,16 @@ def _moment(year: int, month: int, day: int, hour: int, minute: int, second: int
     return date + hour * HOUR + minute * MINUTE + second * SECOND + ns
 
 
-def _parts(ns: int) -> tuple[int, int, int, int, int, int, int]:
-    """Return the parts of a moment, as `_moment` takes them."""
+def _split_moment(ns: int) -> tuple[int, int, int, int, int, int, int]:
+    """Return the parts of a moment, as `_moment_ns` takes them."""
     clock = ns % DAY
-    return *calendar(ns // DAY), clock // HOUR, clock // MINUTE % 60, clock // SECOND % 60, clock % SECOND
+    return *to_date(ns // DAY), clock // HOUR, clock // MINUTE % 60, clock // SECOND % 60, clock % SECOND
 
 
 # -- DATE_AND_TIME in BCD, and DTL ---------------------------------------------------------------------------
 
 
-def _dated(
+def _packed_date_coding(
     size: int,
     prefix: str,
     expected: str,
@@ -216,35 +216,35 @@ def _dated(
         ns = parse_date_and_time(value) if raw is None and isinstance(value, str) else None
         raw = raw if ns is None else bytes_of(ns)
         if raw is None:
-            raise Refused(f"{expected}, or its {size} bytes as 16#...")
+            raise ValueRefused(f"{expected}, or its {size} bytes as 16#...")
         return raw
 
-    def odd(raw: bytes) -> str:
+    def describe_odd(raw: bytes) -> str:
         ns, weekday = read(raw)
         if ns is None:
             return "no date"
         return "" if weekday == _weekday(ns) else f"weekday {weekday}, not {_weekday(ns)}"
 
-    return Coding(f"{size}s", to_value, to_raw, odd)
+    return Coding(f"{size}s", to_value, to_raw, describe_odd)
 
 
 def bcd_coding(_: LayoutRules) -> Coding:
     """Return DATE_AND_TIME of 8 bytes: YY MM DD hh mm ss, milliseconds in 3 digits, day of the week."""
     expected = "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999"
-    return _dated(8, "DT#", expected, _bcd_read, _bcd)
+    return _packed_date_coding(8, "DT#", expected, _parse_bcd, _format_bcd)
 
 
-def _bcd_read(raw: bytes) -> tuple[int | None, int]:
+def _parse_bcd(raw: bytes) -> tuple[int | None, int]:
     digits = raw.hex()
     if not digits[:15].isdecimal():
         return None, 0
     year, month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(0, 12, 2))
     year += 1900 if year >= 90 else 2000
-    return _moment(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
+    return _moment_ns(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
 
 
-def _bcd(ns: int) -> bytes | None:
-    year, month, day, hour, minute, second, rest = _parts(ns)
+def _format_bcd(ns: int) -> bytes | None:
+    year, month, day, hour, minute, second, rest = _split_moment(ns)
     if ns % MS or not FIRST_BCD_YEAR <= year <= LAST_BCD_YEAR:
         return None
     digits = f"{year % 100:02d}{month:02d}{day:02d}{hour:02d}{minute:02d}{second:02d}{rest // MS:03d}"
@@ -257,18 +257,18 @@ def dtl_coding(rules: LayoutRules) -> Coding:
 
     def read(raw: bytes) -> tuple[int | None, int]:
         year, month, day, weekday, *clock = fields.unpack(raw)
-        return _moment(year, month, day, *clock), weekday
+        return _moment_ns(year, month, day, *clock), weekday
 
     def bytes_of(ns: int) -> bytes | None:
-        year, month, day, *clock = _parts(ns)
+        year, month, day, *clock = _split_moment(ns)
         return fields.pack(year, month, day, _weekday(ns), *clock) if 0 <= year <= 0xFFFF else None
 
-    return _dated(12, "DTL#", "DTL such as DTL#2024-01-31-12:30:15.25", read, bytes_of)
+    return _packed_date_coding(12, "DTL#", "DTL such as DTL#2024-01-31-12:30:15.25", read, bytes_of)
 
 
 # -- S5TIME --------------------------------------------------------------------------------------------------
 
-BASES_MS = (10, 100, 1000, 10_000)
+S5_BASES_MS = (10, 100, 1000, 10_000)
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:
@@ -279,11 +279,11 @@ def s5time_coding(rules: LayoutRules) -> Coding:
     order = BYTE_ORDERS[rules.byte_order]
 
     def to_value(raw: int) -> Value:
-        ms = _s5_ms(raw)
+        ms = _s5_word_to_ms(raw)
         if ms is None:
             return f"16#{raw:04X}"
         # Another time base, or bits that say nothing: the word stands beside, so that it comes back.
-        return format_time(ms * MS, "S5T#") + ("" if _s5(ms) == raw else f" (16#{raw:04X})")
+        return format_time(ms * MS, "S5T#") + ("" if _ms_to_s5_word(ms) == raw else f" (16#{raw:04X})")
 
     def to_raw(value: object) -> int:
         word = parse_hex_text(value, 2)
@@ -291,34 +291,34 @@ def s5time_coding(rules: LayoutRules) -> Coding:
             return int.from_bytes(word, "big")
         text, _, beside = value.partition(" (") if isinstance(value, str) else ("", "", "")
         ns = parse_s5time(text)
-        raw = None if ns is None or ns % MS else _s5(ns // MS)
+        raw = None if ns is None or ns % MS else _ms_to_s5_word(ns // MS)
         if raw is not None and beside:
             word = parse_hex_text(beside.removesuffix(")"), 2) if beside.endswith(")") else None
             found = None if word is None else int.from_bytes(word, "big")
-            raw = found if found is not None and _s5_ms(found) == _s5_ms(raw) else None
+            raw = found if found is not None and _s5_word_to_ms(found) == _s5_word_to_ms(raw) else None
         if raw is None:
-            raise Refused(
+            raise ValueRefused(
                 "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."
             )
         return raw
 
-    def odd(raw: bytes) -> str:
+    def describe_odd(raw: bytes) -> str:
         (word,) = struct.unpack(order + "H", raw)
-        return "no S5TIME" if _s5_ms(word) is None else ""
+        return "no S5TIME" if _s5_word_to_ms(word) is None else ""
 
-    return Coding("H", to_value, to_raw, odd)
+    return Coding("H", to_value, to_raw, describe_odd)
 
 
-def _s5_ms(raw: int) -> int | None:
+def _s5_word_to_ms(raw: int) -> int | None:
     digits = f"{raw & 0xFFF:03x}"
     if not digits.isdecimal():
         return None
-    return int(digits) * BASES_MS[raw >> 12 & 3]
+    return int(digits) * S5_BASES_MS[raw >> 12 & 3]
 
 
-def _s5(ms: int) -> int | None:
+def _ms_to_s5_word(ms: int) -> int | None:
     """Return the word with the smallest time base that holds it exactly; None when there is none."""
-    for number, base in enumerate(BASES_MS):
+    for number, base in enumerate(S5_BASES_MS):
         if ms % base == 0 and 0 <= ms <= 999 * base:
             return number << 12 | int(str(ms // base), 16)
     return None
@@ -332,44 +332,44 @@ def coding_of(type_: LeafType, rules: LayoutRules) -> Coding:
     """Return how a leaf of this type is stored under these rules."""
     if isinstance(type_, StringType):
         return text_coding(type_, rules)
-    row = rules.stored(type_)
+    row = rules.storage(type_)
     if isinstance(type_, Enumeration):
-        return _enumeration(type_, row)
-    own = OWN_FORMS.get((row.name, row.code))
-    return own(rules) if own else CODINGS[row.kind](row, rules)
+        return _enumeration_coding(type_, row)
+    own = OWN_CODINGS.get((row.name, row.code))
+    return own(rules) if own else CODING_BY_KIND[row.kind](row, rules)
 
 
-def _bool(row: Elementary, rules: LayoutRules) -> Coding:
+def _bool_coding(row: Elementary, rules: LayoutRules) -> Coding:
     def to_raw(value: object) -> bool:
         if isinstance(value, str) and value.upper() in BOOL_TEXTS:
             return BOOL_TEXTS[value.upper()]
         if isinstance(value, int) and value in (0, 1):
             return bool(value)
-        raise Refused("true or false")
+        raise ValueRefused("true or false")
 
-    def odd(raw: bytes) -> str:
+    def describe_odd(raw: bytes) -> str:
         return hex_text(raw) if raw[0] > 1 else ""
 
-    return Coding(row.code, None, to_raw, None if row.name in rules.bits else odd)
+    return Coding(row.code, None, to_raw, None if row.name in rules.bits else describe_odd)
 
 
-def _whole(row: Elementary, _: LayoutRules | None = None) -> Coding:
+def _whole_coding(row: Elementary, _: LayoutRules | None = None) -> Coding:
     low, high = row.limits
 
     def to_raw(value: object) -> int:
         number = parse_integer(value) if isinstance(value, str) else value
         if not isinstance(number, int) or isinstance(number, bool) or not low <= number <= high:
-            raise Refused(f"{row.name}, a whole number from {low} to {high}")
+            raise ValueRefused(f"{row.name}, a whole number from {low} to {high}")
         return number
 
     return Coding(row.code, None, to_raw)
 
 
-def _real(row: Elementary, _: LayoutRules) -> Coding:
+def _real_coding(row: Elementary, _: LayoutRules) -> Coding:
     def to_raw(value: object) -> float:
         number = _float(value)
         if number is None or (row.size == 4 and LARGEST_REAL <= abs(number) < math.inf):
-            raise Refused(f"{row.name}, a number in its range, NaN, Infinity or -Infinity")
+            raise ValueRefused(f"{row.name}, a number in its range, NaN, Infinity or -Infinity")
         return number
 
     return Coding(row.code, None, to_raw)
@@ -387,33 +387,33 @@ def _float(value: object) -> float | None:
     return number if is_named or not math.isinf(number) else None
 
 
-def _character(row: Elementary, rules: LayoutRules) -> Coding:
+def _character_coding(row: Elementary, rules: LayoutRules) -> Coding:
     highest = row.limits[1]
 
     def to_raw(value: object) -> int:
         if not isinstance(value, str) or len(value) != 1 or ord(value) > highest:
-            raise Refused(f"{row.name}, one character from code 0 to {highest}")
+            raise ValueRefused(f"{row.name}, one character from code 0 to {highest}")
         return ord(value)
 
     coding = Coding(row.code, chr, to_raw)
-    return _marked(coding, rules) if row.size > 1 else coding
+    return _mark_odd_codes(coding, rules) if row.size > 1 else coding
 
 
 def _literal(row: Elementary, _: LayoutRules) -> Coding:
-    return _written(row, partial(format_literal, row), partial(parse_literal, row))
+    return _count_coding(row, partial(format_literal, row), partial(parse_literal, row))
 
 
-def _date(row: Elementary, rules: LayoutRules) -> Coding:
+def _date_coding(row: Elementary, rules: LayoutRules) -> Coding:
     a_day = DAY // row.unit_ns
 
     def to_value(count: int) -> str:
         rest = count % a_day * row.unit_ns
         return format_literal(row, count) + (f" (and {format_time(rest)})" if rest else "")
 
-    return _literal(row, rules) if a_day == 1 else _written(row, to_value, partial(_day_and_rest, row))
+    return _literal(row, rules) if a_day == 1 else _count_coding(row, to_value, partial(_parse_day, row))
 
 
-def _written(
+def _count_coding(
     row: Elementary, to_value: Callable[[int], str], count_of: Callable[[str], int | None]
 ) -> Coding:
     low, high = row.limits
@@ -421,13 +421,13 @@ def _written(
     def to_raw(value: object) -> int:
         count = count_of(value) if isinstance(value, str) else None
         if count is None or not low <= count <= high:
-            raise Refused(f"{row.name} from {to_value(low)} to {to_value(high)}, {EXPECTED[row.kind]}")
+            raise ValueRefused(f"{row.name} from {to_value(low)} to {to_value(high)}, {EXPECTED[row.kind]}")
         return count
 
     return Coding(row.code, to_value, to_raw)
 
 
-def _day_and_rest(row: Elementary, text: str) -> int | None:
+def _parse_day(row: Elementary, text: str) -> int | None:
     """Return the count of `D#1970-01-02 (and T#1s)`, or of the day alone; None when it is neither."""
     day, and_, rest = text.partition(" (and ")
     count = parse_literal(row, day)
@@ -439,8 +439,8 @@ def _day_and_rest(row: Elementary, text: str) -> int | None:
     return count + ns // row.unit_ns
 
 
-def _address(row: Elementary, _: LayoutRules) -> Coding:
-    whole = _whole(row)
+def _address_coding(row: Elementary, _: LayoutRules) -> Coding:
+    whole = _whole_coding(row)
 
     def to_value(address: int) -> str:
         return f"16#{address:0{2 * row.size}X}"
@@ -448,8 +448,8 @@ def _address(row: Elementary, _: LayoutRules) -> Coding:
     return Coding(row.code, to_value, whole.to_raw)
 
 
-def _enumeration(type_: Enumeration, row: Elementary) -> Coding:
-    whole = _whole(row)
+def _enumeration_coding(type_: Enumeration, row: Elementary) -> Coding:
+    whole = _whole_coding(row)
     numbers = {name.casefold(): number for name, number in type_.values}
 
     def to_raw(value: object) -> object:
@@ -459,20 +459,20 @@ def _enumeration(type_: Enumeration, row: Elementary) -> Coding:
     return Coding(whole.code, None, to_raw)
 
 
-CODINGS: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
-    ValueKind.BOOL: _bool,
-    ValueKind.INTEGER: _whole,
-    ValueKind.BITS: _whole,
-    ValueKind.REAL: _real,
-    ValueKind.CHARACTER: _character,
+CODING_BY_KIND: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
+    ValueKind.BOOL: _bool_coding,
+    ValueKind.INTEGER: _whole_coding,
+    ValueKind.BITS: _whole_coding,
+    ValueKind.REAL: _real_coding,
+    ValueKind.CHARACTER: _character_coding,
     ValueKind.DURATION: _literal,
-    ValueKind.DATE: _date,
+    ValueKind.DATE: _date_coding,
     ValueKind.TIME_OF_DAY: _literal,
     ValueKind.DATE_AND_TIME: _literal,
-    ValueKind.ADDRESS: _address,
+    ValueKind.ADDRESS: _address_coding,
 }
 # By name and `struct` code: the same name may be a plain count elsewhere.
-OWN_FORMS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {
+OWN_CODINGS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {
     ("DT", "8s"): bcd_coding,
     ("DTL", "12s"): dtl_coding,
     ("S5TIME", "H"): s5time_coding,

@@ -19,7 +19,7 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedArray,
     PlacedLeaf,
     codec_of,
-    find,
+    find_node,
     leaves_of,
 )
 from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
@@ -92,19 +92,19 @@ class Layout:
             owners[leaf.offset : leaf.offset + leaf.size] = array("i", [number]) * leaf.size
         return owners
 
-    def leaf_at(self, place: int) -> int | None:
+    def leaf_number_at(self, place: int) -> int | None:
         """Return the number of the first leaf that covers the byte at `place`."""
         number = self._owners[place] if 0 <= place < self.size else -1
         return None if number < 0 else number
 
-    def leaves_within(self, length: int) -> int:
+    def count_leaves_within(self, length: int) -> int:
         """Return how many leaves lie wholly in the first `length` bytes."""
         return sum(leaf.offset + leaf.size <= length for leaf in self._leaves)
 
-    def number_of(self, path: str) -> int:
+    def leaf_number(self, path: str) -> int:
         """Return the number of the leaf at a path such as `st.arr[2].x`; raise UserError if there is none."""
         try:
-            number, node = find(self.root, path)
+            number, node = find_node(self.root, path)
         except LookupError as unknown:
             where, found = f"{self.name}, '{path[:60]}'", f"'{str(unknown)[:60]}'"
             raise mistake(where, found, "a member or an index within bounds") from None
@@ -127,11 +127,11 @@ class Layout:
 
 def lay_out(type_: Type, rules: LayoutRules, name: str = "") -> Layout:
     """Return the layout of a type; raise UserError when it or a STRING in it is too long."""
-    name = _spelled(type_, name) or type_text(type_)
+    name = _declared_spelling(type_, name) or type_text(type_)
     return Layout(name, type_, rules, Placing(rules).place(type_, name))
 
 
-def _spelled(type_: Type, name: str) -> str:
+def _declared_spelling(type_: Type, name: str) -> str:
     # Names are the same in any case (IEC 61131-3); shown is the one in the declaration.
     own = type_.name if isinstance(type_, Struct | Union | Enumeration) else name
     return own if own.casefold() == name.casefold() else name
@@ -163,7 +163,7 @@ def profiles_for(type_: Type) -> tuple[Profile, ...]:
     return tuple(found)
 
 
-def same_layouts(
+def group_same_layouts(
     type_: Type, profiles: tuple[Profile, ...], name: str = "", own: LayoutRules | None = None
 ) -> list[tuple[tuple[Profile, ...], Layout]]:
     """Return the type laid out in each profile, those that mean the same together.
@@ -173,14 +173,14 @@ def same_layouts(
     found: dict[object, tuple[list[Profile], Layout]] = {}
     for profile in profiles:
         try:
-            layout = lay_out(type_, beside(profile.rules, own), name)
+            layout = lay_out(type_, merge_own_rules(profile.rules, own), name)
         except UserError:
             continue
-        found.setdefault(shape(layout), ([], layout))[0].append(profile)
+        found.setdefault(layout_shape(layout), ([], layout))[0].append(profile)
     return [(tuple(same), layout) for same, layout in found.values()]
 
 
-def beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
+def merge_own_rules(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
     """Return the rules of a profile, with what our side says beside it."""
     if own is None:
         return rules
@@ -188,38 +188,38 @@ def beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
     return replace(rules, pointer_size=own.pointer_size, string_even=even)
 
 
-def shape(layout: Layout, *, by_bytes: bool = False) -> object:
+def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
     """Return a value that is equal for two layouts of one type in which all bytes mean the same.
 
     `by_bytes`: it is also equal where only the sign of a duration, or the room after a text, differs.
     """
     rules, known = layout.rules, dict[int, object]()
 
-    def of_leaf(node: PlacedLeaf) -> object:
+    def leaf_shape(node: PlacedLeaf) -> object:
         form, size = stored_form(node.type, rules), node.size
         if isinstance(node.type, StringType):
             is_bytes = not node.type.wide
             size = 0 if by_bytes else size
         else:
-            row = rules.stored(node.type)
+            row = rules.storage(node.type)
             is_bytes = node.size == 1 or (row.name, row.code) == ("DT", "8s")
             if by_bytes and row.kind is ValueKind.DURATION:
                 form = (row.name, row.size, row.unit_ns)
         return size, node.is_bit, form, "" if is_bytes else rules.byte_order
 
-    def of(node: Node) -> object:
+    def shape_of(node: Node) -> object:
         if isinstance(node, PlacedLeaf):
-            return of_leaf(node)
+            return leaf_shape(node)
         if id(node) in known:
             return known[id(node)]
         if isinstance(node, PlacedArray):  # a single element has no next one
-            known[id(node)] = node.pitch if node.count > 1 and node.leaves else 0, of(node.element)
+            known[id(node)] = node.pitch if node.count > 1 and node.leaves else 0, shape_of(node.element)
         else:
             parts = zip(node.offsets, node.bits, node.nodes, strict=True)
-            known[id(node)] = tuple((offset, bit, of(one)) for offset, bit, one in parts if one.leaves)
+            known[id(node)] = tuple((offset, bit, shape_of(one)) for offset, bit, one in parts if one.leaves)
         return known[id(node)]
 
-    return layout.size, of(layout.root)
+    return layout.size, shape_of(layout.root)
 
 
 def has_text(type_: Type) -> bool:

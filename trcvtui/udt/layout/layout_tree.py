@@ -80,7 +80,7 @@ class PlacedStruct:
         self.leaves: int = firsts.pop()
         self.firsts = tuple(firsts)
 
-    def flat(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
+    def flat_members(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
         """Yield the members, those of what the type EXTENDS as members of its own."""
         for number, node in enumerate(self.nodes):
             name, at, before = self.names[number], offset + self.offsets[number], first + self.firsts[number]
@@ -88,7 +88,7 @@ class PlacedStruct:
                 is_bit = isinstance(node, PlacedLeaf) and node.is_bit
                 yield FlatMember(name, at, self.bits[number] if is_bit else None, node, before)
             else:
-                yield from node.flat(at, before)
+                yield from node.flat_members(at, before)
 
 
 class PlacedUnion(PlacedStruct):
@@ -135,7 +135,7 @@ def members_of(
     type_: Struct | Union, node: PlacedStruct
 ) -> Iterator[tuple[str, int, int | None, Node, Type]]:
     """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
-    for one, member in zip(node.flat(), all_members(type_), strict=True):
+    for one, member in zip(node.flat_members(), all_members(type_), strict=True):
         yield one.name, one.offset, one.bit, one.node, member.type
 
 
@@ -161,24 +161,24 @@ def indices(node: PlacedArray) -> Iterator[str]:
 
 
 _NAME = r'[^.\[\]"]+'
-_STEP = rf'\.?(?:({_NAME})|"((?:[^"]|"")*)")|\[([^\[\]]*)\]'
-_INDEX = r"(?a)\s*(-?\d{1,19})\s*"
+_STEP_PATTERN = rf'\.?(?:({_NAME})|"((?:[^"]|"")*)")|\[([^\[\]]*)\]'
+_INDEX_PATTERN = r"(?a)\s*(-?\d{1,19})\s*"
 
 
-def find(node: Node, path: str) -> tuple[int, Node]:
+def find_node(node: Node, path: str) -> tuple[int, Node]:
     """Return the node at a path and the number of its first leaf; raise LookupError naming a failed step."""
     number = at = 0
     while at < len(path):
-        step = re.match(_STEP, path[at:])
+        step = re.match(_STEP_PATTERN, path[at:])
         if step is None:
             raise LookupError(path[at:])
         at += step.end()
-        before, node = _below(node, step)
+        before, node = _find_child(node, step)
         number += before
     return number, node
 
 
-def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
+def _find_child(node: Node, step: re.Match[str]) -> tuple[int, Node]:
     name, quoted, indices = step.groups()
     name = quoted.replace('""', '"') if name is None and quoted is not None else name
     while name is not None and isinstance(node, PlacedStruct) and node.nodes:
@@ -199,7 +199,7 @@ def _element_number(node: PlacedArray, text: str) -> int | None:
     """Return the number of the element at an index such as `1,2`; None when it is not within bounds."""
     found, number = text.split(","), 0
     for index, (low, high) in zip(found, node.bounds, strict=False):
-        at = re.fullmatch(_INDEX, index)
+        at = re.fullmatch(_INDEX_PATTERN, index)
         if at is None or not low <= int(at[1]) <= high:
             return None
         number = number * (high - low + 1) + int(at[1]) - low
@@ -209,7 +209,7 @@ def _element_number(node: PlacedArray, text: str) -> int | None:
 # -- the leaves compiled: one `struct.Struct`, and what becomes of its raw values ---------------------------
 
 Data = bytes | bytearray | memoryview
-Values = tuple[Value | None, ...]
+LeafValues = tuple[Value | None, ...]
 
 
 class Codec:
@@ -227,7 +227,7 @@ class Codec:
                 self._conversions.append((number, leaf.coding.to_value))
         self._unpack = struct.Struct("".join(parts)).unpack_from
 
-    def read(self, data: Data) -> Values:
+    def read(self, data: Data) -> LeafValues:
         raw = self._unpack(data)
         if not self._conversions:
             return raw

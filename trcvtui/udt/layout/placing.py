@@ -85,27 +85,27 @@ class Placing:
     def place_leaf(self, type_: LeafType, where: str) -> PlacedLeaf:
         if isinstance(type_, StringType):
             form = self.rules.text
-            if form.length(type_) > form.most(type_):
-                expected = f"at most {form.most(type_)} characters"
+            if form.length(type_) > form.largest_length(type_):
+                expected = f"at most {form.largest_length(type_)} characters"
                 expected += ", or a layout without a header: codesys-8" if form.header else ""
                 raise mistake(where, type_text(type_), expected)
             align = max(2 if type_.wide else 1, self.rules.text_floor)
             return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)
-        row = self.rules.stored(type_)
+        row = self.rules.storage(type_)
         is_bit = row.name in self.rules.bits
         return PlacedLeaf(type_, coding_of(type_, self.rules), row.size, row.align, is_bit)
 
     def place_array(self, type_: Array, where: str) -> PlacedArray:
         element = self.place(type_.element, where)
         pitch, align = self.pitch(element)
-        return _checked(PlacedArray(type_, element, pitch, align), where)
+        return _check_size(PlacedArray(type_, element, pitch, align), where)
 
     def pitch(self, element: Node | Span) -> tuple[int, int]:
         """Return how far it is to the next element of an ARRAY; its alignment."""
-        pitch = up(element.size, min(element.align, self.rules.cap))
+        pitch = round_up(element.size, min(element.align, self.rules.cap))
         return pitch, max(element.align, self.rules.array_floor)
 
-    def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
+    def place_members(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
         """Return the members, before them what the type EXTENDS as one member without a name.
 
         Raise UserError with what is wrong in all of them.
@@ -122,13 +122,13 @@ class Placing:
         return placed
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
-        parts = self.parts(type_, where)
-        spots, end, align = self.spots(type_, parts)
+        parts = self.place_members(type_, where)
+        spots, end, align = self.member_spots(type_, parts)
         pairs = zip(parts, spots, strict=True)
         placed = [PlacedMember(name, at, node, bit) for (name, _, node), (at, bit) in pairs]
-        return _checked(PlacedStruct(placed, up(end, align), align), where)
+        return _check_size(PlacedStruct(placed, round_up(end, align), align), where)
 
-    def spots(
+    def member_spots(
         self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
     ) -> tuple[list[tuple[int, int]], int, int]:
         """Return offset and bit of each part of a STRUCT, the end of the last one, the alignment."""
@@ -137,7 +137,7 @@ class Placing:
         end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
         for at, (_, inner, node) in enumerate(parts):
             if type_.bit_fields:
-                end, align = self.after_bits(type_, at, end, align)
+                end, align = self.place_bit_fields(type_, at, end, align)
                 bit = 0 if any(one.at == at for one in type_.bit_fields) else bit
             step = self.step(node, cap)
             align = max(align, step)
@@ -146,14 +146,14 @@ class Placing:
                 spots.append((end - 1, bit))
                 bit += 1
                 continue
-            offset = up(end, step)
+            offset = round_up(end, step)
             spots.append((offset, 0))
-            end = up(offset + node.size, self.end_floor(inner))
+            end = round_up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
-        end, align = self.after_bits(type_, len(parts), end, align)
+        end, align = self.place_bit_fields(type_, len(parts), end, align)
         return spots, end, align
 
-    def after_bits(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
+    def place_bit_fields(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
         """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
 
         One does not cross the bounds of its type; under any `#pragma pack` it does. One of no bits goes on
@@ -167,9 +167,9 @@ class Placing:
             step = self.bits_step(one, cap)
             unit, align = 8 * (one.size or step), max(align, step)
             if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
-                place = up(place, unit)
+                place = round_up(place, unit)
             place += one.width
-        return up(place, 8) // 8, align
+        return round_up(place, 8) // 8, align
 
     def bits_step(self, one: BitField, cap: int) -> int:
         """Return the alignment of a bit-field, or of an ARRAY without a length."""
@@ -178,15 +178,15 @@ class Placing:
         return max(min(self.pitch(self.place(one.element, ""))[1], cap), self.rules.member_floor)
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
-        cap, parts = self.cap(type_), self.parts(type_, where)
+        cap, parts = self.cap(type_), self.place_members(type_, where)
         align = self.rules.struct_floor if parts or type_.bit_fields else 1
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
         align = max([align, *(self.bits_step(one, cap) for one in type_.bit_fields)])
         for _, inner, node in parts:
             align = max(align, self.step(node, cap))
-            end = max(end, up(node.size, self.end_floor(inner)))
+            end = max(end, round_up(node.size, self.end_floor(inner)))
         placed = [PlacedMember(name, 0, node) for name, _, node in parts]
-        return _checked(PlacedUnion(placed, up(end, align), align), where)
+        return _check_size(PlacedUnion(placed, round_up(end, align), align), where)
 
     def cap(self, type_: Struct | Union) -> int:
         """Return the largest alignment of the type's members: its own pack_mode, if the layout has such."""
@@ -209,18 +209,18 @@ def has_padded_end(type_: Struct | Union) -> bool:
     """Return whether a class of C++ does not end with a member, where one that EXTENDS it may begin."""
     placing = Placing(rules_for("c"))
     try:
-        _, end, align = placing.spots(type_, placing.parts(type_, ""))
+        _, end, align = placing.member_spots(type_, placing.place_members(type_, ""))
     except UserError:
         return True
     return not end or end % align > 0 or any(one.element or not one.is_named for one in type_.bit_fields)
 
 
-def up(offset: int, align: int) -> int:
+def round_up(offset: int, align: int) -> int:
     """Return the next multiple of an alignment."""
     return -(-offset // align) * align
 
 
-def _checked(node: _N, where: str) -> _N:
+def _check_size(node: _N, where: str) -> _N:
     if node.size > MOST_BYTES:
         raise mistake(where, f"{node.size} bytes", f"at most {MOST_BYTES} bytes")
     if node.leaves > MOST_LEAVES:
@@ -239,7 +239,7 @@ class Unreachable(Exception):
         super().__init__(f"{path}: {why}")
 
 
-class Filling:
+class Builder:
     """A STRUCT that grows member by member; `cap` is its largest alignment, `taken` the names in it.
 
     `limit` is the alignment with which it can still have the size that it shall have.
@@ -275,7 +275,7 @@ class Filling:
             raise Unreachable(path, f"{why} under {self.rules.name}")
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
-        self._add(name, type_, up(offset + node.size, self.placing.end_floor(type_)))
+        self._add(name, type_, round_up(offset + node.size, self.placing.end_floor(type_)))
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
@@ -283,15 +283,15 @@ class Filling:
         if is_bit and self.end > offset:
             return
         if is_bit:
-            self.put(free_name(f"{name}_bits", self.taken), BYTE, offset, None, path)
+            self.put(claim_name(f"{name}_bits", self.taken), BYTE, offset, None, path)
         elif size:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
-    def least(self, size: int) -> int:
+    def least_size(self, size: int) -> int:
         """Return the least size of this or more that the type can have."""
-        return up(max(size, self.end), self.align)
+        return round_up(max(size, self.end), self.align)
 
-    def finish(self, size: int, path: str) -> None:
+    def pad_to_size(self, size: int, path: str) -> None:
         """Pad to the size; raise Unreachable when the type cannot have it."""
         if size % self.align:
             layout = self.rules.name
@@ -302,25 +302,25 @@ class Filling:
         """Put a member of a UNION at its begin."""
         node = self.placing.place(type_, path)
         self.align = max(self.align, self.placing.step(node, self.cap))
-        self._add(name, type_, max(self.end, up(node.size, self.placing.end_floor(type_))))
+        self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_floor(type_))))
 
-    def cover(self, size: int, path: str) -> None:
+    def pad_union(self, size: int, path: str) -> None:
         """Give a UNION its size by a member that is padding; raise Unreachable."""
         if self.end > size or size % self.align:
             why = f"a UNION of {size} bytes: under {self.rules.name} it is a multiple of {self.align}"
             raise Unreachable(path, why)
-        if up(self.end, self.align) != size:
+        if round_up(self.end, self.align) != size:
             pad = Array(((0, size - 1),), BYTE)
             self.overlay(self._pad_name(), pad, path)
-        if up(self.end, self.align) != size:
+        if round_up(self.end, self.align) != size:
             raise Unreachable(path, f"a UNION of {size} bytes cannot be reached under {self.rules.name}")
 
     def _fill_to(self, offset: int, step: int, path: str) -> None:
         kept = len(self.members), self.end, self.bits, self._pads, self.align
-        while self.end <= offset and up(self.end, step) < offset:
+        while self.end <= offset and round_up(self.end, step) < offset:
             if not self._pad_once(offset):
                 break
-        if up(self.end, step) != offset:
+        if round_up(self.end, step) != offset:
             end = kept[1]
             del self.members[kept[0] :]
             _, self.end, self.bits, self._pads, self.align = kept
@@ -331,14 +331,14 @@ class Filling:
         """Add one padding member before the offset: an ARRAY where one can lie, else a BYTE."""
         floor, member_floor = self.rules.array_floor, self.rules.member_floor
         size = offset - self.end
-        if up(self.end + size, floor) > offset:
+        if round_up(self.end + size, floor) > offset:
             size -= 1
         array_step = max(min(floor, self.cap), member_floor)
         if size > 1 and self.end % array_step == 0:
             self.align = max(self.align, array_step)
-            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), up(self.end + size, floor))
+            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), round_up(self.end + size, floor))
         else:
-            start = up(self.end, member_floor)
+            start = round_up(self.end, member_floor)
             if start >= offset:
                 return False
             self._add(self._pad_name(), BYTE, start + 1)
@@ -351,10 +351,10 @@ class Filling:
 
     def _pad_name(self) -> str:
         self._pads += 1
-        return free_name(f"_pad{self._pads}", self.taken)
+        return claim_name(f"_pad{self._pads}", self.taken)
 
 
-def free_name(name: str, taken: set[str]) -> str:
+def claim_name(name: str, taken: set[str]) -> str:
     """Return the name, or one like it that is not taken; it is taken then."""
     while name.casefold() in taken:
         name += "_"

@@ -45,7 +45,7 @@ class TextForm:
         """Return the number of characters that the text may have."""
         return self.default if text.length is None else text.length
 
-    def most(self, text: StringType) -> int:
+    def largest_length(self, text: StringType) -> int:
         """Return the largest length that may be declared."""
         return self.longest_wide if text.wide else self.longest
 
@@ -103,7 +103,7 @@ class LayoutRules:
             return replace(type_, size=self.pointer_size, align=self.pointer_size, code="I")
         return type_
 
-    def stored(self, type_: Elementary | Subrange | Pointer | Enumeration) -> Elementary:
+    def storage(self, type_: Elementary | Subrange | Pointer | Enumeration) -> Elementary:
         """Return the elementary type that decides the bytes, as this layout stores it."""
         match type_:
             case Elementary():
@@ -118,7 +118,7 @@ class LayoutRules:
 # it; the default is cap4. STRING: 82 bytes for 80 characters (Baosky library manual 7.15.2).
 BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
 BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED, text_forms=("s7", "cstr"))
-ANY_FORM: Final = ("s7", "cstr", "nul")
+ALL_TEXT_FORMS: Final = ("s7", "cstr", "nul")
 
 # Durations without a sign, DATE counts seconds.
 CODESYS = LayoutRules(
@@ -157,8 +157,8 @@ LAYOUTS = {
         BAOSKY,
         replace(BAOSKY, name="baosky-slot4", member_floor=4),
         replace(BAOSKY, name="baosky-pack4", struct_floor=1),
-        replace(BAOSKY, name="natural8", cap=8, text_forms=ANY_FORM),
-        replace(BAOSKY, name="packed", cap=1, struct_floor=1, text_forms=ANY_FORM),
+        replace(BAOSKY, name="natural8", cap=8, text_forms=ALL_TEXT_FORMS),
+        replace(BAOSKY, name="packed", cap=1, struct_floor=1, text_forms=ALL_TEXT_FORMS),
         *(replace(CODESYS, name=f"codesys-{pack}", cap=pack) for pack in (8, 4, 2, 1)),
         S7,
     )
@@ -182,12 +182,12 @@ def rules_for(
     """Return the rules of a layout, or these, with the settings that are given; raise UserError."""
     rules = layout
     if isinstance(rules, str):
-        rules = _known("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())
+        rules = _look_up("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())
     if byte_order is not None:
-        _known("byte order", byte_order, BYTE_ORDERS)
+        _look_up("byte order", byte_order, BYTE_ORDERS)
         rules = replace(rules, byte_order=byte_order)
     if text is not None:
-        form = _known("STRING form", text, TEXT_FORMS)
+        form = _look_up("STRING form", text, TEXT_FORMS)
         if form.name != rules.text.name:  # the default length is the vendor's, whatever the form
             rules = replace(rules, text=replace(form, default=min(rules.text.default, form.longest)))
     if pointer_size is not None:
@@ -225,7 +225,7 @@ class LayoutChoice(NamedTuple):
 NO_CHOICE: Final = LayoutChoice()
 
 
-def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
+def parse_choice(name: str, text: str, where: str = "") -> str | int | bool:
     """Return the value of one field of a choice from its text; raise UserError with what it can be."""
     choices: dict[str, dict[str, str | int | bool]] = {
         "layout": {name: name for name in layout_names()},
@@ -234,10 +234,10 @@ def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
         "pointer_size": {str(size): size for size in POINTER_SIZES},
         "string_even": {"yes": True, "no": False},
     }
-    return _known(where or name, text, choices[name])
+    return _look_up(where or name, text, choices[name])
 
 
-def _known(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:
+def _look_up(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:
     if name not in table:
         raise mistake(what, f"'{name}'", "one of " + ", ".join(names or table))
     return table[name]

@@ -26,15 +26,15 @@ from trcvtui.udt.types import (
     ValueKind,
 )
 
-UNITS: Final = {DAY: "days", SECOND: "s", MS: "ms", 1: "ns"}
-EPOCHS: Final = {0: "1970", 7305 * DAY: "1990"}
+UNIT_NAMES: Final = {DAY: "days", SECOND: "s", MS: "ms", 1: "ns"}
+EPOCH_YEARS: Final = {0: "1970", 7305 * DAY: "1990"}
 
 
 def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
     """Return a value that is equal for leaves that are stored alike."""
     if isinstance(type_, StringType):
         return type_.wide, type_.utf8, rules.text.header, rules.text.length(type_)
-    row = rules.stored(type_)
+    row = rules.storage(type_)
     return row.name, row.code, row.unit_ns, row.epoch_ns
 
 
@@ -44,20 +44,20 @@ def form_text(type_: LeafType, rules: LayoutRules) -> str:
         word = "WSTRING" if type_.wide else "STRING"
         where = "two lengths before it" if rules.text.header else "a NUL after it"
         return f"{word}[{rules.text.length(type_)}] with {where}"
-    row = rules.stored(type_)
+    row = rules.storage(type_)
     if row.code.endswith("s"):
         return f"{row.name} of {row.size} bytes, digit by digit"
     return row.name + _count_text(row)
 
 
 def _count_text(row: Elementary) -> str:
-    if row.unit_ns not in UNITS:
+    if row.unit_ns not in UNIT_NAMES:
         return f" of {row.size} bytes"
-    unit = UNITS[row.unit_ns]
+    unit = UNIT_NAMES[row.unit_ns]
     if row.kind is ValueKind.DURATION:
         return f" in {unit}, {'with' if row.code.islower() else 'without'} a sign"
     if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME):
-        return f" in {unit} since {EPOCHS[row.epoch_ns]}"
+        return f" in {unit} since {EPOCH_YEARS[row.epoch_ns]}"
     return f" in {unit}"
 
 
@@ -80,9 +80,9 @@ def mark_text(leaf: Leaf, raw: bytes) -> str:
 def _plain_text(type_: LeafType, size: int, value: Value) -> str:
     match type_:
         case StringType():
-            return _quoted(value)
+            return _quote(value)
         case Enumeration():
-            return f"{value} ({_name(type_, value)})"
+            return f"{value} ({_enumeration_name(type_, value)})"
         case Subrange(base=base, low=low, high=high):
             inside = isinstance(value, int) and low <= value <= high
             return _plain_text(base, size, value) + ("" if inside else f" (not {low}..{high})")
@@ -96,7 +96,7 @@ def _plain_text(type_: LeafType, size: int, value: Value) -> str:
         case ValueKind.REAL:
             return real_text(float(value), size)
         case ValueKind.CHARACTER:
-            return _quoted(value)
+            return _quote(value)
         case _:
             return str(value)
 
@@ -110,7 +110,7 @@ def real_text(value: float, size: int) -> str:
     stored = struct.pack("<f", value)
     for digits in range(6, 9):  # nine tell any two REALs apart
         number = float(f"{value:.{digits}g}")
-        if _packed(number) == stored:
+        if _pack_real(number) == stored:
             return repr(number)  # Python's form: 1e+06 reads 1000000.0
     return repr(value)
 
@@ -120,16 +120,16 @@ def special_text(value: float) -> str:
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
 
 
-def _packed(number: float) -> bytes:
+def _pack_real(number: float) -> bytes:
     try:
         return struct.pack("<f", number)
     except OverflowError:  # rounded up to beyond the largest REAL
         return b""
 
 
-def _quoted(value: Value) -> str:
+def _quote(value: Value) -> str:
     return f"'{one_line(str(value))}'"
 
 
-def _name(type_: Enumeration, value: Value) -> str:
+def _enumeration_name(type_: Enumeration, value: Value) -> str:
     return next((name for name, number in type_.values if number == value), "no name")

@@ -12,20 +12,20 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 from trcvtui.errors import Problem, UserError, all_problems, noting
-from trcvtui.udt.layout.coding import Refused, Value
+from trcvtui.udt.layout.coding import Value, ValueRefused
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
-from trcvtui.udt.layout.layout_tree import Data, Leaf, Values
+from trcvtui.udt.layout.layout_tree import Data, Leaf, LeafValues
 from trcvtui.udt.types import StringType
 
 
-def decode(layout: Layout, data: Data) -> Values:
+def decode(layout: Layout, data: Data) -> LeafValues:
     """Return the values of all leaves, None for each that is missing or partly present."""
     if layout.codec is not None and len(data) >= layout.size:
         return layout.codec.read(data)
     return decode_leaves(layout, data, 0, layout.leaf_count)
 
 
-def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> Values:
+def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> LeafValues:
     """Return the values of the leaves of number start..stop-1, None for each that is not wholly there."""
     parts = ((leaf, data[leaf.offset : leaf.offset + leaf.size]) for leaf in layout.leaves(start, stop))
     return tuple(decode_leaf(layout, leaf, part) if len(part) == leaf.size else None for leaf, part in parts)
@@ -43,21 +43,21 @@ def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
 def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Leaf, bytes]]) -> None:
     """Write leaves that share bytes; `taken` are the bits that the value of one before needs."""
     taken = bytearray(len(data))
-    for leaf, part in sorted(parts, key=lambda row: _order(layout, *row)):
+    for leaf, part in sorted(parts, key=lambda row: _write_order(layout, *row)):
         place = slice(leaf.offset, leaf.offset + leaf.size)
         own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
         value = decode_leaf(layout, leaf, part)
-        needed = _needed(layout, leaf, part) if isinstance(leaf.type, StringType) else own
+        needed = _needed_mask(layout, leaf, part) if isinstance(leaf.type, StringType) else own
         free = bytes(ours & ~theirs for ours, theirs in zip(own, taken[place], strict=True))
-        for mask, form in (*product((free, needed), (part, _beyond(layout, leaf, part))), (own, part)):
+        for mask, form in (*product((free, needed), (part, _equivalent(layout, leaf, part))), (own, part)):
             written = bytes(b & ~m | f & m for b, f, m in zip(data[place], form, mask, strict=True))
-            if _same(decode_leaf(layout, leaf, written), value):
+            if _is_same_value(decode_leaf(layout, leaf, written), value):
                 break
         data[place] = written
         taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken[place], strict=True))
 
 
-def _beyond(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
+def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
     """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
@@ -67,7 +67,7 @@ def _beyond(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
     return part[:unit] + b"\xff" * unit + part[2 * unit :]
 
 
-def _needed(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
+def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
     """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
     assert isinstance(leaf.type, StringType)
     unit = 2 if leaf.type.wide else 1
@@ -76,7 +76,7 @@ def _needed(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
     return bytes(255 if first <= at < last else 0 for at in range(len(part)))
 
 
-def _order(layout: Layout, leaf: Leaf, part: bytes) -> int:
+def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
     """Return a number that is higher where more other bytes say the same value; 0: each bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
@@ -85,11 +85,11 @@ def _order(layout: Layout, leaf: Leaf, part: bytes) -> int:
     return 3 if is_loose else 0
 
 
-def _same(one: Value, other: Value) -> bool:
+def _is_same_value(one: Value, other: Value) -> bool:
     return one == other or (one != one and other != other)
 
 
-LONGEST_SHOWN = 60
+LONGEST_VALUE_SHOWN = 60
 
 
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
@@ -103,19 +103,19 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     with all_problems() as problems:
         for path, value in values.items():
             with noting(problems):
-                number = layout.number_of(path)
+                number = layout.leaf_number(path)
                 if value is None:
                     continue
                 if layout.root.overlaps:
                     leaf = layout.leaf(number)
                     parts.append((leaf, encode_leaf(layout, leaf, value)))
                 else:
-                    put(layout, data, number, value)
+                    write_leaf(layout, data, number, value)
     _write_overlapping(layout, data, parts)
     return bytes(data)
 
 
-def put(layout: Layout, data: bytearray, number: int, value: object) -> None:
+def write_leaf(layout: Layout, data: bytearray, number: int, value: object) -> None:
     """Write one leaf into the bytes of the whole layout; raise UserError when the value does not fit."""
     leaf = layout.leaf(number)
     part = encode_leaf(layout, leaf, value)
@@ -131,18 +131,18 @@ def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
     """
     try:
         raw = leaf.coding.to_raw(value)
-    except Refused as refused:
+    except ValueRefused as refused:
         where = f"{layout.name}.{leaf.path}" if leaf.path else layout.name
-        raise UserError(Problem(where, _shown(value), str(refused))) from None
+        raise UserError(Problem(where, _describe_value(value), str(refused))) from None
     if leaf.bit is not None:
         return bytes([raw << leaf.bit])
     return struct.pack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, raw)
 
 
-def _shown(value: object) -> str:
+def _describe_value(value: object) -> str:
     if isinstance(value, int) and value.bit_length() > 128:  # Python writes no number of 4301 digits
         return f"a number of {value.bit_length()} bits"
     if isinstance(value, list | dict):
         return "a list" if isinstance(value, list) else "an object"
     text = repr(value)
-    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."
+    return text if len(text) <= LONGEST_VALUE_SHOWN else text[:LONGEST_VALUE_SHOWN] + "..."

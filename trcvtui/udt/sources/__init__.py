@@ -17,13 +17,13 @@ from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
-from trcvtui.udt.other_files import HEAD, refuse_other_file
+from trcvtui.udt.other_files import HEAD_BYTES, refuse_other_file
 from trcvtui.udt.sources.st import VARIABLES_NOTE, read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
-from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
+from trcvtui.udt.type_set import NO_TYPES, TypeSet, build_type, join_files
 from trcvtui.udt.types import Type
 
-Path = str | os.PathLike[str]
+SourcePath = str | os.PathLike[str]
 
 TIA: Final = SourceDialect(has_header=True, layout=S7.name)
 SIMATIC_SD: Final = SourceDialect(layout=S7.name)
@@ -31,7 +31,7 @@ B_AND_R: Final = SourceDialect(enum_base="DINT")
 CODESYS_2: Final = SourceDialect(has_objects=True)
 # TwinCAT 3 aligns to 8 (Beckhoff). CODESYS leaves it to the device, 8 on most; B&R and C to a C compiler.
 NATURAL: Final = CODESYS.name
-_NESTED: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
+_NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
 
 class TypeFormat(NamedTuple):
@@ -55,12 +55,12 @@ class TypeFormat(NamedTuple):
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
-    said = re.findall(_NESTED, text)
+    said = re.findall(_NESTED_COMMENTS_MARK, text)
     nests = "No" not in said or "Yes" in said
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))
 
 
-def _later(module: str, kind: str = "") -> Callable[..., Declarations]:
+def _lazy_reader(module: str, kind: str = "") -> Callable[..., Declarations]:
     """Return the reader of a module for XML or C, which the first such file imports."""
 
     def read(*given: Any) -> Declarations:
@@ -71,7 +71,7 @@ def _later(module: str, kind: str = "") -> Callable[..., Declarations]:
     return read
 
 
-_TWINCAT = _later("plcopen", "twincat")
+_READ_TWINCAT = _lazy_reader("plcopen", "twincat")
 
 FORMATS: Final = {
     row.name: row
@@ -81,14 +81,14 @@ FORMATS: Final = {
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
-        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _TWINCAT, "TcPlcObject", sender=NATURAL),
-        TypeFormat("PLCopen", (".xml",), _later("plcopen"), root="project", sender=NATURAL),
-        TypeFormat("Siemens Openness", (".xml",), _later("openness"), root="Document"),
-        TypeFormat("C header", (".h", ".hpp"), _later("c_header"), needs="the extra c", sender=NATURAL),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _READ_TWINCAT, "TcPlcObject", sender=NATURAL),
+        TypeFormat("PLCopen", (".xml",), _lazy_reader("plcopen"), root="project", sender=NATURAL),
+        TypeFormat("Siemens Openness", (".xml",), _lazy_reader("openness"), root="Document"),
+        TypeFormat("C header", (".h", ".hpp"), _lazy_reader("c_header"), needs="the extra c", sender=NATURAL),
     )
 }
 # What tells the format of a text without a suffix: the first that is found in it.
-_SIGNS = {
+_FORMAT_SIGNS = {
     r"\A\s*<": "PLCopen",  # or another XML: its root element tells
     r"\(\* @NESTEDCOMMENTS": "CODESYS 2.3",
     r'(?im)^[ \t]*(?:TYPE[ \t]+(?:"|UDT[ \t])|DATA_BLOCK[ \t]|VERSION[ \t]*:)': "TIA source",
@@ -112,7 +112,7 @@ def formats_text() -> str:
     )
 
 
-def type_files_in(folder: Path) -> list[str]:
+def type_files_in(folder: SourcePath) -> list[str]:
     """Return the names of the files in a folder whose extension is that of a format that can be read."""
     known = extensions()
     try:
@@ -121,7 +121,7 @@ def type_files_in(folder: Path) -> list[str]:
         return []
 
 
-def type_paths(typed: str, base: Path) -> list[str]:
+def complete_type_path(typed: str, base: SourcePath) -> list[str]:
     """Return the type files, and folders with a / at the end, that a path that is typed may go on to."""
     head = typed[: typed.rfind("/") + 1]
     folder = os.path.join(base, os.path.expanduser(head))
@@ -133,16 +133,16 @@ def type_paths(typed: str, base: Path) -> list[str]:
     return [head + name for name in names]
 
 
-def read_text(text: str, name: str, extension: str = "") -> Declarations:
+def parse_source(text: str, name: str, extension: str = "") -> Declarations:
     """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
-        found = (name for sign, name in _SIGNS.items() if re.search(sign, text))
+        found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
         rows = [FORMATS[next(found, "IEC text")]]
-    return read_xml_file(text, name) if rows[0].root else rows[0].declarations(text, name)
+    return parse_xml_source(text, name) if rows[0].root else rows[0].declarations(text, name)
 
 
-def read_xml_file(text: str, name: str) -> Declarations:
+def parse_xml_source(text: str, name: str) -> Declarations:
     """Return what an XML file declares: its root element tells the format, whatever its extension."""
     from trcvtui.udt.sources.xml_source import read_xml
 
@@ -155,7 +155,7 @@ def read_xml_file(text: str, name: str) -> Declarations:
 
 
 def read_files(
-    paths: Iterable[Path],
+    paths: Iterable[SourcePath],
     constants: Mapping[str, int] | None = None,
     has_system_types: bool = False,
     contents: Mapping[Any, bytes] = {},  # of those that were read before
@@ -166,12 +166,12 @@ def read_files(
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                read = declared_by(str(path), contents[path]) if path in contents else declarations_in(path)
-                files.append(apart(read, path, paths))
-    return join(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
+                read = parse_file(str(path), contents[path]) if path in contents else declarations_in(path)
+                files.append(qualify_variables(read, path, paths))
+    return join_files(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
 
 
-def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations:
+def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
     """Return what a file declares; variables that are named by it have its folder where others are alike."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
@@ -181,7 +181,7 @@ def apart(read: Declarations, path: Path, paths: Iterable[Path]) -> Declarations
     return read._replace(types=tuple([each._replace(name=f"{folder}/{each.name}") for each in read.types]))
 
 
-def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
+def set_header_context(paths: Iterable[SourcePath], long_size: int | None) -> None:
     """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
     from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
@@ -196,7 +196,7 @@ def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:
     """Return the type that a line such as `ARRAY[0..99] OF Telegram` names; raise UserError."""
-    return build(read_spec(text, where), types)
+    return build_type(read_spec(text, where), types)
 
 
 def decode_text(data: bytes) -> str:
@@ -215,23 +215,23 @@ def decode_text(data: bytes) -> str:
     return data.decode("cp1252", "replace")
 
 
-def declarations_in(path: Path) -> Declarations:
+def declarations_in(path: SourcePath) -> Declarations:
     """Return what a file declares; raise UserError when it cannot be read at all."""
-    extension = _extension(str(path))
+    extension = _check_extension(str(path))
     return declarations_of(content_of(path), str(path), extension)
 
 
 @lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
-def declared_by(path: str, content: bytes) -> Declarations:
+def parse_file(path: str, content: bytes) -> Declarations:
     """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
-    return declarations_of(content, path, _extension(path))
+    return declarations_of(content, path, _check_extension(path))
 
 
-def _extension(path: str) -> str:
+def _check_extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
         with suppress(OSError, ValueError):  # then the suffix is what is wrong
-            refuse_other_file(path, read_bytes(path, HEAD))
+            refuse_other_file(path, read_bytes(path, HEAD_BYTES))
         raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
     return extension
 
@@ -243,10 +243,10 @@ def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations
     if "\0" in text:
         found = "zero bytes, as in binary data or UTF-16 without a byte order mark"
         raise mistake(name, found, "text in UTF-8, or in UTF-16 with its mark")
-    return read_text(text, name, extension)
+    return parse_source(text, name, extension)
 
 
-def content_of(path: Path) -> bytes:
+def content_of(path: SourcePath) -> bytes:
     try:
         data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:

@@ -18,10 +18,10 @@ from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake, need, noting
 from trcvtui.udt import ast
-from trcvtui.udt.ast import CPP
-from trcvtui.udt.constants import LARGEST, LONGEST, quotient
+from trcvtui.udt.ast import CPP_NOTE
+from trcvtui.udt.constants import LARGEST_NUMBER, LONGEST_FORMULA, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.sources.cpp_source import MARKS, after, without_texts
+from trcvtui.udt.sources.cpp_source import CPP_MARKS, blank_texts, match_end
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
@@ -31,9 +31,9 @@ def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
     need("pycparser.c_parser", "c", name, "a C header, but no pycparser")
     source = CSource(text, name, lambda one, own: Macros(own).value(one), OTHER_HEADERS.get())
-    reader = _Reader(source)
-    for node in parsed(source):
-        reader.outer(node)
+    reader = _HeaderReader(source)
+    for node in parse_header(source):
+        reader.read_outer(node)
     return ast.Declarations(
         tuple(reader.types),
         tuple(source.problems),
@@ -44,7 +44,7 @@ def read_c_header(text: str, name: str) -> ast.Declarations:
 _Inside = tuple[Mapping[str, int | None], Mapping[str, ast.Spec]]  # constants and types that a class declares
 
 
-class _Reader:
+class _HeaderReader:
     """The walk over the declarations of a header."""
 
     def __init__(self, source: CSource) -> None:
@@ -71,7 +71,7 @@ class _Reader:
 
     # -- declarations ------------------------------------------------------------------------------------
 
-    def outer(self, node: Any) -> None:
+    def read_outer(self, node: Any) -> None:
         kind = type(node).__name__
         if isinstance(node, ast.Declaration):
             self.types.append(node)
@@ -82,7 +82,7 @@ class _Reader:
             inner = node.type
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
-            self.tagged(inner, node.name or "")
+            self.read_tagged(inner, node.name or "")
             is_constant = node.init is not None and "const" in node.quals
             value = fold(node.init, self.constants.get) if is_constant else None
             if node.name and value is not None:
@@ -101,12 +101,12 @@ class _Reader:
         if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
             self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
 
-    def tagged(self, node: Any, variable: str) -> None:
+    def read_tagged(self, node: Any, variable: str) -> None:
         if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
             return
         if node.name:
             self.tags.setdefault(node.name, node.name)
-            self.declare(node.name, node, lambda: self.inner(node, 0), variable)
+            self.declare(node.name, node, lambda: self.read_inner_type(node, 0), variable)
         elif type(node).__name__ == "Enum":
             self.enum(node)
 
@@ -118,7 +118,7 @@ class _Reader:
         with noting(self.problems):
             spec = read()
         where = self.where(node)
-        if spec and self.is_loose(spec):
+        if spec and self.is_unpacked(spec):
             self.loose.add(name)
         if not spec or isinstance(spec, ast.StructSpec):
             self.classes[name] = self.inside
@@ -130,19 +130,19 @@ class _Reader:
     def spec(self, node: Any, depth: int) -> ast.Spec:
         match type(node).__name__:
             case "TypeDecl":
-                return self.inner(node.type, depth)
+                return self.read_inner_type(node.type, depth)
             case "ArrayDecl":
                 return self.array(node, depth)
             case "PtrDecl":
-                return Pointer("POINTER TO " + _target(node.type))
+                return Pointer("POINTER TO " + _pointer_target(node.type))
         raise mistake(self.where(node), "a function", "a type with a size")
 
-    def inner(self, node: Any, depth: int) -> ast.Spec:
+    def read_inner_type(self, node: Any, depth: int) -> ast.Spec:
         if depth > ast.MOST_NESTED:
             raise mistake(self.where(node), "a type nested deeper", f"at most {ast.MOST_NESTED} levels")
         kind = type(node).__name__
         if kind == "IdentifierType":
-            return self.named(node)
+            return self.read_named_type(node)
         if not _is_definition(node):
             name = self.tags.get(node.name, node.name)
             return self.scope.get(node.name, ast.Reference(name, self.where(node)))
@@ -151,7 +151,7 @@ class _Reader:
             self.scope[node.name] = spec
         return spec
 
-    def named(self, node: Any) -> ast.Spec:
+    def read_named_type(self, node: Any) -> ast.Spec:
         words = sorted(word for word in node.names if word != "signed" or "char" in node.names)
         if len(words) > 1 and "int" in words and words != ["int", "unsigned"]:
             words.remove("int")
@@ -162,14 +162,14 @@ class _Reader:
             return self.scope[name]
         if name in self.aliases:
             return self.aliases[name]._replace(where=self.where(node))
-        if name in LONGS and self.long_size is not None:
+        if name in LONG_TYPES and self.long_size is not None:
             self.notes[f"long is taken as {self.long_size} bytes"] = None
             word = "int" if self.long_size == 4 else "long long"
             return ast.Reference(C_TYPES[name.replace("long", word)], self.where(node))
         is_plc = name.isupper() and any(include.endswith(PLC_TYPES) for include in self.source.includes)
-        if name in NO_ONE_SIZE and not is_plc:
-            raise mistake(self.where(node), f"'{' '.join(node.names)}'", NO_ONE_SIZE[name])
-        if name in FOUR_BYTES:
+        if name in AMBIGUOUS_TYPES and not is_plc:
+            raise mistake(self.where(node), f"'{' '.join(node.names)}'", AMBIGUOUS_TYPES[name])
+        if name in FOUR_BYTE_TYPES:
             self.notes["int is taken as 4 bytes"] = None
         return ast.Reference(C_TYPES.get(name, name), self.where(node))
 
@@ -189,18 +189,18 @@ class _Reader:
                     members += self.member(member, at, depth + 1, is_last)
         self.inside = self.constants.maps[0], self.scope.maps[0]
         self.constants, self.scope = outer
-        pack, by_pragma = self.source.pack(brace), self.source.by_pragma(brace)
+        pack, by_pragma = self.source.pack(brace), self.source.pragma_packing(brace)
         tails = [one for one in members if one.width == ast.NO_LENGTH]
         has_bits = any(one.width is not None for one in members)
         has_members = base or any(one.name and one not in tails for one in members)
         is_packed = cpp.has_classes and brace in self.source.braces
         parts = [*(each.spec for each in members), *([base] if base else ())]
         wrong = {
-            "without members" + f": {CPP}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
+            "without members" + f": {CPP_NOTE}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
             "of bit-fields that an attribute and a #pragma pack in two ways": has_bits
             and pack == 1 != (by_pragma or 1),
-            f"packed by an attribute around one that is not: {CPP}": is_packed
-            and any(map(self.is_loose, parts)),
+            f"packed by an attribute around one that is not: {CPP_NOTE}": is_packed
+            and any(map(self.is_unpacked, parts)),
         }
         for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
             raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
@@ -220,7 +220,7 @@ class _Reader:
             return None
         name = self.tags.get(parent, parent)
         if parent in self.scope or name not in self.classes:
-            raise mistake(self.where(node), f"base class '{parent}': {CPP}", "a class of this header")
+            raise mistake(self.where(node), f"base class '{parent}': {CPP_NOTE}", "a class of this header")
         return ast.Reference(name, self.where(node))
 
     def brace(self, node: Any) -> int:
@@ -230,7 +230,7 @@ class _Reader:
     def place(self, node: Any) -> int:
         return self.source.offset(node.coord.line, node.coord.column or 1)
 
-    def is_loose(self, spec: ast.Spec) -> bool:
+    def is_unpacked(self, spec: ast.Spec) -> bool:
         """Return whether a type is a class that is not packed: g++ may not pack it in another one."""
         while isinstance(spec, ast.ArraySpec):
             spec = spec.element
@@ -248,12 +248,12 @@ class _Reader:
         elif not name:
             kind, is_cpp = type(node.type).__name__, self.source.cpp.is_cpp
             if is_cpp and (kind == "Enum" or (kind in ("Struct", "Union") and node.type.name)):
-                self.inner(node.type, depth)
+                self.read_inner_type(node.type, depth)
                 return
             if kind not in ("Struct", "Union") or node.type.name:
                 raise mistake(where, "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            yield ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), where)
+            yield ast.MemberSpec(f"anonymous_{at}", self.read_inner_type(node.type, depth), where)
             return
         elif "_Atomic" in node.quals and self.source.cpp.has_types:
             self.scope[name] = self.spec(node.type, depth)
@@ -310,7 +310,7 @@ class _Reader:
         known = [value for _, value in values if isinstance(value, int)] or [0]
         if not base and (min(known) < -(1 << 31) or max(known) >= 1 << (31 if min(known) < 0 else 32)):
             raise mistake(self.where(node), "an enum of more than 32 bits", "values that 4 bytes hold")
-        name = self.named(SimpleNamespace(names=base.split() or ["int"], coord=node.coord))
+        name = self.read_named_type(SimpleNamespace(names=base.split() or ["int"], coord=node.coord))
         if not isinstance(name, ast.Reference):
             raise mistake(self.where(node), f"an enum of '{base}'", "an integer type")
         return ast.EnumSpec(name, tuple(values), is_scoped)
@@ -320,7 +320,7 @@ def _is_definition(node: Any) -> bool:
     return (node.values if type(node).__name__ == "Enum" else node.decls) is not None
 
 
-def _target(node: Any) -> str:
+def _pointer_target(node: Any) -> str:
     while type(node).__name__ in ("TypeDecl", "PtrDecl", "ArrayDecl"):
         node = node.type
     names = getattr(node, "names", None)
@@ -346,28 +346,28 @@ _IEC_TYPES = {
     "LREAL": ("double", "float64_t"),
 }
 C_TYPES = {word: name for name, words in _IEC_TYPES.items() for word in words}
-FOUR_BYTES = ("int", "int unsigned")
-LONGS = ("long", "long unsigned")
+FOUR_BYTE_TYPES = ("int", "int unsigned")
+LONG_TYPES = ("long", "long unsigned")
 # No size of their own in C; INT, UINT and BOOL have two bytes or one in IEC 61131-3, and four on Windows.
-NO_ONE_SIZE = {
-    **dict.fromkeys(LONGS, "int32_t or int64_t, or --long-size 4 or 8: compilers differ about it"),
+AMBIGUOUS_TYPES = {
+    **dict.fromkeys(LONG_TYPES, "int32_t or int64_t, or --long-size 4 or 8: compilers differ about it"),
     **dict.fromkeys(
         ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of one size"
     ),
     **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of one size, such as uint16_t"),
     **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ about it"),
 }
-LANGUAGE = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
+LANGUAGE_TYPES = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
 # What is declared in headers that are not read, and no word of the language.
 NAMED_TYPES = frozenset(
-    name for name in (*C_TYPES, *NO_ONE_SIZE) if name.isidentifier() and name not in LANGUAGE
+    name for name in (*C_TYPES, *AMBIGUOUS_TYPES) if name.isidentifier() and name not in LANGUAGE_TYPES
 )
 
 
 DEEPEST = 64
 
-_SUFFIX = re.compile(r"[uUlL]+\Z")
-_BINARY: dict[str, Callable[[int, int], int | None]] = {
+_NUMBER_SUFFIX = re.compile(r"[uUlL]+\Z")
+_BINARY_OPERATORS: dict[str, Callable[[int, int], int | None]] = {
     "/": lambda a, b: None if b == 0 else quotient(a, b),
     "%": lambda a, b: None if b == 0 else a - b * quotient(a, b),
     "<<": lambda a, b: a << b if 0 <= b < 64 else None,
@@ -377,7 +377,7 @@ _BINARY: dict[str, Callable[[int, int], int | None]] = {
     **dict(zip("+-*&|^", (add, sub, mul, and_, or_, xor), strict=True)),
     **dict(zip(("==", "!=", "<", ">", "<=", ">="), (eq, ne, lt, gt, le, ge), strict=True)),
 }
-_UNARY: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": inv, "!": not_}
+_UNARY_OPERATORS: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": inv, "!": not_}
 
 
 def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
@@ -387,30 +387,30 @@ def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int
     value: int | None = None
     match type(node).__name__:
         case "Constant":
-            value = _constant(node.value)
+            value = _parse_constant(node.value)
         case "ID":
             value = look_up(node.name)
         case "Cast":
             value = fold(node.expr, look_up, depth + 1)
-        case "UnaryOp" if node.op in _UNARY:
+        case "UnaryOp" if node.op in _UNARY_OPERATORS:
             inner = fold(node.expr, look_up, depth + 1)
-            value = None if inner is None else _UNARY[node.op](inner)
-        case "BinaryOp" if node.op in _BINARY:
+            value = None if inner is None else _UNARY_OPERATORS[node.op](inner)
+        case "BinaryOp" if node.op in _BINARY_OPERATORS:
             left = fold(node.left, look_up, depth + 1)
             right = fold(node.right, look_up, depth + 1)
-            value = None if left is None or right is None else _BINARY[node.op](left, right)
+            value = None if left is None or right is None else _BINARY_OPERATORS[node.op](left, right)
         case "TernaryOp":
             asked = fold(node.cond, look_up, depth + 1)
             if asked is not None:
                 value = fold(node.iftrue if asked else node.iffalse, look_up, depth + 1)
-    return int(value) if value is not None and abs(value) <= LARGEST else None
+    return int(value) if value is not None and abs(value) <= LARGEST_NUMBER else None
 
 
 def formula(node: Any, depth: int = 0) -> str | None:
     """Return an expression as IEC 61131-3 writes it; None if it cannot."""
     match type(node).__name__ if depth <= DEEPEST else "":
         case "Constant":
-            value = _constant(node.value)
+            value = _parse_constant(node.value)
             return None if value is None else str(value)
         case "ID":
             return str(node.name)
@@ -422,10 +422,10 @@ def formula(node: Any, depth: int = 0) -> str | None:
     return None
 
 
-def _constant(text: str) -> int | None:
+def _parse_constant(text: str) -> int | None:
     if re.fullmatch(r"'[ -~]'", text):
         return ord(text[1])
-    digits = _SUFFIX.sub("", text).replace("'", "")
+    digits = _NUMBER_SUFFIX.sub("", text).replace("'", "")
     try:
         return int(digits, 8) if re.fullmatch(r"0[0-7]+", digits) else int(digits, 0)
     except ValueError:
@@ -433,34 +433,34 @@ def _constant(text: str) -> int | None:
 
 
 # A name that no typedef of this file declares, where only a type can stand: it comes from an #include.
-_FOREIGN = re.compile(
+_FOREIGN_TYPE = re.compile(
     r"(?:(?<=[;{}(,])|\A|\b(?:const|volatile|typedef|extern|static|_Atomic)\b)\s*([A-Za-z_]\w*)"
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
 # What may declare a type or a constant; functions and variables are passed over.
-_DECLARES = re.compile(
+_DECLARATION = re.compile(
     r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=|\bstruct\s+(?:alignas|__declspec)\b"
 )
 _WORD = re.compile(r"[A-Za-z_]\w*")
-_FAILED = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
+_PARSE_FAILURE = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
 
 
-def parsed(source: CSource) -> Iterator[Any]:
+def parse_header(source: CSource) -> Iterator[Any]:
     """Yield the outer declarations of a header as nodes; one that cannot be read as a bad `Declaration`."""
-    types = {found.group(1) for found in _FOREIGN.finditer(source.text)} - KEYWORDS
+    types = {found.group(1) for found in _FOREIGN_TYPE.finditer(source.text)} - KEYWORDS
     types |= NAMED_TYPES
-    for begin, end in _statements(without_texts(source.text)):
+    for begin, end in _split_statements(blank_texts(source.text)):
         text = source.text[begin:end]
-        if not _DECLARES.search(text):
+        if not _DECLARATION.search(text):
             continue
         used = sorted(types & set(_WORD.findall(text)))
         try:
-            if not _is_flat(text):
+            if not _is_shallow(text):
                 raise mistake(source.where(begin), "brackets nested deeper", f"at most {DEEPEST} levels")
-            nodes = _parse(text, used, source, begin)
-            source.check(begin, end)
+            nodes = _parse_part(text, used, source, begin)
+            source.check_moves(begin, end)
         except UserError as failed:
-            name = _name_of(text)
+            name = _find_declared_name(text)
             if name is None:
                 source.problems.extend(failed.problems)
                 continue
@@ -469,11 +469,11 @@ def parsed(source: CSource) -> Iterator[Any]:
         yield from nodes
 
 
-def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any]:
+def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> list[Any]:
     """Return the nodes of a part of a header; raise UserError."""
     from pycparser.c_parser import CParser, ParseError  # type: ignore[import-untyped]
 
-    line, column = source.place(begin)
+    line, column = source.line_and_column(begin)
     known = f"typedef int {', '.join(types)};" if types else ""
     try:
         tree = CParser().parse(f'{known}\n#line {line} "h"\n{" " * (column - 1)}{text}', "h")
@@ -482,22 +482,22 @@ def _parse(text: str, types: list[str], source: CSource, begin: int) -> list[Any
             return nodes
         where, what = source.where(begin), "a word before the brace"
     except ParseError as failed:
-        found = _FAILED.fullmatch(str(failed))
+        found = _PARSE_FAILURE.fullmatch(str(failed))
         where = f"{source.name}:{found[1]}:{found[2]}" if found else source.where(begin)
         what = found[3] if found else str(failed).rpartition(": ")[2]
     except (RecursionError, AssertionError, AttributeError, IndexError, KeyError, TypeError, ValueError):
         where, what = source.where(begin), "unknown to the C parser"
-    mark = MARKS.search(text)
+    mark = CPP_MARKS.search(text)
     if mark or source.cpp.is_cpp:
         where = source.where(begin + mark.start()) if mark else where
         shown = " ".join(mark[0].split())[:60] if mark else what[:60]
         expected = "a class of plain members alone: what else is in it may change its size"
-        raise mistake(where, f"'{shown}': {CPP}", expected)
+        raise mistake(where, f"'{shown}': {CPP_NOTE}", expected)
     expected = "C declarations; of a macro that another header defines, --with that header"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
 
-def _is_flat(text: str) -> bool:
+def _is_shallow(text: str) -> bool:
     depth = 0
     for found in re.finditer(r"[(\[{}\])]", text):
         depth += 1 if found.group() in "([{" else -1
@@ -506,8 +506,8 @@ def _is_flat(text: str) -> bool:
     return True
 
 
-def _statements(text: str) -> Iterator[tuple[int, int]]:
-    depth, begin, is_function = 0, after(r"\s*", text, 0), False
+def _split_statements(text: str) -> Iterator[tuple[int, int]]:
+    depth, begin, is_function = 0, match_end(r"\s*", text, 0), False
     for found in re.finditer("[{};]", text):
         if found.group() == "{":
             if depth == 0:
@@ -515,18 +515,18 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
             depth += 1
             continue
         if depth == 0 and found.group() == "}":
-            begin = after(r"\s*", text, found.end())  # of a `namespace {`
+            begin = match_end(r"\s*", text, found.end())  # of a `namespace {`
             continue
         depth -= found.group() == "}"
         if depth == 0 and (found.group() == ";" or is_function):
             if not is_function:
                 yield begin, found.end()
-            begin, is_function = after(r"\s*", text, found.end()), False
+            begin, is_function = match_end(r"\s*", text, found.end()), False
     if begin < len(text):
         yield begin, len(text)
 
 
-def _name_of(text: str) -> str | None:
+def _find_declared_name(text: str) -> str | None:
     found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.search(r"\btypedef\b", text) else None
     extra = r"(?:(?:alignas|__declspec)\s*\([^;{}]*?\)\s*|\[\[[^;{}]*?\]\]\s*)*"
     found = found or re.search(rf"\b(?:struct|union|enum)\s+{extra}([A-Za-z_]\w*)", text)
@@ -545,11 +545,11 @@ class Macros:
         """Return the value of an expression, None if it has none."""
         if re.fullmatch(r"\d{1,18}", text) and not text.startswith("0"):
             return int(text)
-        if len(text) > LONGEST or not _is_flat(text):
+        if len(text) > LONGEST_FORMULA or not _is_shallow(text):
             return None
         types = sorted(NAMED_TYPES & set(_WORD.findall(text)))
         try:
-            nodes = _parse(f"enum {{ x = ({text}) }};", types, self.source, 0)
+            nodes = _parse_part(f"enum {{ x = ({text}) }};", types, self.source, 0)
             return fold(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
         except (UserError, AttributeError):  # no expression at all
             return None

@@ -13,41 +13,41 @@ from contextvars import ContextVar
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.sources.cpp_source import CppSource, blank, brace_pairs, without_texts
+from trcvtui.udt.sources.cpp_source import CppSource, blank_match, blank_texts, brace_pairs
 
-PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # 16 is 8: no type has more
-LONGEST_WORDS = 200
+PRAGMA_PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # 16 is 8: no type has more
+LONGEST_MACRO_TEXT = 200
 MOST_CALLS = 256  # of macros in a line, and in what they put into it
 MOST_CALLS_IN_ALL = 50_000
 MOST_NESTED = 64
 # A macro with one of these in it is no number.
-_WORDS = """
+_KEYWORD_TEXT = """
 struct union enum typedef const volatile static extern inline restrict void char short int long float double
 signed unsigned _Bool bool return if else for while do switch case break goto sizeof __attribute__ __packed
 __declspec __pragma _Alignas
 """
-KEYWORDS = frozenset(_WORDS.split())
+KEYWORDS = frozenset(_KEYWORD_TEXT.split())
 # Of all attributes only these change nothing in a layout and may be left out.
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 
 # Layouts of C are those of gcc on x86-64: without a byte order the bit-fields of Linux would be left out.
-_LITTLE = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
-_GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LITTLE, "1234")}
+_LE_MACROS = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
+_GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LE_MACROS, "1234")}
 
-_SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
+_SKIP = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
 _SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
 _CLASS = re.compile(r"\bclass\b(?=\s+\w+(?:\s+\w+)*\s*(?::(?!:)|[{;]))")
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
-_OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
+_PRAGMA_OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
 # Before `struct` gcc leaves an attribute out.
 _NAME_HEAD = re.compile(r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{")
-_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
+_STRUCT_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
 # What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
@@ -86,21 +86,21 @@ class CSource:
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
-        without_comments = self._without_comments(text)
-        ready = "\n".join(self._lines(_SCOPE.sub(blank, without_comments)))
+        without_comments = self._blank_comments(text)
+        ready = "\n".join(self._process_lines(_SCOPE.sub(blank_match, without_comments)))
         ready, count = _CLASS.subn("struct", ready)
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
-        self.cpp = CppSource(self._attributes(ready), bool(count), is_cpp)
+        self.cpp = CppSource(self._blank_attributes(ready), bool(count), is_cpp)
         self.text = self.cpp.text
 
-    def place(self, offset: int) -> tuple[int, int]:
+    def line_and_column(self, offset: int) -> tuple[int, int]:
         """Return line and column of a place in the ready text, both from 1."""
         line = bisect_right(self.starts, offset)
         return line, offset - self.starts[line - 1] + 1
 
     def where(self, offset: int) -> str:
         """Return file, line and column of a place in the ready text."""
-        line, column = self.place(offset)
+        line, column = self.line_and_column(offset)
         return f"{self.name}:{line}:{column}"
 
     def offset(self, line: int, column: int) -> int:
@@ -109,20 +109,20 @@ class CSource:
 
     def pack(self, brace: int) -> int | None:
         """Return the packing of the STRUCT that a brace opens."""
-        return 1 if brace in self.braces else self.by_pragma(brace)
+        return 1 if brace in self.braces else self.pragma_packing(brace)
 
-    def by_pragma(self, offset: int) -> int | None:
+    def pragma_packing(self, offset: int) -> int | None:
         line = bisect_right(self.starts, offset)
         return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
 
-    def check(self, begin: int, end: int) -> None:
+    def check_moves(self, begin: int, end: int) -> None:
         """Raise UserError when something between two places moves members in a way not understood."""
-        first, last = self.place(begin)[0], self.place(end)[0]
+        first, last = self.line_and_column(begin)[0], self.line_and_column(end)[0]
         moved = [problem for line, problem in self.moved if first <= line <= last]
         if moved:
             raise UserError(moved)
 
-    def refuse(self, line: int, found: str, expected: str) -> None:
+    def report(self, line: int, found: str, expected: str) -> None:
         """Note what is wrong in a line."""
         self.problems.append(Problem(f"{self.name}:{line}", found, expected))
 
@@ -131,19 +131,19 @@ class CSource:
 
     # -- comments and lines ------------------------------------------------------------------------------
 
-    def _without_comments(self, text: str) -> str:
+    def _blank_comments(self, text: str) -> str:
         text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
 
-        def without(found: re.Match[str]) -> str:
+        def blank_comment(found: re.Match[str]) -> str:
             if found[0][0] in "\"'":
                 return found[0]
             if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
-                self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
-            return blank(found)
+                self.report(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
+            return blank_match(found)
 
-        return _SKIPPED.sub(without, text)
+        return _SKIP.sub(blank_comment, text)
 
-    def _lines(self, text: str) -> list[str]:
+    def _process_lines(self, text: str) -> list[str]:
         ready: list[str] = []
         lines = text.split("\n")
         at = 0
@@ -155,44 +155,44 @@ class CSource:
             at += 1
             directive = _DIRECTIVE.fullmatch(line)
             if directive:
-                self._direct(directive.group(1), directive.group(2).strip(), first)
-            if directive or not self._counts():
+                self._handle_directive(directive.group(1), directive.group(2).strip(), first)
+            if directive or not self._is_branch_active():
                 line = ""
-            opened = self._opened(line)
+            opened = self._count_open_brackets(line)
             while opened > 0 and at < len(lines):
                 line += "\n" + lines[at]
                 opened += lines[at].count("(") - lines[at].count(")")
                 at += 1
-            line = self._expanded(line)
-            pragma = _OPERATOR.fullmatch(line.strip(" \t;"))
+            line = self._expand_macros(line)
+            pragma = _PRAGMA_OPERATOR.fullmatch(line.strip(" \t;"))
             if pragma:
-                self._direct("pragma", (pragma[1] or pragma[2]).strip(), first)
+                self._handle_directive("pragma", (pragma[1] or pragma[2]).strip(), first)
                 line = ""
             # What stands beside a declaration the parser would pass over.
             line = re.sub(r"#(?=\s*pragma)", "@", line.replace("_Pragma", "_Pragma_beside_a_declaration"))
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
-            bare = without_texts(line)
+            bare = blank_texts(line)
             self._depth = max(0, self._depth + bare.count("{") - bare.count("}"))
         if self._conditions:
-            self.refuse(len(lines), "the end of the file", "#endif")
+            self.report(len(lines), "the end of the file", "#endif")
         return ready
 
-    def _counts(self) -> bool:
+    def _is_branch_active(self) -> bool:
         return all(counts for counts, _ in self._conditions)
 
-    def _expanded(self, line: str) -> str:
+    def _expand_macros(self, line: str) -> str:
         if self.words:
             line = _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
-        at, most = 0, 2 * len(line) + MOST_CALLS * LONGEST_WORDS
+        at, most = 0, 2 * len(line) + MOST_CALLS * LONGEST_MACRO_TEXT
         for _ in range(min(MOST_CALLS, self._calls_left) if self.calls else 0):
-            found = self._call(line, at)
+            found = self._find_call(line, at)
             if found is None or len(line) > most:
                 break
             self._calls_left -= 1
             at = found.start()
             names, body = self.calls[found[1]]
-            given, end = _arguments(line, found.end())
+            given, end = _split_arguments(line, found.end())
             if len(given) != len(names):
                 break  # the parser says so
             values = dict(zip(names, given, strict=True))
@@ -202,50 +202,50 @@ class CSource:
             line = line[:at] + text + "\n" * (count - text.count("\n")) + line[end:]
         return line
 
-    def _call(self, line: str, at: int = 0) -> re.Match[str] | None:
+    def _find_call(self, line: str, at: int = 0) -> re.Match[str] | None:
         return next((found for found in _CALL.finditer(line, at) if found[1] in self.calls), None)
 
-    def _opened(self, line: str) -> int:
+    def _count_open_brackets(self, line: str) -> int:
         """Return how many brackets a call of a macro leaves open: it goes on in the next line."""
-        found = self._call(line) if self.calls else None
+        found = self._find_call(line) if self.calls else None
         return 0 if found is None else line.count("(", found.start()) - line.count(")", found.start())
 
     # -- directives --------------------------------------------------------------------------------------
 
-    def _direct(self, kind: str, rest: str, line: int) -> None:
+    def _handle_directive(self, kind: str, rest: str, line: int) -> None:
         if kind in ("if", "ifdef", "ifndef", "elif", "else", "endif"):
-            self._condition(kind, rest, line)
-        elif not self._counts():
+            self._handle_condition(kind, rest, line)
+        elif not self._is_branch_active():
             return
         elif kind == "define":
             self._define(rest)
         elif kind == "undef":
-            self._forget(rest)
+            self._undefine(rest)
         elif kind == "include":
             self.includes.append(rest.strip('<>" \t'))
         elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
-            self._pragma_pack(rest, line)
+            self._handle_pragma_pack(rest, line)
         elif kind == "error":
-            self.refuse(line, f"'#error {rest[:60]}'", "a header that its own conditions accept")
+            self.report(line, f"'#error {rest[:60]}'", "a header that its own conditions accept")
 
-    def _condition(self, kind: str, rest: str, line: int) -> None:
+    def _handle_condition(self, kind: str, rest: str, line: int) -> None:
         outer = all(counts for counts, _ in self._conditions[:-1])
         if kind in ("if", "ifdef", "ifndef"):
             if len(self._conditions) >= MOST_NESTED:
                 expected = f"at most {MOST_NESTED} levels"
                 raise mistake(f"{self.name}:{line}", f"#{kind} nested deeper", expected)
-            holds = self._counts() and self._holds(kind, rest, line)
+            holds = self._is_branch_active() and self._evaluate_condition(kind, rest, line)
             self._conditions.append((holds, holds))
         elif not self._conditions:
-            self.refuse(line, f"#{kind}", "#if before it")
+            self.report(line, f"#{kind}", "#if before it")
         elif kind == "endif":
             self._conditions.pop()
         else:
             done = self._conditions[-1][1]
-            holds = outer and not done and (kind == "else" or self._holds(kind, rest, line))
+            holds = outer and not done and (kind == "else" or self._evaluate_condition(kind, rest, line))
             self._conditions[-1] = (holds, done or holds)
 
-    def _holds(self, kind: str, rest: str, line: int) -> bool:
+    def _evaluate_condition(self, kind: str, rest: str, line: int) -> bool:
         """Return whether a condition holds; a name that nobody defined is 0, as in C."""
         if kind in ("ifdef", "ifndef"):
             return self._is_defined(rest) == (kind == "ifdef")
@@ -254,17 +254,17 @@ class CSource:
             lambda found: str(int(self._is_defined(found.group(1) or found.group(2)))),
             rest,
         )
-        asked = self._expanded(asked)
+        asked = self._expand_macros(asked)
         asked = _WORD.sub(lambda found: found.group() if found.group() in self.numbers else "0", asked)
         value = self.evaluate(asked, self)
         if value is None:
-            self.refuse(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
+            self.report(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
         return bool(value)
 
     def _is_defined(self, name: str) -> bool:
         return any(name in table for table in self._macros)
 
-    def _forget(self, name: str) -> None:
+    def _undefine(self, name: str) -> None:
         for table in self._macros:
             table.pop(name, None)
 
@@ -273,34 +273,34 @@ class CSource:
         if macro is None:
             return
         name, names, body = macro.group(1), macro.group(2), macro.group(3).strip()
-        self._forget(name)
+        self._undefine(name)
         if names:
             if "#" not in body and "..." not in names:  # else the parser says where it is used
-                self.calls[name] = [one.strip() for one in names[1:-1].split(",")], self._expanded(body)
+                self.calls[name] = [one.strip() for one in names[1:-1].split(",")], self._expand_macros(body)
             return
         words = _WORD.findall(body)
         if body and _NUMERIC.fullmatch(body) and not any(w in KEYWORDS or w in self.words for w in words):
             self.numbers[name] = body
         else:
-            body = self._expanded(body)
-            self.words[name] = body if len(body) <= LONGEST_WORDS else name
+            body = self._expand_macros(body)
+            self.words[name] = body if len(body) <= LONGEST_MACRO_TEXT else name
 
-    def _pragma_pack(self, rest: str, line: int) -> None:
+    def _handle_pragma_pack(self, rest: str, line: int) -> None:
         """Do what gcc does: what it does not understand it passes over."""
-        text = _WORD.sub(lambda word: self.numbers.get(word[0], word[0]), self._expanded(rest))
+        text = _WORD.sub(lambda word: self.numbers.get(word[0], word[0]), self._expand_macros(rest))
         found = _PACK.match(text)
         action, *more = [word.strip() for word in found[1].split(",")] if found else ["?"]
         if action not in ("push", "pop", "show"):
             action, more = "set", [action, *more] if action or more else []
         names = [word for word in more if _WORD.fullmatch(word) and action != "set"]
-        numbers = [PACKS.get(word, -1) for word in more if word[:1].isdigit() and action != "pop"]
+        numbers = [PRAGMA_PACKS.get(word, -1) for word in more if word[:1].isdigit() and action != "pop"]
         if self._depth > 0:
             self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
         now = self.packs[-1][1]
         if len(names) > 1 or len(numbers) > 1 or len(more) > len(names) + len(numbers) or -1 in numbers:
-            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
+            self.report(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
         elif action == "pop" and not self._stack:
-            self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
+            self.report(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
         elif action == "pop":
             at = next((at for at, (name, _) in enumerate(self._stack[::-1]) if [name] == names), 0)
             self.packs.append((line, self._stack[-1 - at][1]))
@@ -312,26 +312,26 @@ class CSource:
 
     # -- attributes --------------------------------------------------------------------------------------
 
-    def _attributes(self, text: str) -> str:
+    def _blank_attributes(self, text: str) -> str:
         pairs = brace_pairs(text)
 
-        def without(found: re.Match[str]) -> str:
+        def blank_attribute(found: re.Match[str]) -> str:
             listed = found.group("list")
             names = {"packed"} if listed is None else {n.strip().strip("_") for n in listed.split(",")} - {""}
-            brace = _braced(text, found.start(), found.end(), pairs) if "packed" in names else None
+            brace = _find_packed_brace(text, found.start(), found.end(), pairs) if "packed" in names else None
             if brace is not None:
                 self.braces.add(brace)
                 names.discard("packed")
             if names - HARMLESS:
-                line, _ = self.place(found.start())
+                line, _ = self.line_and_column(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
-            return blank(found)
+            return blank_match(found)
 
-        return _ATTRIBUTE.sub(without, text)
+        return _ATTRIBUTE.sub(blank_attribute, text)
 
 
-def _arguments(text: str, begin: int) -> tuple[list[str], int]:
+def _split_arguments(text: str, begin: int) -> tuple[list[str], int]:
     """Return the arguments of a call, and where it ends; without an end none."""
     found: list[str] = []
     depth = 0
@@ -345,8 +345,8 @@ def _arguments(text: str, begin: int) -> tuple[list[str], int]:
     return [], len(text)
 
 
-def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
+def _find_packed_brace(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
     if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
         return pairs.get(text.rindex("}", 0, begin))
-    ahead = (_NAME_HEAD if text.startswith("__attribute", begin) else _HEAD).match(text, end)
+    ahead = (_NAME_HEAD if text.startswith("__attribute", begin) else _STRUCT_HEAD).match(text, end)
     return ahead.end() - 1 if ahead else None

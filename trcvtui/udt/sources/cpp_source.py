@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from typing import Final
 
-DEEPEST: Final = 64
+DEEPEST_CLASS: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
 _QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
 # Words that change no size.
-_PLAIN: Final = re.compile(
+_HARMLESS_WORDS: Final = re.compile(
     r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)"
     r'|\[\[\s*(?:nodiscard|maybe_unused|noreturn|deprecated)\s*(?:\("[^"\n]*"\)\s*)?\]\]'
 )
@@ -29,12 +29,12 @@ _ARRAY: Final = re.compile(
 _ENUM: Final = re.compile(rf"\benum\b(\s+struct\b)?(?:\s+{_NAME})?\s*(:[\w\s]+)?\{{")
 _ALIAS: Final = re.compile(rf"\busing\s+({_NAME})\s*=([\w\s*]+);")
 _CONSTANT: Final = re.compile(r"\bconstexpr\b(?=[\w\s]*=(?:[\w\s+\-*/()|&'\0]|<<|>>)*;)")
-_LANGUAGE: Final = re.compile(
+_CPP_ONLY: Final = re.compile(
     r"\b(?:namespace|template|virtual|using|public|private|protected|constexpr|operator|friend)\s+\w|::"
 )
 # In a class, of which the brackets and texts hold NULs alone.
 _LABEL: Final = re.compile(r"(?:public|private|protected)\s*:(?!:)")
-_NOTHING: Final = re.compile(
+_SIZELESS_DECLARATION: Final = re.compile(
     rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;|using\s+[\w:]+::\w+\s*;"
 )
 _STATIC: Final = re.compile(
@@ -58,12 +58,12 @@ _TYPE: Final = re.compile(r"(?:(?:const|volatile)\s+)*(?:struct|union|enum)\b")
 _VALUE: Final = re.compile(
     r"(?<![=!<>])=(?!=)[^;,{}]*(?:\{\0*\}\s*)?(?=[;,])|(?<=[\w\]])\s*\{\0*\}(?=\s*[;,])"
 )
-_FITS: Final = re.compile(  # its type surely holds the value
+_FITTING_VALUE: Final = re.compile(  # its type surely holds the value
     rf"(?<!short\s)\b(?:unsigned|int|size_t|u?int(?:32|64)_t)\s+{_NAME}\s*=|\A(?!.*\bbool\b).*=\s*\d{{1,2}}\s*\Z",
     re.DOTALL,
 )
 # What is C++ in a text that the C parser cannot read; the first of it is at fault.
-MARKS: Final = re.compile(
+CPP_MARKS: Final = re.compile(
     r"\b(?:virtual|template|alignas|operator|decltype|friend|using|constexpr|static)\b|\[\[|~|\w+\s*::"
     rf"|{_NAME}\s*<[^;{{}}()]*>|[\w>]\s*&&?\s*\w+\s*[;,]|(?<!:):(?!:)[^;{{}}()?]*\{{"
 )
@@ -80,34 +80,34 @@ class CppSource:
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
         self.parents: dict[int, str | None] = {}
         self.arrays: set[int] = set()
-        self.text, count = _PLAIN.sub(blank, text), 1
+        self.text, count = _HARMLESS_WORDS.sub(blank_match, text), 1
         while count:  # those in others are the next
-            self.text, count = _ARRAY.subn(self._array, self.text)
+            self.text, count = _ARRAY.subn(self._convert_array, self.text)
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
         self.has_types = "_Atomic" not in text
-        bare = without_texts(self.text)
+        bare = blank_texts(self.text)
         pairs, ends = brace_pairs(bare), list[int]()
         for found in _CLASS.finditer(bare):
             end = pairs.get(found.end() - 1, 0)
             ends = [one for one in ends if one > end]
-            if end and len(ends) < DEEPEST and not found[0].startswith("enum"):
+            if end and len(ends) < DEEPEST_CLASS and not found[0].startswith("enum"):
                 ends.append(end)
                 if head := _HEAD.fullmatch(found[0]):
                     self.parents[found.end() - 1] = head[2]
-                    self._blank(found.start() + head.start(1), found.start() + head.end(1))
+                    self._blank_range(found.start() + head.start(1), found.start() + head.end(1))
                 names = re.findall(rf"(?!final\b)\b{_NAME}", found[1].split(":")[0])
-                self._class(_flat(bare, found.end(), end), found.end(), names[-1] if names else "")
+                self._convert_class(_mask(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
-        self.is_cpp = is_cpp or self.has_classes or bool(_LANGUAGE.search(text))
+        self.is_cpp = is_cpp or self.has_classes or bool(_CPP_ONLY.search(text))
         for found in _ENUM.finditer(bare):
             if found[1] or found[2]:
                 self.bases[found.end() - 1] = (found[2] or ":int")[1:].strip(), bool(found[1])
-                self._blank(*found.span(1))
-                self._blank(*found.span(2))
-        outer = _flat(bare, 0, len(bare))
+                self._blank_range(*found.span(1))
+                self._blank_range(*found.span(2))
+        outer = _mask(bare, 0, len(bare))
         for found in _ALIAS.finditer(outer):
-            self._put(*found.span(), f"typedef {found[2].strip()} {found[1]};")
+            self._replace_range(*found.span(), f"typedef {found[2].strip()} {found[1]};")
         for found in _CONSTANT.finditer(outer):
             self._edits[found.start()] = "const    "
         parts, at = [], 0
@@ -116,36 +116,36 @@ class CppSource:
             at = begin + len(new)
         self.text = "".join([*parts, self.text[at:]])
 
-    def _array(self, found: re.Match[str]) -> str:
+    def _convert_array(self, found: re.Match[str]) -> str:
         """Return an array of C of the same length."""
         alias, element, length, name, more = found.groups(default="")
         declared = f"{alias or name}{more}[{length.strip()}]"
         self.arrays.add(found.end() - len(declared))
         return f"{'typedef ' * bool(alias)}{element.strip()} {declared}".rjust(len(found[0]))
 
-    def _blank(self, begin: int, end: int) -> None:
+    def _blank_range(self, begin: int, end: int) -> None:
         if 0 <= begin < end:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
-    def _put(self, begin: int, end: int, new: str) -> None:
+    def _replace_range(self, begin: int, end: int, new: str) -> None:
         """Put C in place of C++ in one line, where it has room; else that stays."""
         first = len(self.text[:begin].rstrip(" \t"))
         if "\n" not in self.text[begin:end] and len(new) <= end - first:
             begin = min(begin, end - len(new))
             self._edits[begin] = new.ljust(end - begin)
 
-    def _class(self, flat: str, start: int, name: str) -> None:
-        at = after(r"\s*", flat, 0)
+    def _convert_class(self, flat: str, start: int, name: str) -> None:
+        at = match_end(r"\s*", flat, 0)
         while at < len(flat):
-            text = flat[at : after(r"[^;]*;?", flat, at)]
+            text = flat[at : match_end(r"[^;]*;?", flat, at)]
             found = _LABEL.match(flat, at) or ("(" in text and _FUNCTION.match(flat, at)) or None
             if found and (found.re is _LABEL or self._is_function(found, start, name)):
-                self._blank(start + at, start + found.end())
+                self._blank_range(start + at, start + found.end())
                 at = found.end()
             else:
-                self._data(text, start + at)
+                self._convert_data(text, start + at)
                 at += len(text)
-            at = after(r"\s*", flat, at)
+            at = match_end(r"\s*", flat, at)
 
     def _is_function(self, found: re.Match[str], start: int, class_: str) -> bool:
         """Return whether it is surely no member with a size, nor a macro that could be one."""
@@ -163,33 +163,33 @@ class CppSource:
         is_plain = _PARAMETERS.match(given) and not name.isupper()
         return is_plain or bool(found["body"] or found["after"])
 
-    def _data(self, text: str, at: int) -> None:
+    def _convert_data(self, text: str, at: int) -> None:
         if re.search(r"\b(?:operator|virtual|template)\b", text):
             return
-        if _NOTHING.fullmatch(text):
-            self._blank(at, at + len(text))
+        if _SIZELESS_DECLARATION.fullmatch(text):
+            self._blank_range(at, at + len(text))
         elif found := _STATIC.fullmatch(text):
             given = self.text[at : at + len(text) - 1]
             if not re.search(r"\bconst(?:expr)?\b", text):
-                self._blank(at, at + len(text))
+                self._blank_range(at, at + len(text))
             else:
-                is_known = (found[2] or "")[:1] == "=" and _FITS.search(given)
+                is_known = (found[2] or "")[:1] == "=" and _FITTING_VALUE.search(given)
                 value = given[found.start(2) + 1 :] if is_known else '""'  # a name without a number
-                self._put(at, at + len(text), f"enum{{{found[1]}={value.strip()}}};")
+                self._replace_range(at, at + len(text), f"enum{{{found[1]}={value.strip()}}};")
         elif (alias := _ALIAS.fullmatch(text)) and self.has_types:
-            self._put(at, at + len(text), f"_Atomic {alias[2].strip()} {alias[1]};")
+            self._replace_range(at, at + len(text), f"_Atomic {alias[2].strip()} {alias[1]};")
         elif re.match(r"typedef\b", text) and self.has_types:
             self._edits[at] = "_Atomic"
         else:
             for found in () if _TYPE.match(text) else _VALUE.finditer(text):
-                self._blank(at + found.start(), at + found.end())
+                self._blank_range(at + found.start(), at + found.end())
 
 
-def without_texts(text: str) -> str:
+def blank_texts(text: str) -> str:
     return _QUOTED.sub(lambda found: "\0" * len(found[0]), text)
 
 
-def blank(found: re.Match[str]) -> str:
+def blank_match(found: re.Match[str]) -> str:
     return re.sub(r"[^\n]", " ", found.group())
 
 
@@ -205,12 +205,12 @@ def brace_pairs(text: str) -> dict[int, int]:
     return pairs
 
 
-def after(pattern: str, text: str, at: int) -> int:
+def match_end(pattern: str, text: str, at: int) -> int:
     found = re.compile(pattern).match(text, at)
     return found.end() if found else at
 
 
-def _flat(text: str, begin: int, end: int) -> str:
+def _mask(text: str, begin: int, end: int) -> str:
     """Return a part of a text with NULs in place of what stands in brackets."""
     parts, depth, at = list[str](), 0, begin
     for found in re.compile(r"[(\[{}\])]").finditer(text, begin, end):

@@ -11,24 +11,24 @@ from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import references
-from trcvtui.udt.sources.st import OPTIMISED, read_spec
-from trcvtui.udt.sources.xml_source import Element, deeper
+from trcvtui.udt.sources.st import OPTIMISED_NOTE, read_spec
+from trcvtui.udt.sources.xml_source import Element, deepen
 from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, Unplaced
 
-TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
-NOT_STORED = ("Temp", "Constant", "Return")
-BY_POINTER = "an in-out parameter, of which an instance keeps a pointer"
-INSTANCE = "an FB instance as the file lists it: it may hide members, so the places after it are a guess"
+TYPE_ELEMENT, DATA_BLOCK_ELEMENT = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
+UNSTORED_SECTIONS = ("Temp", "Constant", "Return")
+BY_POINTER_NOTE = "an in-out parameter, of which an instance keeps a pointer"
+INSTANCE_NOTE = "an FB instance as the file lists it: it may hide members, so the places after it are a guess"
 
 Copies = list[ast.Declaration]
 
 
 def read_openness(root: Element) -> ast.Declarations:
     """Return what an export declares; raise UserError when it holds something else."""
-    structs = list(root.all(TYPE, DATA_BLOCK))
+    structs = list(root.each(TYPE_ELEMENT, DATA_BLOCK_ELEMENT))
     if not structs:
         others = ", ".join(f"<{child.name}>" for child in root.children if child.name.startswith("SW."))
-        raise mistake(root.where, others or "no type", f"<{TYPE}> or <{DATA_BLOCK}>")
+        raise mistake(root.where, others or "no type", f"<{TYPE_ELEMENT}> or <{DATA_BLOCK_ELEMENT}>")
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
     copies: Copies = []
@@ -40,29 +40,29 @@ def read_openness(root: Element) -> ast.Declarations:
 
 
 def _declaration(element: Element, copies: Copies) -> ast.Declaration:
-    name = element.at("AttributeList", "Name")
+    name = element.find("AttributeList", "Name")
     if name is None or not name.text.strip():
         raise mistake(element.where, f"<{element.name}> without a name", "<AttributeList> with <Name>")
-    sections = element.at("AttributeList", "Interface", "Sections") or element.at("Interface", "Sections")
+    sections = element.find("AttributeList", "Interface", "Sections") or element.find("Interface", "Sections")
     problems: list[Problem] = []
     if sections is None:
         problems.append(Problem(element.where, f"'{name.text.strip()}' without members", "<Sections>"))
         return ast.Declaration(name.text.strip(), None, element.where, tuple(problems))
-    members = [m for section in sections.all("Section") for m in _members(section, 1, problems, copies)]
-    access = element.at("AttributeList", "MemoryLayout")
-    notes = (OPTIMISED,) if access is not None and access.text.strip() == "Optimized" else ()
+    members = [m for section in sections.each("Section") for m in _members(section, 1, problems, copies)]
+    access = element.find("AttributeList", "MemoryLayout")
+    notes = (OPTIMISED_NOTE,) if access is not None and access.text.strip() == "Optimized" else ()
     spec = ast.StructSpec(tuple(members))
-    is_data = element.name == DATA_BLOCK
+    is_data = element.name == DATA_BLOCK_ELEMENT
     return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes, is_data)
 
 
 def _members(element: Element, depth: int, problems: list[Problem], copies: Copies) -> list[ast.MemberSpec]:
     """Return the members in a section or a STRUCT; a bad one is noted and left out."""
     members: list[ast.MemberSpec] = []
-    for member in element.all("Member"):
+    for member in element.each("Member"):
         with noting(problems):
-            spec = _type(member.needed("Datatype"), member, depth, problems, copies)
-            members.append(ast.MemberSpec(member.needed("Name"), spec, member.where))
+            spec = _type(member.require("Datatype"), member, depth, problems, copies)
+            members.append(ast.MemberSpec(member.require("Name"), spec, member.where))
     return members
 
 
@@ -71,37 +71,37 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem], copie
     is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
     spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
     if is_struct:
-        return _filled(spec, ast.StructSpec(tuple(_members(member, deeper(depth, member), problems, copies))))
+        return _fill(spec, ast.StructSpec(tuple(_members(member, deepen(depth, member), problems, copies))))
     named = next(references(spec), None)
-    own = member.at("Sections")
+    own = member.find("Sections")
     if own is not None and named is not None and named.name.upper() not in ELEMENTARY:
-        _copy(named.name, own, deeper(depth, member), copies)
+        _keep_copy(named.name, own, deepen(depth, member), copies)
     return spec
 
 
-def _copy(name: str, own: Element, depth: int, copies: Copies) -> None:
+def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
     """Keep the members of a type of this name."""
     problems: list[Problem] = []
     members: list[ast.MemberSpec] = []
     kinds = set()
-    for section in own.all("Section"):
+    for section in own.each("Section"):
         kind = section.get("Name")
-        found = [] if kind in NOT_STORED else _members(section, depth, problems, copies)
-        members += map(_kept, found) if kind == "InOut" else found
+        found = [] if kind in UNSTORED_SECTIONS else _members(section, depth, problems, copies)
+        members += map(_instance_member, found) if kind == "InOut" else found
         kinds |= {kind} if found else set()
     if members or problems:
         is_instance = name.casefold() in BUILTIN_TYPES or not kinds <= {"", "None"}
-        notes = (INSTANCE,) if is_instance else ()
+        notes = (INSTANCE_NOTE,) if is_instance else ()
         spec = ast.StructSpec(tuple(members))
         copies.append(ast.Declaration(name, spec, own.where, tuple(problems), notes))
 
 
-def _kept(member: ast.MemberSpec) -> ast.MemberSpec:
+def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
     """Return what an instance keeps of an in-out parameter: the value of an elementary one."""
     row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.Reference) else None
     is_value = row is not None and row.name not in ("DT", "DTL")
-    return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER))
+    return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER_NOTE))
 
 
-def _filled(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
-    return spec._replace(element=_filled(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct
+def _fill(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
+    return spec._replace(element=_fill(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct

@@ -13,35 +13,35 @@ from trcvtui.udt import ast
 from trcvtui.udt.constants import evaluate
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_spec, read_st
-from trcvtui.udt.sources.xml_source import Element, deeper
+from trcvtui.udt.sources.xml_source import Element, deepen
 from trcvtui.udt.types import Pointer
 
-OBJECTS = ("DUT", "GVL")
+OBJECT_ELEMENTS = ("DUT", "GVL")
 
 
 def read_twincat(root: Element) -> ast.Declarations:
     """Return the type of a DUT, or the constants of a GVL; raise UserError for any other object."""
-    object_ = next(root.all(*OBJECTS), None)
+    object_ = next(root.each(*OBJECT_ELEMENTS), None)
     if object_ is None:
         kinds = ", ".join(f"<{child.name}>" for child in root.children[:3]) or "nothing"
         raise mistake(root.where, f"{kinds} in it", "a <DUT> or a <GVL>")
-    text = object_.at("Declaration")
+    text = object_.find("Declaration")
     if text is None or not text.text.strip():
         raise mistake(object_.where, f"<{object_.name}> without text", "<Declaration> with ST text")
-    read = read_inside(text)
+    read = read_element_text(text)
     if object_.name == "GVL":
-        return qualified(read, object_.get("Name"))
+        return qualify_constants(read, object_.get("Name"))
     if not read.types and not read.problems:
         return read._replace(problems=(Problem(text.where, "no type", "TYPE ... END_TYPE"),))
-    return read._replace(types=tuple(named(type_, object_.get("Name")) for type_ in read.types))
+    return read._replace(types=tuple(note_other_name(type_, object_.get("Name")) for type_ in read.types))
 
 
-def read_inside(text: Element) -> ast.Declarations:
+def read_element_text(text: Element) -> ast.Declarations:
     """Return what the ST text in an element declares; places in it are those of the file."""
     return read_st(text.text, text.source, text.text_line)
 
 
-def named(declaration: ast.Declaration, name: str) -> ast.Declaration:
+def note_other_name(declaration: ast.Declaration, name: str) -> ast.Declaration:
     """Return the declaration, with a note when the XML around it has another name."""
     if not name or name.casefold() == declaration.name.casefold():
         return declaration
@@ -49,7 +49,7 @@ def named(declaration: ast.Declaration, name: str) -> ast.Declaration:
     return declaration._replace(notes=(*declaration.notes, note))
 
 
-def qualified(read: ast.Declarations, list_: str) -> ast.Declarations:
+def qualify_constants(read: ast.Declarations, list_: str) -> ast.Declarations:
     """Return constants also as `GVL.NAME`, as bounds name them."""
     if not list_:
         return read
@@ -59,14 +59,14 @@ def qualified(read: ast.Declarations, list_: str) -> ast.Declarations:
 
 # -- PLCopen -------------------------------------------------------------------------------------------------
 
-NOT_TYPES = ("documentation", "addData")
+NON_TYPE_ELEMENTS = ("documentation", "addData")
 
 
 def read_plcopen(root: Element) -> ast.Declarations:
     """Return all data types of a project, and the constants of its global variables."""
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
-    for element in root.below("dataType", "union"):
+    for element in root.search("dataType", "union"):
         # A UNION without a name is the type of somebody's variable.
         if element.name == "union" and not element.get("name"):
             continue
@@ -74,17 +74,17 @@ def read_plcopen(root: Element) -> ast.Declarations:
             types.extend(_declarations(element))
     if not types and not problems:
         problems.append(Problem(root.where, "no data type", "<dataType> in a PLCopen project"))
-    constants = [constant for list_ in root.below("globalVars") for constant in _constants(list_).constants]
+    constants = [constant for list_ in root.search("globalVars") for constant in _constants(list_).constants]
     return ast.Declarations(tuple(types), tuple(problems), tuple(constants))
 
 
 def _declarations(element: Element) -> Iterator[ast.Declaration]:
-    name = element.needed("name")
+    name = element.require("name")
     plain = _plain_text(element)
     if plain is not None:
-        read = read_inside(plain)
+        read = read_element_text(plain)
         if read.types or read.problems:
-            yield from (named(type_, name) for type_ in read.types)
+            yield from (note_other_name(type_, name) for type_ in read.types)
             if read.problems:
                 yield ast.Declaration(name, None, plain.where, read.problems)
             return
@@ -99,8 +99,8 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
 
 def _additions(element: Element, kind: str) -> Iterator[Element]:
     """Yield what the vendor added under `.../plcopenxml/kind`."""
-    added = element.at("addData")
-    for data in added.all("data") if added else ():
+    added = element.find("addData")
+    for data in added.each("data") if added else ():
         if data.get("name").rpartition("/")[2].lower() == kind:
             yield from data.children
 
@@ -108,7 +108,7 @@ def _additions(element: Element, kind: str) -> Iterator[Element]:
 def _plain_text(element: Element) -> Element | None:
     """Return the element that holds the ST text of a type; None without."""
     for plain in _additions(element, "interfaceasplaintext"):
-        text = plain.at("xhtml") or plain
+        text = plain.find("xhtml") or plain
         if text.text.strip():
             return text
     return None
@@ -116,7 +116,7 @@ def _plain_text(element: Element) -> Element | None:
 
 def _extends(element: Element) -> ast.Reference | None:
     for inheritance in _additions(element, "datatypeinheritance"):
-        base = inheritance.at("Extends")
+        base = inheritance.find("Extends")
         if base is not None and base.text.strip():
             return ast.Reference(base.text.strip(), base.where)
     return None
@@ -124,10 +124,10 @@ def _extends(element: Element) -> ast.Reference | None:
 
 def _pack(element: Element) -> int | None:
     for attributes in _additions(element, "attributes"):
-        for attribute in attributes.all("Attribute"):
+        for attribute in attributes.each("Attribute"):
             if attribute.get("Name").lower() == "pack_mode":
                 pack = parse_integer(attribute.get("Value"))
-                if pack not in ast.PACKS:
+                if pack not in ast.PACK_MODES:
                     raise mistake(attribute.where, f"pack_mode '{attribute.get('Value')}'", "0, 1, 2, 4 or 8")
                 return pack
     return None
@@ -136,14 +136,14 @@ def _pack(element: Element) -> int | None:
 def _constants(list_: Element) -> ast.Declarations:
     plain = _plain_text(list_)
     if plain is not None:
-        return qualified(read_inside(plain), list_.get("name"))
+        return qualify_constants(read_element_text(plain), list_.get("name"))
     found: list[ast.Constant] = []
-    for variable in list_.all("variable") if list_.get("constant").strip() in ("true", "1") else ():
-        value = variable.at("initialValue", "simpleValue")
+    for variable in list_.each("variable") if list_.get("constant").strip() in ("true", "1") else ():
+        value = variable.find("initialValue", "simpleValue")
         whole = parse_integer(value.get("value")) if value else None
         if whole is not None and variable.get("name"):
             found.append(ast.Constant(variable.get("name"), whole, variable.where))
-    return qualified(ast.Declarations((), (), tuple(found)), list_.get("name"))
+    return qualify_constants(ast.Declarations((), (), tuple(found)), list_.get("name"))
 
 
 class _TypeWalk:
@@ -153,68 +153,68 @@ class _TypeWalk:
         self.problems: list[Problem] = []
 
     def base(self, element: Element, depth: int) -> ast.Spec:
-        inner = element.at("baseType")
+        inner = element.find("baseType")
         if inner is None:
             raise mistake(element.where, f"<{element.name}> without a type", "<baseType>")
         return self.type(inner, depth)
 
     def type(self, element: Element, depth: int) -> ast.Spec:
-        inner = _inner(element)
+        inner = _find_type_element(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
-        depth = deeper(depth, inner)
+        depth = deepen(depth, inner)
         return SPECS[inner.name](self, inner, depth) if inner.name in SPECS else _reference(inner)
 
     def struct(self, element: Element, depth: int) -> ast.Spec:
         members: list[ast.MemberSpec] = []
-        for variable in element.all("variable"):
+        for variable in element.each("variable"):
             with noting(self.problems):
-                name, type_ = variable.needed("name"), variable.at("type")
+                name, type_ = variable.require("name"), variable.find("type")
                 if type_ is None:
                     raise mistake(variable.where, f"member '{name}' without a type", "<type>")
                 members.append(ast.MemberSpec(name, self.type(type_, depth), variable.where))
         return ast.StructSpec(tuple(members), is_union=element.name == "union")
 
     def array(self, element: Element, depth: int) -> ast.Spec:
-        pairs = [_bounds(dimension) for dimension in element.all("dimension")]
+        pairs = [_bounds(dimension) for dimension in element.each("dimension")]
         if not pairs:
             raise mistake(element.where, "<array> without bounds", '<dimension lower="..." upper="..."/>')
         return ast.ArraySpec(tuple(pairs), self.base(element, depth))
 
     def enum(self, element: Element, _depth: int) -> ast.Spec:
-        list_, base = element.at("values"), _inner(element.at("baseType"))
-        values = [(value.needed("name"), _value(value)) for value in (list_.all("value") if list_ else ())]
+        list_, base = element.find("values"), _find_type_element(element.find("baseType"))
+        values = [(value.require("name"), _value(value)) for value in (list_.each("value") if list_ else ())]
         if not values:
             raise mistake(element.where, "<enum> without values", '<value name="..."/>')
         return ast.EnumSpec(_reference(base) if base else None, tuple(values))
 
     def range(self, element: Element, _depth: int) -> ast.Spec:
-        limits, base = element.at("range"), _inner(element.at("baseType"))
+        limits, base = element.find("range"), _find_type_element(element.find("baseType"))
         if limits is None or base is None:
             raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
         return ast.RangeSpec(_reference(base), *_bounds(limits))
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:
-        target = _inner(element.at("baseType"))
+        target = _find_type_element(element.find("baseType"))
         return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        return read_spec(element.needed("name"), element.where, first_line=0)
+        return read_spec(element.require("name"), element.where, first_line=0)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
         length = element.get("length").strip()
         return read_spec(element.name + (f"[{length}]" if length else ""), element.where, first_line=0)
 
 
-def _inner(element: Element | None) -> Element | None:
+def _find_type_element(element: Element | None) -> Element | None:
     """Return the element that stands for a type in <type> or <baseType>; None without."""
     children = element.children if element else ()
-    return next((child for child in children if child.name not in NOT_TYPES), None)
+    return next((child for child in children if child.name not in NON_TYPE_ELEMENTS), None)
 
 
 def _bounds(element: Element) -> tuple[ast.Number, ast.Number]:
-    low, high = (_number(element.needed(limit), element.where) for limit in ("lower", "upper"))
+    low, high = (_number(element.require(limit), element.where) for limit in ("lower", "upper"))
     for limit in (low, high):
         evaluate(limit, lambda name: None)  # refuses what is no formula
     if isinstance(low, int) and isinstance(high, int) and high < low:
@@ -235,7 +235,7 @@ def _value(value: Element) -> ast.Number | None:
 
 def _reference(element: Element) -> ast.Reference:
     """Return a type by its name: `<derived name="T"/>`, or `<INT/>`."""
-    name = element.needed("name") if element.name == "derived" else element.name
+    name = element.require("name") if element.name == "derived" else element.name
     return ast.Reference(name, element.where)
 
 

@@ -15,25 +15,25 @@ from trcvtui.errors import UserError, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
-from trcvtui.udt.sources.st_spec import SpecParser, encoded
+from trcvtui.udt.sources.st_spec import SpecParser, apply_encoding
 
-ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
+ACCESS_WORDS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
 # TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
-HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
-RETENTION = ("NON_RETAIN", "RETAIN", "READ_ONLY", "UNLINKED")  # of a data block, before its STRUCT
+HEADER_WORDS = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
+RETENTION_WORDS = ("NON_RETAIN", "RETAIN", "READ_ONLY", "UNLINKED")  # of a data block, before its STRUCT
 CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
-VARIABLES = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
-_BLOCKS = """FUNCTION FUNCTION_BLOCK PROGRAM DATA_BLOCK ORGANIZATION_BLOCK CONFIGURATION
+VARIABLE_BLOCKS = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
+_BLOCK_WORDS = """FUNCTION FUNCTION_BLOCK PROGRAM DATA_BLOCK ORGANIZATION_BLOCK CONFIGURATION
 CLASS INTERFACE METHOD PROPERTY ACTION"""
-OTHER_BLOCKS = frozenset((*VARIABLES, *_BLOCKS.split()))
+OTHER_BLOCKS = frozenset((*VARIABLE_BLOCKS, *_BLOCK_WORDS.split()))
 # With one of these reading can go on after something unknown.
-STARTS = ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
+RESTART_WORDS = ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
 VARIABLES_NOTE = "variables: laid out as a STRUCT of them; where a PLC keeps variables is its own matter"
-OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
+OPTIMISED_NOTE = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
 _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
-_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
+_OPTIMISED_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
 def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> ast.Declarations:
@@ -72,17 +72,17 @@ class Parser(SpecParser):
     def file(self) -> ast.Declarations:
         """Return all declarations up to the end of the text."""
         if self.sees("VAR", *OPENERS):
-            self.bare()
+            self.parse_bare()
         while not self.at_end():
             if self.accept("TYPE"):
-                self.block()
+                self.parse_type_block()
             elif self.sees("DATA_BLOCK") and self.end_of_block() is not None:
                 self.data_block()
             elif self.accept("NAMESPACE"):
                 with noting(self.problems):
-                    self.qualified("the name of a namespace")
+                    self.expect_qualified_name("the name of a namespace")
             elif self.sees("USING"):
-                self.skip_to(";", *STARTS)
+                self.skip_to(";", *RESTART_WORDS)
             elif self.end_of_block() is not None or self.sees(*OTHER_BLOCKS):
                 self.other_block()
             elif self.dialect.has_objects:
@@ -90,12 +90,12 @@ class Parser(SpecParser):
             elif not self.accept(";") and not self.accept("END_NAMESPACE"):
                 self.note(self.refusal("'TYPE'"))
                 self.advance()
-                self.skip_to(*STARTS)
+                self.skip_to(*RESTART_WORDS)
                 self.accept("END_TYPE")
         found = ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants))
         return found._replace(sender=ast.SenderLayout(self.layout), others=tuple(self.others))
 
-    def block(self) -> None:
+    def parse_type_block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
         while not self.accept("END_TYPE"):
             # A block of another kind begins with its word, and then has its name.
@@ -106,7 +106,7 @@ class Parser(SpecParser):
             if declaration := self.declaration():
                 self.types.append(declaration)
 
-    def bare(self) -> None:
+    def parse_bare(self) -> None:
         """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
         is_variables = self.sees("VAR")
         declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
@@ -139,15 +139,15 @@ class Parser(SpecParser):
         first = self.token
         spec: ast.Spec | None = None
         try:
-            if self.sees(*ACCESS) and self.is_name(1):
+            if self.sees(*ACCESS_WORDS) and self.is_name(1):
                 self.advance()
             if name:
-                spec = self.specified(None)
+                spec = self.parse_with_pragmas(None)
             else:
-                first, name = self.numbered("the name of a type or 'END_TYPE'")
-                spec = self.declared(is_block)
+                first, name = self.expect_numbered_name("the name of a type or 'END_TYPE'")
+                spec = self.parse_after_name(is_block)
             if not is_block:
-                self.rest(spec, "END_TYPE")
+                self.skip_member_end(spec, "END_TYPE")
             elif not (self.accept(";") or self.sees("BEGIN", "END_DATA_BLOCK")):
                 raise self.refusal("'BEGIN'")
         except UserError as refused:
@@ -163,49 +163,49 @@ class Parser(SpecParser):
             return None
         return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
-    def declared(self, is_block: bool) -> ast.Spec:
+    def parse_after_name(self, is_block: bool) -> ast.Spec:
         """Return what stands after the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
-        self.header(is_block)
+        self.skip_header(is_block)
         if base is None and (base := self.extends()):
             self.accept(":")
-        return self.specified(base)
+        return self.parse_with_pragmas(base)
 
-    def specified(self, base: ast.Reference | None) -> ast.Spec:
+    def parse_with_pragmas(self, base: ast.Reference | None) -> ast.Spec:
         """Return the type at the cursor with what the pragmas before it say."""
-        pragmas = self.pragmas(self.since, self.at)
+        pragmas = self.pragmas_between(self.since, self.at)
         first = self.token
-        spec = encoded(self.spec(), pragmas)
+        spec = apply_encoding(self.spec(), pragmas)
         if base is not None and not isinstance(spec, ast.StructSpec):
             raise self.refusal("STRUCT or UNION after EXTENDS", first)
         if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
-        access = [found[1].upper() for text in pragmas if (found := re.search(_ACCESS, text))]
+        access = [found[1].upper() for text in pragmas if (found := re.search(_OPTIMISED_ACCESS, text))]
         if access:
             self.layout = S7.name
         if "TRUE" in access:
-            self.notes.append(OPTIMISED)
+            self.notes.append(OPTIMISED_NOTE)
         return spec
 
     def extends(self) -> ast.Reference | None:
         """Return the name after EXTENDS, None where there is no such word."""
         if not self.accept("EXTENDS"):
             return None
-        token, name = self.qualified("a type")
+        token, name = self.expect_qualified_name("a type")
         return ast.Reference(name, self.where(token))
 
-    def header(self, is_block: bool) -> None:
+    def skip_header(self, is_block: bool) -> None:
         """Go after the colon, or after the header lines of a TIA source or a data block."""
         if self.accept(":"):
             return
         before = self.tokens[self.at - 1]
         has_header = is_block or self.dialect.has_header or before.shape is Shape.QUOTED
-        if not (has_header or self.sees(*HEADER_LINES)):
+        if not (has_header or self.sees(*HEADER_WORDS)):
             raise self.refusal("':'")
-        words = RETENTION if is_block else ()
-        while self.sees(*HEADER_LINES, *words):
+        words = RETENTION_WORDS if is_block else ()
+        while self.sees(*HEADER_WORDS, *words):
             first = self.advance()
-            line = self.source.line(first.place) if first.upper in HEADER_LINES else 0
+            line = self.source.line(first.place) if first.upper in HEADER_WORDS else 0
             while not self.at_end() and self.source.line(self.token.place) == line:
                 if self.sees("STRUCT", "VAR", *words) and first.upper != "TITLE":
                     break
@@ -218,7 +218,7 @@ class Parser(SpecParser):
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None
-        if found[1] not in map(str, ast.PACKS):
+        if found[1] not in map(str, ast.PACK_MODES):
             raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
         return int(found[1])
 
@@ -231,7 +231,7 @@ class Parser(SpecParser):
         return places[after] if after < len(places) else None
 
     def end_word(self) -> str:
-        return "END_VAR" if self.sees(*VARIABLES) else f"END_{self.token.upper}"
+        return "END_VAR" if self.sees(*VARIABLE_BLOCKS) else f"END_{self.token.upper}"
 
     def other_block(self) -> None:
         """Go after a block that declares no types; keep the constants of one that declares those."""
@@ -240,10 +240,10 @@ class Parser(SpecParser):
         if end is None:
             self.note(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()
-            self.skip_to(*STARTS)
+            self.skip_to(*RESTART_WORDS)
             return
         is_variables = self.advance().upper in CONSTANT_BLOCKS
-        while self.sees("RETAIN", "PERSISTENT", *ACCESS):
+        while self.sees("RETAIN", "PERSISTENT", *ACCESS_WORDS):
             self.advance()
         if is_variables and self.accept("CONSTANT"):
             while self.at < end:
@@ -253,7 +253,7 @@ class Parser(SpecParser):
     def constant(self, end: int) -> None:
         """Keep `MAX : INT := 5;` if it is a whole number or a formula; pass over everything else."""
         with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
-            names = self.names("the name of a constant", "the name of a constant")
+            names = self.expect_names("the name of a constant", "the name of a constant")
             self.skip_until(end, ":=", ";")
             if self.accept(":="):
                 number = self.number()

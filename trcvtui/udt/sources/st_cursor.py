@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.ast import Formula, Number
-from trcvtui.udt.constants import DEEPEST
-from trcvtui.udt.literals import NAME, parse_integer
+from trcvtui.udt.constants import DEEPEST_FORMULA
+from trcvtui.udt.literals import NAME_PATTERN, parse_integer
 
 
 class SourceDialect(NamedTuple):
@@ -61,7 +61,7 @@ class StToken(NamedTuple):
         return self.text[1:-1] if self.shape is Shape.QUOTED else self.text
 
 
-ENDS_OF = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
+CLOSING_MARKS = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
 
 # A quote in a pragma hides a brace when it opens after no letter and closes on its line: not in `{don't}`;
 # a value after `:=` may have several lines.
@@ -70,7 +70,7 @@ _TOKEN = re.compile(
         |(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
     |(?P<NESTED>\(\*)
     |(?P<WORD>"""
-    + NAME
+    + NAME_PATTERN
     + r""")
     |(?P<NUMBER>\d[\d_]*(?:\#\w+|\.\d[\d_]*(?:[eE][+-]?\d+)?)?)
     |(?P<QUOTED>'(?:\$.|[^'$\r\n])*'|"(?:\$.|[^"$\r\n])*"|"[^"\r\n]*"|`[^`\r\n]*`)
@@ -80,12 +80,12 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 # Between BEGIN and END_DATA_BLOCK: start values, which no layout needs. A file may have 100,000 of them.
-_VALUES = re.compile(
+_START_VALUES = re.compile(
     r"""//[^\r\n]*|/\*(?:.*?\*/|.*)|\(\*(?:.*?\*\)|.*)|'(?:\$.|[^'$\r\n])*'|"[^"\r\n]*"
         |(?P<END>\bEND_DATA_BLOCK\b)""",
     re.VERBOSE | re.DOTALL | re.IGNORECASE,
 )
-_TITLE = re.compile(r"[ \t]*=[^\r\n]*")
+_TITLE_TEXT = re.compile(r"[ \t]*=[^\r\n]*")
 _COMMENT_MARK = re.compile(r"\(\*|\*\)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
@@ -99,7 +99,7 @@ class Source:
         # Each with the index of the token after it: attributes say how the next type is laid out.
         self.pragmas: list[tuple[int, str]] = []
         self.lines = [0, *(end.end() for end in _LINE_END.finditer(text))]
-        self.tokens = self.cut()
+        self.tokens = self.tokenize()
 
     def where(self, place: int) -> str:
         """Return file, line and column of a place, both from 1; a text that begins in line 0 has none."""
@@ -116,10 +116,10 @@ class Source:
     def refusal(self, token: StToken, expected: str) -> UserError:
         found = "the end of the text" if token.shape is Shape.END else f"'{token.text[:40]}'"
         if token.shape is Shape.UNCLOSED:
-            found, expected = f"{found} without an end", f"'{ENDS_OF[token.text]}'"
+            found, expected = f"{found} without an end", f"'{CLOSING_MARKS[token.text]}'"
         return mistake(self.where(token.place), found, expected)
 
-    def cut(self) -> list[StToken]:
+    def tokenize(self) -> list[StToken]:
         """Return all tokens, the last one an END."""
         tokens: list[StToken] = []
         place, end, is_data = 0, len(self.text), False
@@ -136,11 +136,11 @@ class Source:
                 tokens.append(StToken(Shape[group], text, begin, word := text.upper()))
                 is_data = word == "DATA_BLOCK" or (is_data and word != "END_DATA_BLOCK")
                 if is_data and word == "BEGIN":
-                    place = self.after_values(place)
-                if is_data and word == "TITLE" and (title := _TITLE.match(self.text, place)):
+                    place = self.find_values_end(place)
+                if is_data and word == "TITLE" and (title := _TITLE_TEXT.match(self.text, place)):
                     place = title.end()
             if group == "UNCLOSED":
-                place = self.after_unclosed(text, begin)
+                place = self.find_unclosed_end(text, begin)
         tokens.append(StToken(Shape.END, "", end, ""))
         return tokens
 
@@ -156,14 +156,14 @@ class Source:
         first = self.text.find("*)", place + 2)
         return first + 2 if first >= 0 else 0
 
-    def after_values(self, place: int) -> int:
+    def find_values_end(self, place: int) -> int:
         """Return where the data block ends whose start values begin here; the place itself if nowhere."""
         if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
             return place
-        found = _VALUES.finditer(self.text, place)
+        found = _START_VALUES.finditer(self.text, place)
         return next((one.start() for one in found if one["END"]), place)
 
-    def after_unclosed(self, text: str, place: int) -> int:
+    def find_unclosed_end(self, text: str, place: int) -> int:
         """Return where to go on: text in quotes ends with its line, anything else with the file."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
@@ -174,7 +174,7 @@ CLOSERS = ("END_STRUCT", "END_UNION")
 BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE", "END_DATA_BLOCK")
 MEMBER_ENDS = (*CLOSERS, *BLOCK_ENDS)
 # No names: one of these where a name should be means that something before it is missing.
-RESERVED = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
+RESERVED_WORDS = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
 NAMED_BY_NUMBER = ("UDT", "DB", "FB", "SFB")  # `UDT 5` and `UDT5` of an S7 source are one name
 
 
@@ -222,17 +222,17 @@ class Cursor:
         if not self.accept(text):
             raise self.refusal(f"'{text}'")
 
-    def name(self, what: str) -> StToken:
+    def expect_name(self, what: str) -> StToken:
         """Return the name at the cursor and go after it; raise UserError, naming what was expected."""
-        if not self.is_name() or (self.token.upper in RESERVED and not self.is_member_type()):
+        if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
 
-    def names(self, first: str, more: str) -> list[StToken]:
+    def expect_names(self, first: str, more: str) -> list[StToken]:
         """Return names with commas between them; raise UserError with what was expected."""
-        names = [self.name(first)]
+        names = [self.expect_name(first)]
         while self.accept(","):
-            names.append(self.name(more))
+            names.append(self.expect_name(more))
         return names
 
     def is_name(self, ahead: int = 0) -> bool:
@@ -242,18 +242,18 @@ class Cursor:
             return token.text[0] != "'" and len(token.text) > 2
         return token.shape is Shape.WORD
 
-    def qualified(self, what: str) -> tuple[StToken, str]:
+    def expect_qualified_name(self, what: str) -> tuple[StToken, str]:
         """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go after it."""
-        first, name = self.numbered(what)
+        first, name = self.expect_numbered_name(what)
         parts = [name]
         while self.sees(".") and self.is_name(1):
             self.advance()
             parts.append(self.advance().name)
         return first, ".".join(parts)
 
-    def numbered(self, what: str) -> tuple[StToken, str]:
+    def expect_numbered_name(self, what: str) -> tuple[StToken, str]:
         """Return where a name without dots begins, and the name; go after it."""
-        token = self.name(what)
+        token = self.expect_name(what)
         has_number = token.upper in NAMED_BY_NUMBER and self.token.shape is Shape.NUMBER
         return token, token.name + self.advance().text if has_number else token.name
 
@@ -269,9 +269,9 @@ class Cursor:
         """Return the number at the cursor, a formula if it is more than a literal, and go after it."""
         first, depth = self.at, 0
         while True:
-            while self.sees("+", "-") or (self.sees("(") and depth < DEEPEST):
+            while self.sees("+", "-") or (self.sees("(") and depth < DEEPEST_FORMULA):
                 depth += self.advance().text == "("
-            self.operand()
+            self.skip_operand()
             while depth and self.accept(")"):
                 depth -= 1
             if not self.sees("+", "-", "*", "/"):
@@ -288,21 +288,21 @@ class Cursor:
         taken = self.tokens[first : self.at]
         return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
 
-    def operand(self) -> None:
+    def skip_operand(self) -> None:
         """Go after `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
         if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
             self.advance()
             return
         if not self.accept("#"):  # TIA: a constant of the block itself
             self.accept(".")  # CODESYS: `.GVL.MAX` is global
-        self.qualified("a whole number")
+        self.expect_qualified_name("a whole number")
         if self.accept("#"):
             if self.sees("+", "-"):
                 self.advance()
             if self.token.shape is Shape.NUMBER:
                 self.advance()
             else:
-                self.qualified("a value")
+                self.expect_qualified_name("a value")
 
     def text_from(self, first: int) -> str:
         """Return the text from a token up to the cursor as one writes it in one line."""

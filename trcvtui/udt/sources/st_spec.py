@@ -12,11 +12,11 @@ from collections.abc import Callable
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
-from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE, Pointer, StringType, Unplaced, ValueKind
+from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE_KINDS, Pointer, StringType, Unplaced, ValueKind
 
-QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
-OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
-_UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
+STRUCT_QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
+OVERLAP_NOTE = "OVERLAP: the relative addresses are not read; laid out one member after the other"
+_UTF8_ATTRIBUTE = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 
 class SpecParser(Cursor):
@@ -32,9 +32,9 @@ class SpecParser(Cursor):
         self.nested += 1
         if self.nested > ast.MOST_NESTED:
             raise self.refusal(f"at most {ast.MOST_NESTED} levels of STRUCT and ARRAY")
-        rule = SPECS.get(self.token.upper, SpecParser.named)
+        rule = SPEC_RULES.get(self.token.upper, SpecParser.parse_named_type)
         if self.sees("POINTER", "REFERENCE") and self.tokens[self.at + 1].upper != "TO":
-            rule = SpecParser.named  # POINTER alone is a type of S7
+            rule = SpecParser.parse_named_type  # POINTER alone is a type of S7
         spec = rule(self)
         self.nested -= 1
         return spec
@@ -49,8 +49,8 @@ class SpecParser(Cursor):
     def struct(self) -> ast.StructSpec:
         """Return what stands from STRUCT, UNION or VAR to its END_; a bad member is noted and left out."""
         word = self.advance().upper
-        if self.sees(*QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
-            self.notes += [OVERLAP] if self.sees("OVERLAP") else []
+        if self.sees(*STRUCT_QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
+            self.notes += [OVERLAP_NOTE] if self.sees("OVERLAP") else []
             self.advance()
         members: list[ast.MemberSpec] = []
         nested = self.nested
@@ -70,32 +70,32 @@ class SpecParser(Cursor):
     def member(self, end: str) -> list[ast.MemberSpec]:
         """Return the members of one line: `A, B : LREAL := 1.0;`."""
         first = self.at
-        names = self.names(f"a member or '{end}'", "the name of a member")
+        names = self.expect_names(f"a member or '{end}'", "the name of a member")
         if self.sees("AT"):
             self.skip_to(":", ";", *MEMBER_ENDS)
         self.expect(":")
-        pragmas = self.pragmas(first, self.at)
-        spec = encoded(self.spec(), pragmas)
-        self.rest(spec, end)
+        pragmas = self.pragmas_between(first, self.at)
+        spec = apply_encoding(self.spec(), pragmas)
+        self.skip_member_end(spec, end)
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
-    def pragmas(self, first: int, last: int) -> list[str]:
+    def pragmas_between(self, first: int, last: int) -> list[str]:
         """Return the pragmas in front of the tokens of number first..last."""
         pragmas = self.source.pragmas
         start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
         return [text for _, text in pragmas[start:stop]]
 
-    def rest(self, spec: ast.Spec, end: str) -> None:
+    def skip_member_end(self, spec: ast.Spec, end: str) -> None:
         """Skip initial value and semicolon, which may be missing after END_STRUCT or before `end`."""
         if self.accept(":="):
-            self.initial_value()
+            self.skip_initial_value()
         elif isinstance(spec, ast.StructSpec):
             self.accept(";")
             return
         if not self.sees(end):
             self.expect(";")
 
-    def initial_value(self) -> None:
+    def skip_initial_value(self) -> None:
         """Skip a value: everything up to a semicolon or to what ends the STRUCT or TYPE."""
         if self.sees(";", *MEMBER_ENDS):
             raise self.refusal("a value")
@@ -146,9 +146,9 @@ class SpecParser(Cursor):
         self.spec()
         return Pointer(self.text_from(first))
 
-    def named(self) -> ast.Spec:
+    def parse_named_type(self) -> ast.Spec:
         """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
-        first, name = self.qualified("a type")
+        first, name = self.expect_qualified_name("a type")
         reference = ast.Reference(name, self.where(first))
         if not self.sees("("):
             return reference
@@ -156,11 +156,11 @@ class SpecParser(Cursor):
         if self.has_range():
             return self.subrange(reference)
         if row is None and not (self.nested == 1 and self.has_values()):
-            self.brackets()
+            self.skip_brackets()
             return Unplaced(name, FB_INSTANCE)
         if self.has_values():
-            if row is not None and row.kind not in WHOLE:  # AX: named values of a REAL, a STRING
-                self.brackets()
+            if row is not None and row.kind not in WHOLE_KINDS:  # AX: named values of a REAL, a STRING
+                self.skip_brackets()
                 return reference
             return ast.EnumSpec(reference, self.enumerators())
         return self.subrange(reference)
@@ -182,7 +182,7 @@ class SpecParser(Cursor):
         """Return whether the brackets that open here hold names of values."""
         return self.is_name(1) and self.tokens[self.at + 2].text != "#"
 
-    def brackets(self) -> None:
+    def skip_brackets(self) -> None:
         depth = 0
         while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
             symbol = self.advance().text
@@ -195,7 +195,7 @@ class SpecParser(Cursor):
         """Return `INT(0..10)`; of a REAL the base, for its limits are no whole numbers."""
         row = ELEMENTARY.get(base.name.upper())
         if row is not None and row.kind is ValueKind.REAL:
-            self.brackets()
+            self.skip_brackets()
             return base
         self.expect("(")
         low, high = self.bounds()
@@ -207,7 +207,7 @@ class SpecParser(Cursor):
         first = self.token
         values = self.enumerators()
         if self.is_name() and not self.sees(*MEMBER_ENDS):
-            token, base = self.qualified("a type")
+            token, base = self.expect_qualified_name("a type")
             return ast.EnumSpec(ast.Reference(base, self.where(token)), values)
         own = self.dialect.enum_base
         return ast.EnumSpec(ast.Reference(own, self.where(first)) if own else None, values)
@@ -217,7 +217,7 @@ class SpecParser(Cursor):
         self.expect("(")
         values: dict[str, tuple[str, ast.Number | None]] = {}
         while not values or not self.sees(")"):
-            name = self.name("the name of a value")
+            name = self.expect_name("the name of a value")
             key = name.name.casefold()
             if key in values:
                 raise self.refusal("each name once in an enumeration", name)
@@ -248,13 +248,13 @@ class SpecParser(Cursor):
         return self.formula(start)
 
 
-def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
+def apply_encoding(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
     """Return the type, a STRING of it in UTF-8 when an attribute says so."""
-    if not any(re.search(_UTF8, text) for text in pragmas):
+    if not any(re.search(_UTF8_ATTRIBUTE, text) for text in pragmas):
         return spec
     match spec:
         case ast.ArraySpec(bounds, element):
-            return ast.ArraySpec(bounds, encoded(element, pragmas))
+            return ast.ArraySpec(bounds, apply_encoding(element, pragmas))
         case StringType(length=length, wide=False):
             return StringType(length, utf8=True)
         case ast.TextSpec(wide=False):
@@ -262,7 +262,7 @@ def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
     return spec
 
 
-SPECS: dict[str, Callable[[SpecParser], ast.Spec]] = {
+SPEC_RULES: dict[str, Callable[[SpecParser], ast.Spec]] = {
     "STRUCT": SpecParser.struct,
     "UNION": SpecParser.struct,
     "VAR": SpecParser.variables,

@@ -16,19 +16,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake, noting
-from trcvtui.udt.ast import Declaration, Declarations, bare
+from trcvtui.udt.ast import Declaration, Declarations, strip_places
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import apart, content_of, declarations_in, decode_text, type_files_in
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.sources import content_of, declarations_in, decode_text, qualify_variables, type_files_in
+from trcvtui.udt.type_set import TypeSet, join_files
 
 MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
-MOST_TOLD: Final = 8  # names in one line
+MOST_NAMES_SHOWN: Final = 8  # names in one line
 TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
 PACKAGE_FILES: Final = (".typ", ".var")  # what they declare counts in all packages of their folder
-MOST_AROUND: Final = 8  # folders
-GENERATED: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the .typ files of a library
+MOST_FOLDERS_AROUND: Final = 8  # folders
+GENERATED_HEADER: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the .typ files of a library
 
 
 class TypeFolder:
@@ -68,10 +68,10 @@ class TypeFolder:
             self.read[file] = Declarations(())
             with noting(self.problems):
                 read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
-                if re.fullmatch(GENERATED, file):
+                if re.fullmatch(GENERATED_HEADER, file):
                     types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])
                     read = read._replace(types=types, problems=read.problems if types else ())
-                self.read[file] = apart(read, file, self.texts)
+                self.read[file] = qualify_variables(read, file, self.texts)
         return self.read[file]
 
     @cached_property
@@ -79,13 +79,13 @@ class TypeFolder:
         files = [self.declarations(file) for file in self.texts if file.lower().endswith(".typ")]
         return {each.name.casefold() for declared in files for each in declared.types}
 
-    def all(self) -> list[Declarations]:
-        found = _once(map(self.declarations, self.texts))
+    def read_all(self) -> list[Declarations]:
+        found = _drop_repeated(map(self.declarations, self.texts))
         if self.problems and not any(each.types or each.problems for each in found):
-            raise UserError(self.problems[:MOST_TOLD])
+            raise UserError(self.problems[:MOST_NAMES_SHOWN])
         return found
 
-    def declaring(self, name: str, kind: str) -> dict[str, Declarations]:
+    def find_declaring(self, name: str, kind: str) -> dict[str, Declarations]:
         """Return the files that declare a name; the broken ones if all are."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
@@ -112,7 +112,7 @@ def _declares(declared: Declaration, name: str, kind: str) -> bool:
 def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
     """Yield the packages around a file, or a folder, up to the begin of the project, the nearest first."""
     inner = Path(os.path.abspath(path))
-    folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_AROUND + 1]
+    folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_FOLDERS_AROUND + 1]
     for folder, around in pairwise(folders):
         if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
             return
@@ -132,21 +132,21 @@ def find_types(
     """Return the types of files, and of folders what the named types lack, with a line on each folder."""
     told: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
-    types = join(files, where, constants)
-    while new := set(_lacking(types, names)) - sought:
+    types = join_files(files, where, constants)
+    while new := set(_find_missing(types, names)) - sought:
         sought |= new
         for name, kind in sorted(new):
             is_found = False
             for folder in folders:  # all that are given; what is beside only where these have none
-                if (folder.is_whole or not is_found) and (found := folder.declaring(name, kind)):
+                if (folder.is_whole or not is_found) and (found := folder.find_declaring(name, kind)):
                     is_found = True
                     told.setdefault(folder.place, {})[name] = found
-                    files = _once([*files, *found.values()])
-        types = join(files, where, constants)
-    return types, [_line(names, place, found) for place, found in told.items()]
+                    files = _drop_repeated([*files, *found.values()])
+        types = join_files(files, where, constants)
+    return types, [_describe_found(names, place, found) for place, found in told.items()]
 
 
-def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+def _find_missing(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     known = types.types.keys() | types.broken.keys()
     yield from ((name, TYPE) for name in types.used_system)  # what a file declares comes first
     for name in names:
@@ -158,26 +158,26 @@ def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
                 yield lacked, TYPE if problem.expected == KNOWN_TYPE else CONSTANT
 
 
-def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
+def _describe_found(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
     names: dict[tuple[str, ...], list[str]] = {}
     for name, files in found.items():
         names.setdefault(tuple(files), []).append(name)
-    told = [f"{_short(each)}: found in {_short(files)}" for files, each in names.items()]
+    told = [f"{_shorten_names(each)}: found in {_shorten_names(files)}" for files, each in names.items()]
     verb = "uses" if len(users) == 1 else "use"
-    uses = f"{_short(users)} {verb} " if found.keys().isdisjoint(users) else ""
-    return f"{uses}{_short(told)} {place}"
+    uses = f"{_shorten_names(users)} {verb} " if found.keys().isdisjoint(users) else ""
+    return f"{uses}{_shorten_names(told)} {place}"
 
 
-def _short(names: Collection[str]) -> str:
-    return ", ".join([*list(names)[:MOST_TOLD], "..."][: len(names)])
+def _shorten_names(names: Collection[str]) -> str:
+    return ", ".join([*list(names)[:MOST_NAMES_SHOWN], "..."][: len(names)])
 
 
-def _once(files: Iterable[Declarations]) -> list[Declarations]:
+def _drop_repeated(files: Iterable[Declarations]) -> list[Declarations]:
     """Leave out each declaration that an earlier file has as well, word for word."""
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:
-        contents = [bare((each.name, each.spec, file.sender.layout)) for each in file.types]
+        contents = [strip_places((each.name, each.spec, file.sender.layout)) for each in file.types]
         new = [each for each, content in zip(file.types, contents, strict=True) if content not in known]
         kept.append(file._replace(types=tuple(new)))
         known |= set(contents)

@@ -21,8 +21,8 @@ _CODEC = re.compile(
     r"|gb2312|gbk|gb18030|big5|shift_jis|euc-(jp|kr)|koi8-[ru]",
     re.IGNORECASE,
 )
-_DECLARED = re.compile(rb"""<\?xml\b[^>]{0,200}?\bencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
-_WIDE = ((b"<\0?\0", "utf-16-le"), (b"\0<\0?", "utf-16-be"))
+_DECLARED_ENCODING = re.compile(rb"""<\?xml\b[^>]{0,200}?\bencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+_UTF16_STARTS = ((b"<\0?\0", "utf-16-le"), (b"\0<\0?", "utf-16-be"))
 
 
 class Element:
@@ -48,25 +48,25 @@ class Element:
     def get(self, attribute: str) -> str:
         return self.attributes.get(attribute, "")
 
-    def needed(self, attribute: str) -> str:
+    def require(self, attribute: str) -> str:
         """Return an attribute without the blanks around it; raise UserError when there is nothing in it."""
         value = self.get(attribute).strip()
         if not value:
             raise mistake(self.where, f"<{self.name}> without {attribute}", f'{attribute}="..."')
         return value
 
-    def all(self, *names: str) -> Iterator[Element]:
+    def each(self, *names: str) -> Iterator[Element]:
         """Yield the children of these names."""
         return (child for child in self.children if child.name in names)
 
-    def at(self, *path: str) -> Element | None:
+    def find(self, *path: str) -> Element | None:
         """Return the first child of the first name, in it that of the second and so on; None without."""
         found: Element | None = self
         for name in path:
-            found = next(found.all(name), None) if found is not None else None
+            found = next(found.each(name), None) if found is not None else None
         return found
 
-    def below(self, *names: str) -> Iterator[Element]:
+    def search(self, *names: str) -> Iterator[Element]:
         """Yield all elements of these names, in the order of the file, however deep; none inside another."""
         waiting = [self]
         while waiting:
@@ -79,10 +79,10 @@ class Element:
 
 def xml_codec(data: bytes) -> str | None:
     """Return the encoding that XML without a byte order mark declares; None when it is none of them."""
-    for begin, codec in _WIDE:
+    for begin, codec in _UTF16_STARTS:
         if data.startswith(begin):
             return codec
-    declared = _DECLARED.match(data[:400].lstrip())
+    declared = _DECLARED_ENCODING.match(data[:400].lstrip())
     name = declared.group(1).decode("ascii") if declared else ""
     # Bytes that begin with a readable `<?xml` are no UTF-16 or UTF-32, whatever they declare.
     is_wide = name.lower().startswith(("utf-1", "utf1", "utf-3"))
@@ -91,7 +91,7 @@ def xml_codec(data: bytes) -> str | None:
 
 def read_xml(text: str, name: str) -> Element:
     """Return the root element of a text; raise UserError: one line with the place."""
-    builder = _Builder(name)
+    builder = _TreeBuilder(name)
     try:
         # The text is decoded already: what its declaration says about bytes is not asked again.
         builder.parser.Parse(text.encode("utf-8", "replace"), True)
@@ -101,7 +101,7 @@ def read_xml(text: str, name: str) -> Element:
     return builder.root
 
 
-class _Builder:
+class _TreeBuilder:
     """The tree as it grows, and the refusals on the way."""
 
     root: Element
@@ -152,7 +152,7 @@ class _Builder:
             raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD and entities of its own")
 
 
-def deeper(depth: int, element: Element) -> int:
+def deepen(depth: int, element: Element) -> int:
     """Return the depth inside an element; raise UserError when no tool in the field follows so deep."""
     if depth >= MOST_NESTED:
         expected = f"at most {MOST_NESTED} levels of STRUCT and ARRAY"

@@ -60,7 +60,7 @@ def _against_dpkt(name: str, path: Path, pairs: int) -> Figure:
 def _ours(path: Path) -> None:
     found = Conversations()
     with open_capture(path) as reader:
-        found.take_all(reader, reader.link_types)
+        found.add_packets(reader, reader.link_types)
     found.close()
     assert sum(one.there.bytes for one in found.all) == PACKETS * PAYLOAD
 

@@ -13,7 +13,7 @@ from benchmarks.figures import Effort, Figure, against, alternate, ratios, sprea
 from benchmarks.replayed import recorded
 from trcvtui.net.events import BytesReceived
 from trcvtui.plc.ledger import Ledger
-from trcvtui.recording.journal import blocks, entries_of
+from trcvtui.recording.journal import decode_entries, encode_blocks
 from trcvtui.recording.recording import Recording, RecordingWriter
 
 EVENTS: Final = 20_000
@@ -36,13 +36,13 @@ def measure(effort: Effort) -> Iterator[Figure]:
 def _journal(times: int) -> Figure:
     """Return what the writer takes in a second of processor time: out of blocks, into the file."""
     with tempfile.TemporaryDirectory() as folder:
-        entries = list(Recording(recorded(Path(folder))).entries())
-        crossing = list(blocks(entries))
+        entries = list(Recording(recorded(Path(folder))).read_entries())
+        crossing = list(encode_blocks(entries))
 
         def seconds() -> float:
             writer = RecordingWriter(Path(folder) / "R.pcapng", overwrite=True)
             began = thread_time_ns()
-            writer.take(entries_of(crossing, "R"))
+            writer.add_entries(decode_entries(crossing, "R"))
             writer.close()
             return (thread_time_ns() - began) / 1e9
 

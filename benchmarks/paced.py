@@ -23,8 +23,8 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.recorder import recorder_of
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.recorder import make_recorder
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400
@@ -109,11 +109,11 @@ class PacedEngine:
 def _run(channel: Channel, file: Path, timing: Path, connections: int, record: Path | None) -> None:
     """Run until the channel is closed."""
     os.environ[TIMING_FILE] = str(timing)
-    recorder = None if record is None else recorder_of(RecordTo(record), record, waits=False)
+    recorder = None if record is None else make_recorder(RecordTarget(record), record, waits=False)
     with suppress(EOFError, OSError), recorder or nullcontext():
         with noting_reads(recorder.reads) if recorder is not None else nullcontext():
             project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many
         bench = fresh_bench(project, "live", recorder.seam if recorder is not None else None)
         if recorder is not None:
-            recorder.begin(bench, file, (), is_scenario=False)
+            recorder.add_header(bench, file, (), is_scenario=False)
         Engine(AttachedScreens(channel, project, False, None), bench, recorder).run()

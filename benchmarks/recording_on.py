@@ -13,8 +13,8 @@ from benchmarks.paced import PacedEngine
 from benchmarks.scans import Scans
 from benchmarks.traffic import project, traffic
 from trcvtui import clock
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.journal import STEP, Answered, RunBegins
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.journal import STEP, CallRecord, RunBegins
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.writer import WriterProcess
 
@@ -62,17 +62,17 @@ def _scans(folder: Path, file: Path | None, seconds: float) -> tuple[Scans, int]
 
 def _most_kept(file: Path) -> float:
     """Return the MB/s of messages that a writer process has written, without one that is lost."""
-    sink, sent, began = WriterProcess(file, RecordTo(file)), 0, clock.now_ns()
-    sink.take([RunBegins("0", "live", 0, 0, False, "P.toml", (), "/", (), ())])
+    sink, sent, began = WriterProcess(file, RecordTarget(file)), 0, clock.now_ns()
+    sink.add_entries([RunBegins("0", "live", 0, 0, False, "P.toml", (), "/", (), ())])
     while clock.now_ns() < began + WRITE_NS:
-        scan = [Answered("bench", STEP, (), sent)]
+        scan = [CallRecord("bench", STEP, (), sent)]
         for number in range(INSTANCES):
             data = (sent + number).to_bytes(8, "big") * (MESSAGE // 8)
-            scan.append(Answered(f"C{number}", "recv", (number, MESSAGE), (MESSAGE, data)))
+            scan.append(CallRecord(f"C{number}", "recv", (number, MESSAGE), (MESSAGE, data)))
         sent += INSTANCES
-        sink.take(scan)
+        sink.add_entries(scan)
         while sink.is_behind:
-            sink.go_on()
+            sink.advance()
     sink.close()
     seconds = (clock.now_ns() - began) / 1e9
     assert not sink.trouble and _received(file) == sent * MESSAGE
@@ -81,6 +81,6 @@ def _most_kept(file: Path) -> float:
 
 def _received(file: Path) -> int:
     """Return the bytes of all recv in a recording."""
-    entries = Recording(file).entries()
-    got = [one.answer for one in entries if isinstance(one, Answered) and one.call == "recv"]
+    entries = Recording(file).read_entries()
+    got = [one.answer for one in entries if isinstance(one, CallRecord) and one.call == "recv"]
     return sum(len(each[1]) for each in got if isinstance(each, tuple) and isinstance(each[1], bytes))

@@ -19,7 +19,7 @@ from typing import Final
 from benchmarks.figures import Effort, Figure, against, alternate, ratios, spread
 from trcvtui import clock
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.recording.files import RecordTo
+from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS
@@ -75,7 +75,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
         path = recorded(Path(folder))
 
         def again() -> None:
-            assert check(ReplayRun(Recording(path).entries(), str(path))) == ""
+            assert check(ReplayRun(Recording(path).read_entries(), str(path))) == ""
 
         pairs = alternate(
             lambda: _cost(lambda: _run(Path(folder), None)), lambda: _cost(again), min(effort.pairs, 5)
@@ -87,11 +87,11 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
 def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
     path = folder / "frames.pcapng"
-    _run(folder, RecordTo(path, follow=FollowedRun))
+    _run(folder, RecordTarget(path, follow=FollowedRun))
     return path
 
 
-def _run(folder: Path, record: RecordTo | None) -> None:
+def _run(folder: Path, record: RecordTarget | None) -> None:
     steps = (f"{step.format(n=n)}\n" for step in STEPS for n in range(INSTANCES))
     script = "".join(steps) + f"run {SCANS}"
     parts = "".join(PART.format(n=n) for n in range(INSTANCES))

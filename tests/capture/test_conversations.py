@@ -32,7 +32,7 @@ from tests.recording.wire import (
     udp,
 )
 from trcvtui.capture import pcap
-from trcvtui.capture.command import capture_notes, conversations_of
+from trcvtui.capture.command import capture_notes, format_conversations
 from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import parse_plc
@@ -47,7 +47,7 @@ def listen(
     events: list[ConversationEvent] = []
     found = Conversations(events.append)
     for packet in CaptureReader(io.BytesIO(capture(list(packets), link_type, step_ns)).read, "F"):
-        found.take(packet, link_type)
+        found.add_packet(packet, link_type)
     found.close()
     return events
 
@@ -176,7 +176,7 @@ def test_a_packet_cut_by_snaplen_leaves_a_hole() -> None:
     for n, (data, keep) in enumerate(
         [*((one, 99) for one in handshake()), (tcp(b"abcdef", 101), 43), (tcp(b"gh", 107), 99)]
     ):
-        found.take(pcap.Packet(n, 0, data[:keep], len(data), (), 0), pcap.RAW_IP)
+        found.add_packet(pcap.Packet(n, 0, data[:keep], len(data), (), 0), pcap.RAW_IP)
     assert to_plc(events) == b"abc???gh"
 
 
@@ -269,7 +269,7 @@ def test_an_ethernet_frame_of_fragments_keeps_its_mac() -> None:
     found = Conversations()
     frames = [bytes(6) + b"\0\x1b\x1b123" + b"\x08\0" + one for one in cut(udp(bytes(40)), 3, 24)]
     for packet in CaptureReader(io.BytesIO(capture(frames, pcap.ETHERNET)).read, "F"):
-        found.take(packet, pcap.ETHERNET)
+        found.add_packet(packet, pcap.ETHERNET)
     assert (found.all[0].there.bytes, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
     assert not found.not_read
 
@@ -280,12 +280,12 @@ def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> 
         one, two = cut(udp(chance.randbytes(400)), n, 8 * chance.randrange(1, 9))
         odd = bytearray(two if chance.random() < 0.5 else one)
         odd[6:8] = chance.randbytes(2)
-        found.take(pcap.Packet(n * 10**9, 0, bytes(odd), len(odd), (), 0), pcap.RAW_IP)
-        found.take(pcap.Packet(n * 10**9, 0, one, len(one), (), 0), pcap.RAW_IP)
+        found.add_packet(pcap.Packet(n * 10**9, 0, bytes(odd), len(odd), (), 0), pcap.RAW_IP)
+        found.add_packet(pcap.Packet(n * 10**9, 0, one, len(one), (), 0), pcap.RAW_IP)
         assert len(found._fragments._packets) <= MOST_FRAGMENTED
     late = cut(udp(b"0123456789"), 9, 8)
     for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
-        found.take(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
+        found.add_packet(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
     assert found.not_read[SkippedPacket.FRAGMENT] > 3000
 
 
@@ -314,7 +314,7 @@ def test_memory_of_a_direction_with_a_hole_is_bounded() -> None:
     found = Conversations()
     packets = [*handshake(), *(tcp(bytes(1400), 200 + n * 1400) for n in range(3000))]
     for n, data in enumerate(packets):
-        found.take(pcap.Packet(n, 0, data, len(data), (), 0), pcap.RAW_IP)
+        found.add_packet(pcap.Packet(n, 0, data, len(data), (), 0), pcap.RAW_IP)
         assert found.all[0].there.waiting_cost <= 1 << 20
     assert found.all[0].there.bytes == 3000 * 1400 and found.all[0].there.missing == 99
 
@@ -361,7 +361,7 @@ SLL = bytes(14)
 def test_what_is_neither_tcp_nor_udp_is_named(link_type: int, frames: list[bytes], line: str) -> None:
     found = Conversations()
     for data in frames:
-        found.take(pcap.Packet(0, 0, data, len(data), (), 0), link_type)
+        found.add_packet(pcap.Packet(0, 0, data, len(data), (), 0), link_type)
     assert [*capture_notes(found, [])][1:] == [f"not read: {line}: no TCP or UDP"]
 
 
@@ -369,7 +369,7 @@ def test_the_kinds_of_what_is_not_read_are_bounded() -> None:
     found = Conversations()
     for number in range(65_536):
         data = ethernet(number.to_bytes(2, "big"), b"")
-        found.take(pcap.Packet(0, 0, data, len(data), (), 0), pcap.ETHERNET)
+        found.add_packet(pcap.Packet(0, 0, data, len(data), (), 0), pcap.ETHERNET)
     assert found.others.total() > 65_000 and len(found.others) <= MOST_KINDS + 1
 
 
@@ -465,7 +465,7 @@ def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:
             section_block("t") + interface_block(pcap.RAW_IP, "") + b"".join(blocks)
         )
         names.append(str(tmp_path / f"{part}"))
-    (row,) = json.loads("".join(conversations_of(names, None, "json")))
+    (row,) = json.loads("".join(format_conversations(names, None, "json")))
     counts = {"bytes": 9, "segments": 9, "retransmitted": 0, "missing": 0, "copies": 0}
     assert row["begin"] == "syn" and row["to_plc"] == counts
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from trcvtui.capture.packets import ip_start
+from trcvtui.capture.packets import find_ip_header
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.recording.wire import ACK, FIN, RST, SYN
 
@@ -71,7 +71,7 @@ class Mutation(NamedTuple):
 
 
 def _segment(link_type: int, place: int, data: bytes) -> Segment | None:
-    ip = ip_start(link_type, data)
+    ip = find_ip_header(link_type, data)
     if ip < 0 or len(data) < ip + 40 or data[ip] >> 4 != 4 or data[ip + 9] != 6:
         return None
     length, _, fragment = struct.unpack_from(">HHH", data, ip + 2)

@@ -17,7 +17,7 @@ from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, t
 from tests.diagnosis.make_host_captures import EXPECTED, ZIP
 from tests.recording.wire import ACK, PSH, RST, SYN, ip, tcp, udp
 from trcvtui.blocks.conditions import Condition
-from trcvtui.capture.hosts import MOST_ADDRESSES, MOST_NOTES, HostNotes, note_of
+from trcvtui.capture.hosts import MOST_ADDRESSES, MOST_NOTES, HostNotes, parse_host_note
 from trcvtui.capture.packets import MOST_FRAGMENTS, Fragment, Fragments
 from trcvtui.capture.pcap import ETHERNET, interface_block, packet_block, section_block
 from trcvtui.cli.main import main
@@ -221,11 +221,11 @@ def test_what_is_kept_of_arp_is_bounded() -> None:
     for n in range(3 * MOST_ADDRESSES):
         target = str(ip_address(0x0A000000 + n))
         for mac, kind in ((struct.pack(">HI", 0x200, n), 1), (B, 2)):
-            note = note_of(
+            note = parse_host_note(
                 ETHERNET, arp(kind, mac, target, PLC if kind == 2 else f"11.0.{n % 200}.{n // 200}")
             )
             assert note is not None
-            notes.take(n * S, n, note)  # type: ignore[arg-type]
+            notes.add_arp(n * S, n, note)  # type: ignore[arg-type]
     kept = [len(each) for each in (notes._asked, notes._owners)]
     assert max(kept) <= MOST_ADDRESSES
 
@@ -431,7 +431,7 @@ def test_what_is_kept_of_fragments_is_bounded() -> None:
     fragments = Fragments()
     for n in range(3 * MOST_FRAGMENTS):
         of = struct.pack(">I", n), bytes(4), bytes(2), b"\x11"
-        fragments.put(Fragment(of, 8, True, b"", 0, 0, b"x"), n)
+        fragments.add(Fragment(of, 8, True, b"", 0, 0, b"x"), n)
     assert max(len(fragments._lost), len(fragments._packets), len(fragments._done)) <= MOST_FRAGMENTS
 
 

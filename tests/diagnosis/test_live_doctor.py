@@ -26,9 +26,9 @@ from trcvtui.errors import mistake
 from trcvtui.files import noting_reads
 from trcvtui.net.serial_line import SimSerialPort
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.recorder import recorder_of
-from trcvtui.recording.worker_process import AnswerOnItsWay
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.recorder import make_recorder
+from trcvtui.recording.worker_process import PendingAnswer
 from trcvtui.replay.driver import SLICE_NS, opened
 from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.scenario.scenario import load_bench
@@ -152,12 +152,12 @@ def after_ten_seconds(
     """Return what is found in a run of 10 s on the simulated network; `values` gets those of DATA then."""
     project_file, file = folder / "p.toml", folder / "run.pcapng"
     project_file.write_text(text)
-    recorder = recorder_of(RecordTo(file), file, waits=True)
+    recorder = make_recorder(RecordTarget(file), file, waits=True)
     with noting_reads(recorder.reads):
         project = load_bench(project_file)
     with recorder:
         bench = fresh_bench(project, "sim", recorder.seam)
-        recorder.begin(bench, project_file, (), is_scenario=False)
+        recorder.add_header(bench, project_file, (), is_scenario=False)
         for wait, line in lines:
             _pass(bench, recorder, wait)
             do(bench, line)
@@ -175,7 +175,7 @@ def after_ten_seconds(
 def _pass(bench: Bench, recorder: Any, scans: int) -> None:
     for _ in range(scans):
         bench.step()
-        recorder.gap(bench)
+        recorder.finish_scan(bench)
 
 
 @pytest.mark.parametrize(("cause", "text", "lines"), CASES, ids=[case[0] for case in CASES])
@@ -380,7 +380,7 @@ def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
 ) -> None:
     path, file = tmp_path / "live.toml", tmp_path / "run.pcapng"
     path.write_text(received(11, EIGHT).replace("LocalPort = 2000", "LocalPort = 0"))
-    driver = EngineDriver(path, "live", record=RecordTo(file) if is_recorded else None)
+    driver = EngineDriver(path, "live", record=RecordTarget(file) if is_recorded else None)
     try:
 
         def picture() -> BenchUpdate | None:
@@ -440,14 +440,14 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
     told: list[str] = []
     monkeypatch.setattr(DoctorInput, "_tell", lambda _, text, at_once=False: told.append(text))
     judged = DoctorInput(str(tmp_path / "answer"), recorded_facts, load_bench)
-    judged.take_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
+    judged.add_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
     assert told[0].startswith("runs it again, scan 0 of ")
     assert told.index("reads run.pcapng: 0%") < told.index("judges run.pcapng")
 
 
 def test_a_process_that_ends_half_way_has_found_nothing() -> None:
-    answer = AnswerOnItsWay(JUDGE)
+    answer = PendingAnswer(JUDGE)
     line = "reads a.pcap: 4%"
     for written, told in (
         (line.encode()[:9], ""),
@@ -456,10 +456,10 @@ def test_a_process_that_ends_half_way_has_found_nothing() -> None:
     ):
         os.ftruncate(answer._file, 0)
         os.pwrite(answer._file, written, 0)
-        assert answer.go_on() is None and answer.progress == told
+        assert answer.advance() is None and answer.progress == told
     answer.process._process.kill()
     answer.process.finish()
-    while (content := answer.go_on()) is None:
+    while (content := answer.advance()) is None:
         pass
     project = load_bench(CONFIGS / "stories" / "four_bytes_short.toml")
     assert found(content, project, (), 1, 9).trouble == "the doctor's process has ended"

@@ -29,7 +29,7 @@ from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.recording.files import RecordTo
+from trcvtui.recording.files import RecordTarget
 from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
@@ -222,8 +222,8 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
         raise OSError(24, "Too many open files")
 
     monkeypatch.setattr("trcvtui.fleet.metrics.serve_page", fails)
-    monkeypatch.setattr(fleet_agent, "newest_in", fails)
-    record = RecordTo(tmp_path / "runs")
+    monkeypatch.setattr(fleet_agent, "find_newest_file", fails)
+    record = RecordTarget(tmp_path / "runs")
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
     agent = Agent(settings, load_bench(PROJECT))
     queue = DiskQueue(tmp_path / "queue.sqlite", write_or_drop_line)

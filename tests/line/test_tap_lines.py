@@ -141,8 +141,8 @@ class Observed:
     def read(self, *blocks: bytes) -> list[dict[str, Any]]:
         """Play blocks to their end; return the records, the last of them what became of conversations."""
         reader = CaptureReader(BytesIO(self.capture.head(1) + b"".join(blocks)).read, "tap")
-        self.watch.found.names = reader.name_of
-        self.watch.found.take_all(reader, reader.link_types)
+        self.watch.found.names = reader.interface_name
+        self.watch.found.add_packets(reader, reader.link_types)
         player = self.watch.finish()
         assert isinstance(player.lines, WatchLines)
         player.lines.end(player.close())

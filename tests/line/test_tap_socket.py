@@ -116,7 +116,7 @@ def exactly(end: socket.socket, size: int) -> bytes:
 def events_in(packets: list[Packet], link_types: list[int]) -> list[tuple[object, bytes]]:
     events: list[tuple[object, bytes]] = []
     found = Conversations(lambda event: events.append((event.kind, bytes(event.data))))
-    found.take_all(iter(packets), link_types)
+    found.add_packets(iter(packets), link_types)
     found.close()
     return events
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from trcvtui.capture import pcap
-from trcvtui.capture.packets import IpPayload, carried_by
+from trcvtui.capture.packets import IpPayload, parse_packet
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
 from trcvtui.line.tapped import TapPacket, TapPackets
 from trcvtui.net.tap import LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
@@ -39,7 +39,7 @@ def told_of(packets: Sequence[TapPacket]) -> list[ConversationEvent]:
     conversations = Conversations(told.append)
     for n, each in enumerate(packets):
         packet = pcap.Packet(each.ns, 0, each.data, len(each.data), each.comments, n)
-        conversations.take(packet, pcap.RAW_IP)
+        conversations.add_packet(packet, pcap.RAW_IP)
     conversations.close()
     return told
 
@@ -58,7 +58,7 @@ def test_every_sum_is_right(opens: str, size: int) -> None:
         event(TapEventKind.OVER),
     )
     for packet in packets:
-        carried = carried_by(pcap.RAW_IP, packet.data, len(packet.data))
+        carried = parse_packet(pcap.RAW_IP, packet.data, len(packet.data))
         assert isinstance(carried, IpPayload)
         inner = packet.data[carried.at : carried.end]
         ends = carried.source + carried.target + bytes((0, carried.protocol)) + len(inner).to_bytes(2, "big")

@@ -22,7 +22,7 @@ from msgspec.msgpack import encode
 
 from tests.line.test_watch import Record, Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, SYN, answer, capture, handshake, tcp, udp
-from trcvtui.capture.pcap import STATISTICS, CaptureReader, block
+from trcvtui.capture.pcap import STATISTICS_BLOCK, CaptureReader, make_block
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.errors import UserError
@@ -71,8 +71,8 @@ class Pieces:
 
         known: list[CaptureReader] = []
         known.append(CaptureReader(read, "stdin"))
-        self.live.found.names = known[0].name_of
-        self.live.found.take_all(known[0], known[0].link_types)
+        self.live.found.names = known[0].interface_name
+        self.live.found.add_packets(known[0], known[0].link_types)
 
     def end(self) -> list[Record]:
         played = self.live.finish().close()
@@ -321,7 +321,7 @@ def taken(
 
 def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
     statistics = struct.pack("<IIIHHQHHQHH", 0, 0, 0, 5, 8, 3, 7, 8, 4, 0, 0)
-    content = capture([*handshake(), *stream(12)]) + block(STATISTICS, statistics)
+    content = capture([*handshake(), *stream(12)]) + make_block(STATISTICS_BLOCK, statistics)
     assert taken(content, tmp_path) == ["the capture program dropped 7 packets"]
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver
 from tests.line.test_watch import Record, Watch, watch
 from tests.recording.wire import NS, PARTNER, PLC, handshake, serial_line, tcp, udp
-from trcvtui.capture.command import take_captures
+from trcvtui.capture.command import read_captures
 from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.cli.main import main
@@ -232,7 +232,7 @@ def test_datagrams_that_the_recorded_plc_left_unread_are_left_out_at_the_end_of_
     done = [each for each in seen.of("R1") if each["DONE"]]
     assert done[-1]["t_ms"] <= run[-2]["t_ms"] + 30
     conversations = Conversations()
-    take_captures([str(path)], conversations, [])
+    read_captures([str(path)], conversations, [])
     sent = sum(each.there.bytes + each.back.bytes for each in conversations.all)
     assert set(seen.last["left_out"]) == {"C1", "C2"}
     assert sum(each["RCVD_LEN"] for each in done) + sum(seen.last["left_out"].values()) == sent

@@ -8,7 +8,7 @@ import pytest
 
 from trcvtui.net import received_ring
 from trcvtui.net.received_ring import BLOCK_BYTES, MOST_SKIPPED, ReceivedRings
-from trcvtui.recording.state import Shared, from_state, state_of
+from trcvtui.recording.state import SharedObjects, decode_state, encode_state
 
 
 def test_the_newest_bytes_stand_at_their_positions_however_they_came() -> None:
@@ -60,9 +60,9 @@ def test_bytes_without_values_have_a_few_places() -> None:
 def test_a_state_has_no_bytes_and_a_ring_goes_on_where_it_ended() -> None:
     rings = ReceivedRings()
     rings.open_ring("C1", 1 << 16).append(b"before" * 5000)
-    state = state_of(rings, Shared(()))
+    state = encode_state(rings, SharedObjects(()))
     assert len(state) < 1000
-    restored = from_state(state, Shared(()), "test")
+    restored = decode_state(state, SharedObjects(()), "test")
     ring = restored.get("C1")
     assert (ring.begin, ring.end, ring.most) == (30_000, 30_000, 1 << 16)
     assert ring.append(b"after") == 30_000

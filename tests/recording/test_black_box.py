@@ -15,9 +15,9 @@ from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead
 from trcvtui.recording import black_box, recorder
-from trcvtui.recording.black_box import BlackBox, new_name
+from trcvtui.recording.black_box import BlackBox, find_new_path
 from trcvtui.recording.journal import EntriesLost, Entry
-from trcvtui.recording.recorder import kept_recorder
+from trcvtui.recording.recorder import attach_black_box
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
 from trcvtui.replay.keyframes import Keyframes
@@ -55,20 +55,20 @@ class Run:
     def __init__(self, folder: Path) -> None:
         path = folder / "p.toml"
         path.write_text(PROJECT)
-        self.recorder, self.box = kept_recorder(None, FilesRead())
+        self.recorder, self.box = attach_black_box(None, FilesRead())
         self.recorder.box = self.box
         self.recorder.__enter__()
         project = load_bench(path)
         self.recorder.reads.take(str(path), PROJECT.encode())
         bench = fresh_bench(project, "sim", self.recorder.seam)
-        self.recorder.begin(bench, path, (), is_scenario=False)
+        self.recorder.add_header(bench, path, (), is_scenario=False)
         self.controller = Controller(bench)
         self.controller.black_box = self.box
 
     def scans(self, number: int) -> None:
         for _ in range(number):
             self.controller.step(None)
-            self.recorder.gap(self.controller.bench)
+            self.recorder.finish_scan(self.controller.bench)
 
     def line(self, text: str) -> str:
         self.controller.take(1, text)
@@ -85,7 +85,7 @@ class Run:
         """Leave the processor to the process that is waited for: it is a nice one."""
 
         def goes_on() -> bool:
-            self.box.go_on()
+            self.box.advance()
             return is_done()
 
         until(goes_on, lambda: vars(self.box))
@@ -103,7 +103,7 @@ def run(tmp_path: Path) -> Iterator[Run]:
 
 
 def entries(path: Path) -> list[Entry]:
-    return list(Recording(path).entries())
+    return list(Recording(path).read_entries())
 
 
 def test_what_has_been_up_to_now_is_saved_and_runs_again(run: Run, tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_what_has_been_up_to_now_is_saved_and_runs_again(run: Run, tmp_path: Pat
     assert run.line(f"save recording {tmp_path}/one").startswith("the recording, ")
     run.scans(20)
     run.until_written()
-    assert run.box.text == "one.pcapng is written"
+    assert run.box.status_text == "one.pcapng is written"
     played = again(entries(tmp_path / "one.pcapng"))
     assert check(played) == ""
     assert played.bench.runtime.scans == 100
@@ -155,16 +155,16 @@ def test_a_file_that_is_there_stays(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_name_of_its_own_is_new(tmp_path: Path) -> None:
-    assert new_name(tmp_path, "p").name == "p-1.pcapng"
+    assert find_new_path(tmp_path, "p").name == "p-1.pcapng"
     (tmp_path / "p-1.pcapng").touch()
-    assert new_name(tmp_path, "p").name == "p-2.pcapng"
+    assert find_new_path(tmp_path, "p").name == "p-2.pcapng"
 
 
 def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(black_box, "POST_NS", 0)
-    monkeypatch.setattr(recorder, "LOOK_NS", 1 << 62)  # on a busy machine it would give up
+    monkeypatch.setattr(black_box, "POST_INTERVAL_NS", 0)
+    monkeypatch.setattr(recorder, "COST_CHECK_NS", 1 << 62)  # on a busy machine it would give up
     run.box._most = 20_000
     run.scans(3000)
     assert run.box._size <= 20_000
@@ -179,21 +179,21 @@ def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
 
 
 def test_a_state_that_could_not_be_made_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(black_box, "POST_NS", 0)
-    monkeypatch.setattr(recorder, "LOOK_NS", 1 << 62)
+    monkeypatch.setattr(black_box, "POST_INTERVAL_NS", 0)
+    monkeypatch.setattr(recorder, "COST_CHECK_NS", 1 << 62)
     run.box._most = 20_000
     while run.box._state is None:
         run.scans(1)
     run.box._state.process._process.kill()
     run.until_state()
-    assert run.recorder.wrong.startswith("no keyframe of the black box: ")
+    assert run.recorder.last_error.startswith("no keyframe of the black box: ")
 
 
 def test_a_box_that_takes_too_much_of_the_time_gives_up(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run.scans(10)
-    monkeypatch.setattr(recorder, "LOOK_NS", 1)
+    monkeypatch.setattr(recorder, "COST_CHECK_NS", 1)
     run.scans(10)
     assert run.recorder.seam.is_off
     said = run.line(f"save recording {tmp_path}/off")
@@ -207,7 +207,7 @@ def test_a_box_that_takes_too_much_of_the_time_gives_up(
 def test_a_box_that_waits_beside_other_programs_goes_on(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    times = itertools.count(0, recorder.LOOK_NS // 2)
+    times = itertools.count(0, recorder.COST_CHECK_NS // 2)
     monkeypatch.setattr(clock, "now_ns", lambda: next(times))  # each gap lasts seconds: they were not ours
     run.recorder._time_of = clock.now_ns
     run.scans(100)
@@ -237,7 +237,7 @@ def test_why_a_file_was_not_written_stands_whole_in_the_history(run: Run, tmp_pa
     assert run.line(f"save recording {tmp_path}/{name}").startswith("the recording, ")
     run.until_written()
     for _ in range(2):
-        run.controller.tell_recording(run.recorder.text(), run.recorder.wrong)
+        run.controller.tell_recording(run.recorder.describe_status(), run.recorder.last_error)
     told = [str(line.event) for line in run.controller.bench.runtime.ledger if "xxx" in str(line.event)]
     assert len(told) == 1 and "File name too long" in told[0]
 
@@ -261,15 +261,17 @@ def test_a_writer_that_is_killed_harms_nobody(run: Run, tmp_path: Path) -> None:
         if not run.box.is_recording:
             break
     assert not run.box.is_recording
-    assert "killed.pcapng" in run.box.text
+    assert "killed.pcapng" in run.box.status_text
     assert isinstance(run.box, BlackBox)
 
 
 def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(black_box, "POST_NS", 0)
-    monkeypatch.setattr(recorder, "MOST_PERCENT", 100)  # scans without a pause: after 5 s it would give up
+    monkeypatch.setattr(black_box, "POST_INTERVAL_NS", 0)
+    monkeypatch.setattr(
+        recorder, "MOST_BOX_PERCENT", 100
+    )  # scans without a pause: after 5 s it would give up
     run = Run(tmp_path)
     run.box._most = 150_000
     firsts: list[int] = []

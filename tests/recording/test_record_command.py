@@ -20,8 +20,8 @@ from trcvtui.capture.pcap import open_capture
 from trcvtui.cli.main import main
 from trcvtui.errors import mistake
 from trcvtui.recording import files, journal, state, writer
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.journal import SIM_WALL_NS, CallRecord, EntriesLost, Entry, RunBegins
 from trcvtui.recording.recording import Recording, RecordingWriter
 from trcvtui.recording.writer import WriterProcess
 from trcvtui.replay.run_again import ReplayRun
@@ -31,7 +31,7 @@ STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
 
 
 def entries(path: Path) -> list[Entry]:
-    return list(Recording(path).entries())
+    return list(Recording(path).read_entries())
 
 
 @pytest.mark.parametrize("kernel", ["sim", pytest.param("live", marks=[pytest.mark.live, pytest.mark.slow])])
@@ -81,26 +81,26 @@ BEGINS = RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
 
 
 def some(count: int) -> list[Entry]:
-    return [Answered("C1", "recv", (7, 9), (9, number.to_bytes(9, "big"))) for number in range(count)]
+    return [CallRecord("C1", "recv", (7, 9), (9, number.to_bytes(9, "big"))) for number in range(count)]
 
 
 def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
-    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
-    sink.take([BEGINS])
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTarget(tmp_path / "R.pcapng"))
+    sink.add_entries([BEGINS])
     for _ in range(20):
-        sink.take(some(1000))
+        sink.add_entries(some(1000))
     sink.close()
     assert sink.trouble == ""
     assert entries(tmp_path / "R.pcapng") == [BEGINS, *some(1000) * 20]
 
 
 def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path) -> None:
-    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
-    sink.take([BEGINS])
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTarget(tmp_path / "R.pcapng"))
+    sink.add_entries([BEGINS])
     os.kill(sink.pid, signal.SIGKILL)
     while not sink.trouble:
-        sink.take(some(100_000))
-    sink.take(some(1))
+        sink.add_entries(some(100_000))
+    sink.add_entries(some(1))
     sink.close()
     assert sink.trouble.endswith("the writer has ended; nothing more is recorded")
     assert Recording(tmp_path / "R.pcapng").stopped == ""
@@ -109,17 +109,17 @@ def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path
 def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer, "MOST_WAITING", 1 << 20)
-    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
-    sink.take([BEGINS])
+    monkeypatch.setattr(writer, "MOST_WAITING_BYTES", 1 << 20)
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTarget(tmp_path / "R.pcapng"))
+    sink.add_entries([BEGINS])
     os.kill(sink.pid, signal.SIGSTOP)
     for _ in range(40):
-        sink.take(some(10_000))
-        sink.post()
+        sink.add_entries(some(10_000))
+        sink.post_block()
     os.kill(sink.pid, signal.SIGCONT)
     while sink.is_behind:
-        sink.go_on()
-    sink.take(some(3))
+        sink.advance()
+    sink.add_entries(some(3))
     sink.close()
     found = entries(tmp_path / "R.pcapng")
     [gap] = [one for one in found if isinstance(one, EntriesLost)]
@@ -190,7 +190,9 @@ def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
     )
     assert 75 * RING_S < first < last == 100 * RING_S + 1
     for name in files:
-        done = [one for one in entries(out / name) if isinstance(one, Answered) and one.args[3:4] == (True,)]
+        done = [
+            one for one in entries(out / name) if isinstance(one, CallRecord) and one.args[3:4] == (True,)
+        ]
         with open_capture(out / name) as capture:
             came = [packet for packet in capture if packet.data[:1] == b"E" and len(packet.data) > 40]
         if name == files[-1] and not came:  # it began in the last scans: sizes follow the path's length
@@ -217,7 +219,7 @@ def test_each_file_of_a_split_run_runs_again(
     assert len(files) > 6
     assert [main(["replay", str(file), "--check"]) for file in files] == [0] * len(files)
     assert capsys.readouterr().err == ""
-    assert all(Recording(file).keyframes() for file in files[1:])
+    assert all(Recording(file).list_keyframes() for file in files[1:])
 
 
 def test_a_late_file_of_another_version_is_refused_with_its_version(
@@ -267,9 +269,9 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
     for name in names(out):
         assert main(["replay", str(out / name), "--check"]) == 0  # from the beginning of its run
         found = entries(out / name)
-        [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
+        [told] = [one.args for one in found if isinstance(one, CallRecord) and one.call == "do"][-1:]
         assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
-        at = [one.answer for one in found if isinstance(one, Answered) and one.call == "step"][-1]
+        at = [one.answer for one in found if isinstance(one, CallRecord) and one.call == "step"][-1]
         assert isinstance(at, int)
         with open_capture(out / name) as capture:
             times = [p.ns - SIM_WALL_NS for p in capture if p.data[:1] == b"E" and len(p.data) > 40]
@@ -296,7 +298,7 @@ def test_a_file_of_a_trigger_after_too_long_a_run_has_a_keyframe_or_says_what_it
     assert len(told) == (not is_followed)
     last = entries(out / names(out)[-1])
     gaps = [one for one in last if isinstance(one, EntriesLost)]
-    assert gaps[0].why == files.ELSEWHERE
+    assert gaps[0].why == files.IN_MIDDLE_REASON
     assert (main(["replay", str(out / names(out)[-1]), "--check"]) == 0) == is_followed
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.certificates import NEEDS_OPENSSL
 from tests.recording.test_recording import NEEDS_TSHARK, tshark
 from trcvtui.cli.main import main
-from trcvtui.recording.journal import Answered
+from trcvtui.recording.journal import CallRecord
 from trcvtui.recording.recording import Recording
 
 
@@ -22,7 +22,9 @@ def recorded(bench: Path, folder: Path, kernel: str, *options: str) -> Path:
 
 def _answers(file: Path) -> bytes:
     reads = [
-        entry for entry in Recording(file).entries() if isinstance(entry, Answered) and entry.call == "recv"
+        entry
+        for entry in Recording(file).read_entries()
+        if isinstance(entry, CallRecord) and entry.call == "recv"
     ]
     return b"".join(entry.answer[1] for entry in reads)  # type: ignore[index]
 

@@ -26,7 +26,7 @@ from trcvtui.capture.packets import TCP
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.recording import recording
-from trcvtui.recording.journal import SIM_WALL_NS, STEP, Answered, Entry, RunBegins
+from trcvtui.recording.journal import SIM_WALL_NS, STEP, CallRecord, Entry, RunBegins
 from trcvtui.recording.recording import Recording, RecordingWriter
 
 TSHARK = shutil.which("tshark")
@@ -42,7 +42,7 @@ def written(path: Path, target: Path) -> tuple[object, list[Entry]]:
     """Record a scenario into a file; return what it printed, and the entries."""
     seen, entries = recorded(path)
     writer = RecordingWriter(target)
-    writer.take([begins(path), *entries])
+    writer.add_entries([begins(path), *entries])
     writer.close()
     return seen, entries
 
@@ -83,7 +83,9 @@ def test_two_runs_of_one_seed_give_the_same_bytes_whatever_the_hashes_of_the_pro
         tmp_path / "1", tmp_path / "2", [f"{path.stem}.pcapng" for path in some], shallow=False
     )
     assert not wrong and set(others) <= {"tls-80e6-record-changed.pcapng"}  # a handshake has random keys
-    assert len(same) >= len(paths) - 1 and Recording(tmp_path / "1" / "four-bytes-short.pcapng").keyframes()
+    assert (
+        len(same) >= len(paths) - 1 and Recording(tmp_path / "1" / "four-bytes-short.pcapng").list_keyframes()
+    )
 
 
 @NEEDS_TSHARK
@@ -93,8 +95,8 @@ def test_wireshark_finds_no_fault_and_follows_the_stream_to_the_bytes_of_data(a_
     assert tshark(a_file, *checked, "-Y", bad) == ""
     came = b"".join(
         entry.answer[1]
-        for entry in Recording(a_file).entries()
-        if isinstance(entry, Answered)
+        for entry in Recording(a_file).read_entries()
+        if isinstance(entry, CallRecord)
         and entry.call == "recv"
         and entry.owner == "C1"
         and isinstance(entry.answer, tuple)
@@ -127,14 +129,14 @@ def test_a_capture_of_others_is_no_recording(tmp_path: Path) -> None:
 
 def test_a_file_that_ends_anywhere_is_good_up_to_its_last_block(a_file: Path, tmp_path: Path) -> None:
     whole, target = a_file.read_bytes(), tmp_path / "cut"
-    all_entries = list(Recording(a_file).entries())
-    head = Recording(a_file).index()[0].packets_at
+    all_entries = list(Recording(a_file).read_entries())
+    head = Recording(a_file).read_index()[0].packets_at
     for size in random.Random(3).sample(range(head, len(whole)), 60):
         target.write_bytes(whole[:size])
         opened = Recording(target)
-        entries = list(opened.entries())
+        entries = list(opened.read_entries())
         assert entries == all_entries[: len(entries)]
-        assert opened.index() == Recording(a_file).index()[: len(opened.index())]
+        assert opened.read_index() == Recording(a_file).read_index()[: len(opened.read_index())]
         assert (opened.stopped == "") == (size in block_borders(whole))
 
 
@@ -151,21 +153,23 @@ def block_borders(whole: bytes) -> set[int]:
 
 
 def test_an_index_that_is_missing_is_found_again(a_file: Path, tmp_path: Path) -> None:
-    rows = Recording(a_file).index()
+    rows = Recording(a_file).read_index()
     assert rows
     assert rows[-1].scans > 0
     whole, target = a_file.read_bytes(), tmp_path / "cut"
     target.write_bytes(whole[: blocks_end(whole, rows[-1].journal_at)])
-    assert Recording(target).index() == rows
+    assert Recording(target).read_index() == rows
 
 
 def test_entries_are_read_from_any_block_on(a_file: Path) -> None:
     opened = Recording(a_file)
-    whole = list(opened.entries())
-    for number, row in enumerate(opened.index()):
-        some = list(opened.entries(number))
+    whole = list(opened.read_entries())
+    for number, row in enumerate(opened.read_index()):
+        some = list(opened.read_entries(number))
         assert some == whole[-len(some) :]
-        steps = [entry for entry in whole[: -len(some)] if isinstance(entry, Answered) and entry.call == STEP]
+        steps = [
+            entry for entry in whole[: -len(some)] if isinstance(entry, CallRecord) and entry.call == STEP
+        ]
         assert len(steps) == row.scans
 
 
@@ -199,11 +203,11 @@ def test_a_full_disk_ends_the_recording_with_a_line_and_leaves_a_good_file(
     monkeypatch.setattr(writer, "_file", Full())
     with pytest.raises(UserError, match=r"No space left on device.*the recording ends after"):
         for at in range(0, len(entries), 50):
-            writer.take([begins(LONGEST), *entries[at : at + 50]] if not at else entries[at : at + 50])
+            writer.add_entries([begins(LONGEST), *entries[at : at + 50]] if not at else entries[at : at + 50])
             writer.flush()
     writer.close()
     opened = Recording(path)
-    assert list(opened.entries())
+    assert list(opened.read_entries())
     assert opened.stopped == ""
 
 
@@ -232,8 +236,8 @@ def test_a_recording_that_was_changed_anywhere_is_read_or_refused_with_a_line(
         target.write_bytes(content)
         try:
             opened = Recording(target)
-            list(opened.entries())
-            opened.index()
+            list(opened.read_entries())
+            opened.read_index()
         except UserError as told:
             refused += 1
             assert "\n" not in str(told)
@@ -297,12 +301,12 @@ def test_wherever_a_bit_of_journal_keyframe_or_index_is_flipped_the_place_is_tol
     recorded_twice: tuple[bytes, bytes], tmp_path: Path
 ) -> None:
     whole, path, source = recorded_twice[1], tmp_path / "R.pcapng", random.Random(11)
-    for magic in (b"trcvtui journal\n", recording.KEYFRAME, recording.INDEX):
+    for magic in (b"trcvtui journal\n", recording.KEYFRAME_MAGIC, recording.INDEX_MAGIC):
         begin = source.choice([found.start() for found in re.finditer(re.escape(magic), whole)])
         size = int.from_bytes(whole[begin - 9 : begin - 5], "little") - 1
         for at in (begin, begin + len(magic), *source.sample(range(begin, begin + size), 20)):
             path.write_bytes(flipped(whole, at, source.randrange(8)))
-            assert re.match(rf"{path}: byte \d+: .*found .*, expected ", Recording(path).damage())
+            assert re.match(rf"{path}: byte \d+: .*found .*, expected ", Recording(path).find_damage())
 
 
 def test_what_stands_after_a_recording_and_another_version_are_told_with_their_place(
@@ -335,8 +339,8 @@ def test_a_gz_is_replayed_and_reported_like_what_it_holds(
     whole = gzip.compress(recorded_twice[1])
     packed.write_bytes(whole)
     assert replayed(packed, capsys, "--check") == (0, f"{packed}: 6051 scans, the same again")
-    assert [*Recording(packed).entries()] == [*Recording(plain).entries()]
-    assert Recording(packed).index() == Recording(plain).index()
+    assert [*Recording(packed).read_entries()] == [*Recording(plain).read_entries()]
+    assert Recording(packed).read_index() == Recording(plain).read_index()
     assert main(["report", str(packed), "--out", str(tmp_path / "X.html")]) == 0
     for content, said in (
         (whole[:-3000], "found the .gz ends in the middle"),
@@ -344,6 +348,6 @@ def test_a_gz_is_replayed_and_reported_like_what_it_holds(
         (flipped(whole, len(whole) - 5, 3), "found the .gz is broken"),
     ):
         packed.write_bytes(content)
-        assert Recording(packed).index()
+        assert Recording(packed).read_index()
         code, line = replayed(packed, capsys, "--check")
         assert code == 1 and line.startswith(f"{packed}: byte ") and said in line

@@ -21,9 +21,9 @@ from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.recording.journal import DO, SKIP, Answered, Entry, Note, blocks, entries_of
-from trcvtui.recording.replay import Replay
-from trcvtui.recording.seam import Seam, SeamRecorder, seam_kernel
+from trcvtui.recording.journal import DO, SKIP, CallRecord, Entry, LedgerNote, decode_entries, encode_blocks
+from trcvtui.recording.replay import ReplaySeam
+from trcvtui.recording.seam import Seam, SeamRecorder, wrap_kernel
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
@@ -55,7 +55,7 @@ def recorded(path: Path, kernel: str = "sim") -> tuple[tuple[str, list[str]], li
 )
 def test_a_journal_with_a_strange_command_ends_there(call: str, args: tuple[object, ...]) -> None:
     with pytest.raises(UserError, match="an answer that this call can give"):
-        list(entries_of(blocks([Answered("bench", call, args, None)]), "R"))
+        list(decode_entries(encode_blocks([CallRecord("bench", call, args, None)]), "R"))
 
 
 @NEEDS_OPENSSL
@@ -72,7 +72,7 @@ def test_a_replay_of_tls_makes_no_tls(
 
     monkeypatch.setattr("trcvtui.net.layers.layer_kernel.LayeredStream.pump", never)
     monkeypatch.setattr("trcvtui.bench.bench.Bench._with_sessions", never)
-    replay = Replay(entries_of(blocks(entries), "R"), "R")
+    replay = ReplaySeam(decode_entries(encode_blocks(entries), "R"), "R")
     assert run(secure_bench / name, kernel, replay, VirtualPace()) == seen
 
 
@@ -94,7 +94,7 @@ class Watched(SimNetwork):
 
     def __init__(self, kernel: SimKernel, seam: Seam) -> None:
         super().__init__(kernel)
-        self.seen: Kernel = seam_kernel(seam, "X", lambda: kernel)
+        self.seen: Kernel = wrap_kernel(seam, "X", lambda: kernel)
 
 
 ASKED = [fact for fact in FACTS if not fact.__name__.startswith("a_look")]  # a recorder alone looks
@@ -107,23 +107,23 @@ def test_a_recording_kernel_and_one_that_answers_keep_the_contract(fact: Fact) -
     bench = Workbench(network)
     bench.kernel = network.seen
     fact(bench)
-    replay = Replay(entries_of(blocks(entries), "R"), "R")
-    fact(Workbench(Timeless(seam_kernel(replay, "X", SimKernel))))
-    replay.end()
+    replay = ReplaySeam(decode_entries(encode_blocks(entries), "R"), "R")
+    fact(Workbench(Timeless(wrap_kernel(replay, "X", SimKernel))))
+    replay.check_end()
 
 
 def test_a_journal_from_before_broadcasts_and_of_another_keep_alive_answers_what_it_has() -> None:
     older = [
-        Answered("C1", "bind", (1, Endpoint("127.0.0.1", 2000)), None),
-        Answered("C2", "set_options", (2, False, 10, 0, False, False), ()),
+        CallRecord("C1", "bind", (1, Endpoint("127.0.0.1", 2000)), None),
+        CallRecord("C2", "set_options", (2, False, 10, 0, False, False), ()),
     ]
-    kernel = seam_kernel(Replay(iter(older), "R"), "C1", SimKernel)
+    kernel = wrap_kernel(ReplaySeam(iter(older), "R"), "C1", SimKernel)
     assert kernel.set_broadcast(Handle(1)) == Fault("set_broadcast", "ENOSYS")
     assert kernel.bind(Handle(1), Endpoint("127.0.0.1", 2000)) is None
     for owner, handle in (("C1", 2), ("C2", 3)):
         with pytest.raises(UserError, match="which was recorded"):
-            Replay(iter(older[1:]), "R").ask(owner, "set_options", (handle, False, 30), tuple)
-    assert Replay(iter(older[1:]), "R").ask("C2", "set_options", (2, False, 30), tuple) == ()
+            ReplaySeam(iter(older[1:]), "R").ask(owner, "set_options", (handle, False, 30), tuple)
+    assert ReplaySeam(iter(older[1:]), "R").ask("C2", "set_options", (2, False, 30), tuple) == ()
 
 
 # -- what differs -----------------------------------------------------------------------------------------
@@ -133,24 +133,24 @@ STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
 
 def answered(entries: Iterable[Entry]) -> str:
     with pytest.raises(UserError) as told:
-        replay = Replay(iter(entries), "R")
+        replay = ReplaySeam(iter(entries), "R")
         run(STORY, "sim", replay, VirtualPace())
-        replay.end()
+        replay.check_end()
     return str(told.value)
 
 
-def changed(call: str, change: Callable[[Answered], Answered]) -> list[Entry]:
+def changed(call: str, change: Callable[[CallRecord], CallRecord]) -> list[Entry]:
     """Return the journal of the story with the first entry of a call changed."""
     _, entries = recorded(STORY)
-    at = next(at for at, one in enumerate(entries) if isinstance(one, Answered) and one.call == call)
+    at = next(at for at, one in enumerate(entries) if isinstance(one, CallRecord) and one.call == call)
     one = entries[at]
-    assert isinstance(one, Answered)
+    assert isinstance(one, CallRecord)
     return [*entries[:at], change(one), *entries[at + 1 :]]
 
 
 def test_another_call_is_told_with_scan_owner_and_call() -> None:
     entries = changed("send", lambda one: one._replace(call="another"))
-    calls = [one.call for one in entries if isinstance(one, Answered)]
+    calls = [one.call for one in entries if isinstance(one, CallRecord)]
     said = answered(entries)
     assert said.startswith(f"R: scan {calls[: calls.index('another')].count('step')}: found send (")
     assert "of C1, expected another (" in said
@@ -166,20 +166,20 @@ def test_other_bytes_are_told_although_they_are_as_many() -> None:
 )
 def test_an_answer_that_the_call_cannot_give_is_told(call: str, answer: object) -> None:
     entries = changed(call, lambda one: one._replace(answer=answer))
-    assert "an answer" in answered(entries_of(blocks(entries), "R"))
+    assert "an answer" in answered(decode_entries(encode_blocks(entries), "R"))
 
 
 def test_a_journal_that_ends_too_early_and_one_that_goes_on_are_told() -> None:
     _, entries = recorded(STORY)
     assert "the end of the journal" in answered(entries[: len(entries) // 2])
-    assert "nothing more" in answered([*entries, Answered("C1", "poll", (), None)])
+    assert "nothing more" in answered([*entries, CallRecord("C1", "poll", (), None)])
 
 
 # -- bytes ------------------------------------------------------------------------------------------------
 
 
 def test_a_newer_version_and_a_missing_block_are_told() -> None:
-    block = bytearray(next(blocks([Answered("C1", "poll", (), None)])))
+    block = bytearray(next(encode_blocks([CallRecord("C1", "poll", (), None)])))
     second = bytes(block)
     assert "block 0, expected block 1" in wrong([second, second])
     block[16] = 9
@@ -188,7 +188,7 @@ def test_a_newer_version_and_a_missing_block_are_told() -> None:
 
 def wrong(found: Sequence[bytes]) -> str:
     with pytest.raises(UserError) as told:
-        list(entries_of(found, "R"))
+        list(decode_entries(found, "R"))
     return str(told.value)
 
 
@@ -213,7 +213,7 @@ def read(found: Iterator[Entry]) -> bool:
     """Return whether a journal was read to its end; a UserError in one line is the other way to end."""
     try:
         for entry in found:
-            assert isinstance(entry, Answered | Note)
+            assert isinstance(entry, CallRecord | LedgerNote)
     except UserError as told:
         assert "\n" not in str(told) and len(str(told)) < 400
         return False
@@ -223,18 +223,18 @@ def read(found: Iterator[Entry]) -> bool:
 def test_a_thousand_mutated_journals_are_read_or_refused_in_one_line() -> None:
     _, entries = recorded(STORY)
     note = BenchNote("C1", "link up", "\udcff")
-    block = next(blocks([*entries[:200], note]))
-    ended = [read(entries_of([mutated(block, seed)], "R")) for seed in range(MUTATIONS)]
+    block = next(encode_blocks([*entries[:200], note]))
+    ended = [read(decode_entries([mutated(block, seed)], "R")) for seed in range(MUTATIONS)]
     assert not all(ended)
 
 
 def test_a_mutated_journal_that_can_be_read_is_a_difference_and_no_crash() -> None:
     _, entries = recorded(STORY)
-    block = next(blocks(entries))
+    block = next(encode_blocks(entries))
     refused = 0
     for seed in range(100):
         try:
-            run(STORY, "sim", Replay(entries_of([mutated(block, seed)], "R"), "R"), VirtualPace())
+            run(STORY, "sim", ReplaySeam(decode_entries([mutated(block, seed)], "R"), "R"), VirtualPace())
         except UserError as told:
             refused += 1
             assert str(told).startswith("R: ")
@@ -242,5 +242,5 @@ def test_a_mutated_journal_that_can_be_read_is_a_difference_and_no_crash() -> No
 
 
 def test_tuples_in_tuples_end_at_a_depth() -> None:
-    head = next(blocks([]))[:-4] + b"\x01\0\0\0"
+    head = next(encode_blocks([]))[:-4] + b"\x01\0\0\0"
     assert "deep" in wrong([head + b"\x06\x01\x00" * 5000])

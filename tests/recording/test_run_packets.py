@@ -11,8 +11,8 @@ import pytest
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.net.kernel import Handle, KernelLoss, NewClient
 from trcvtui.net.results import Datagram, Endpoint, Fault
-from trcvtui.recording.files import FileLimits, RecordTo
-from trcvtui.recording.journal import RECV, SHOWS, SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
+from trcvtui.recording.files import FileLimits, RecordTarget
+from trcvtui.recording.journal import RECV, SHOWS, SIM_WALL_NS, STEP, CallRecord, Entry, RunBegins, WireCall
 from trcvtui.recording.recording import JOURNAL, Recording, RecordingWriter
 
 BEGINS = RunBegins("0", "sim", 0, SIM_WALL_NS, False, "x.toml", (), "/", (), ())
@@ -24,8 +24,8 @@ CONNECTED: list[Entry] = [
 FLAGS = {1: "FIN", 2: "SYN", 4: "RST"}
 
 
-def scan(number: int) -> Answered:
-    return Answered("bench", STEP, (), number * 10_000_000)
+def scan(number: int) -> CallRecord:
+    return CallRecord("bench", STEP, (), number * 10_000_000)
 
 
 def call(name: str, *args: object, answer: object = None, data: bytes = b"", handle: int = 7) -> WireCall:
@@ -33,29 +33,29 @@ def call(name: str, *args: object, answer: object = None, data: bytes = b"", han
 
 
 def arrives(whole: int, unread: int, data: bytes) -> list[Entry]:
-    return [call("arrived", whole, data=data), Answered("C1", "gap arrived", (7, whole, unread, 0), data)]
+    return [call("arrived", whole, data=data), CallRecord("C1", "gap arrived", (7, whole, unread, 0), data)]
 
 
 def reads(data: bytes, room: int = 0) -> list[Entry]:
     size = room or len(data)
     return [
         call(RECV, size, answer=len(data)),
-        Answered("C1", RECV, (7, size), (len(data), data)),
+        CallRecord("C1", RECV, (7, size), (len(data), data)),
     ]
 
 
 def sends(data: bytes) -> list[Entry]:
     return [
         call("send", len(data), answer=len(data), data=data),
-        Answered("C1", "send", (7, len(data), 0), len(data)),
+        CallRecord("C1", "send", (7, len(data), 0), len(data)),
     ]
 
 
 def shows(
     instance: str = "R1", status: int = 0x7008, length: int | None = None, busy: bool = False
-) -> Answered:
+) -> CallRecord:
     outputs = status, busy, status < 0x8000 and not busy, status >= 0x8000, length, None, None
-    return Answered(instance, SHOWS, ("C1", *outputs), None)
+    return CallRecord(instance, SHOWS, ("C1", *outputs), None)
 
 
 def flat(entries: Iterable[Entry | list[Entry]]) -> list[Entry]:
@@ -65,10 +65,10 @@ def flat(entries: Iterable[Entry | list[Entry]]) -> list[Entry]:
 def written(path: Path, *entries: Entry | list[Entry]) -> list[Packet]:
     """Write a recording; return its packets, those of the journal too."""
     writer = RecordingWriter(path)
-    writer.take([BEGINS, *flat(entries)])
+    writer.add_entries([BEGINS, *flat(entries)])
     writer.close()
-    read = [one for one in Recording(path).entries() if isinstance(one, Answered)]
-    assert read == [one for one in flat(entries) if isinstance(one, Answered)]
+    read = [one for one in Recording(path).read_entries() if isinstance(one, CallRecord)]
+    assert read == [one for one in flat(entries) if isinstance(one, CallRecord)]
     return packets(path)
 
 
@@ -141,8 +141,8 @@ def test_a_datagram_is_there_whole_where_data_takes_less(tmp_path: Path) -> None
         tmp_path / "R", call("bind", HERE, handle=5), scan(1),
         call("recv_from", 10, answer=answer[0], handle=5),
         call("message", PARTNER, 500, data=whole, handle=5),
-        Answered("C1", "gap message", (5, PARTNER, 500, 0), whole),
-        Answered("C1", "recv_from", (5, 10), answer),
+        CallRecord("C1", "gap message", (5, PARTNER, 500, 0), whole),
+        CallRecord("C1", "recv_from", (5, 10), answer),
         scan(2), shows(length=10), shows("S1", busy=True),
     )  # fmt: skip
     assert told(found, True)[0] == "datagram 500 | R1: 16#7008 DONE 10 B, job 1, scan 2"
@@ -157,7 +157,7 @@ def test_our_close_with_unread_bytes_is_rst(tmp_path: Path) -> None:
     came = arrives(10, 10, bytes(10))
     assert told(written(tmp_path / "1", CONNECTED, came, close))[3:] == ["partner 1 10", "plc 1 RST"]
     assert told(written(tmp_path / "2", CONNECTED, came, reads(bytes(10)), close))[-1] == "plc 1 FIN"
-    gone = Answered("C1", "discard", (7, 65536), 10)
+    gone = CallRecord("C1", "discard", (7, 65536), 10)
     assert told(written(tmp_path / "3", CONNECTED, came, gone, close))[-1] == "plc 1 FIN"
     deep = written(tmp_path / "4", CONNECTED, arrives(30, 30, bytes(10)), close)
     assert told(deep, True)[4] == "plc 1 RST | 20 bytes to the PLC are not here: no one has read them"
@@ -167,7 +167,7 @@ def test_the_partners_end_stands_behind_its_bytes_also_where_they_are_read_later
     for how, flag in (("fin", "FIN"), ("rst", "RST")):
         found = written(
             tmp_path / how, CONNECTED, arrives(30, 30, bytes(10)), call("ended", how),
-            Answered("C1", "gap ended", (7, 0), how), scan(2), reads(bytes(30)), scan(3), call("close"),
+            CallRecord("C1", "gap ended", (7, 0), how), scan(2), reads(bytes(30)), scan(3), call("close"),
         )  # fmt: skip
         ours = ["plc 1 FIN"] if how == "fin" else []
         assert told(found)[3:] == ["partner 1 10", "partner 11 20", f"partner 31 {flag}", *ours]
@@ -185,7 +185,7 @@ def test_a_reset_is_rst_whoever_meets_it(tmp_path: Path) -> None:
     assert told(written(tmp_path / "2", CONNECTED, by_a_send))[3:] == ["partner 1 RST"]
     by_loss: list[Entry] = [call("loss", answer=KernelLoss(reset, 4)), *reads(bytes(4)), call("close")]
     assert told(written(tmp_path / "3", CONNECTED, by_loss))[3:] == ["partner 1 4", "partner 5 RST"]
-    by_a_probe: list[Entry] = [Answered("C1", "probe", (7,), Fault("shutdown", "ENOTCONN")), call("abort")]
+    by_a_probe: list[Entry] = [CallRecord("C1", "probe", (7,), Fault("shutdown", "ENOTCONN")), call("abort")]
     assert told(written(tmp_path / "4", CONNECTED, by_a_probe))[3:] == ["partner 1 RST"]
 
 
@@ -252,7 +252,7 @@ def test_two_receivers_of_a_connection_have_a_packet_each(tmp_path: Path) -> Non
 
 
 def test_a_sender_and_an_error_have_theirs(tmp_path: Path) -> None:
-    reset: list[Entry] = [call("ended", "rst"), Answered("C1", "gap ended", (7, 0), "rst")]
+    reset: list[Entry] = [call("ended", "rst"), CallRecord("C1", "gap ended", (7, 0), "rst")]
     found = written(
         tmp_path / "R", CONNECTED, scan(1), sends(bytes(5)), scan(2), shows("S1", 0x0000), sends(bytes(6)),
         scan(3), shows("S1", 0x0000), reset, scan(4), shows("R1", 0x80AA, 0), scan(5), scan(6),
@@ -270,7 +270,7 @@ def test_a_sender_and_an_error_have_theirs(tmp_path: Path) -> None:
 def test_a_message_of_iso_on_tcp_ends_where_it_ends(tmp_path: Path) -> None:
     hello, two = bytes((3, 0, 0, 7, 2, 0xE0, 0)), bytes((3, 0, 0, 9, 2, 0xF0, 0x80, 1, 2))
     message = Datagram(2, PARTNER, 2), b"\1\2"
-    taken = Answered("C1", "recv_from", (7, 16), message)
+    taken = CallRecord("C1", "recv_from", (7, 16), message)
     found = written(
         tmp_path / "R", CONNECTED, scan(1), call(RECV, 9, answer=7, data=hello), scan(2),
         call(RECV, 9, answer=9, data=two), scan(3), call(RECV, 9, answer=9, data=two), taken, scan(4),
@@ -287,10 +287,10 @@ def test_a_message_of_iso_on_tcp_ends_where_it_ends(tmp_path: Path) -> None:
 
 def numbered(folder: Path, limits: FileLimits, *entries: list[Entry]) -> list[Path]:
     folder.mkdir()
-    files = RecordTo(folder, limits=limits).file_sink(folder / "R")
-    files.take([BEGINS])
+    files = RecordTarget(folder, limits=limits).make_file_sink(folder / "R")
+    files.add_entries([BEGINS])
     for some in entries:
-        files.take(some)
+        files.add_entries(some)
     files.close()
     return sorted(folder.iterdir())
 
@@ -316,12 +316,12 @@ def test_a_connection_goes_on_in_the_next_file(tmp_path: Path) -> None:
         "journal",
     ]
     assert all(packet.data[12:24] for packet in packets(after))
-    first = next(one for one in Recording(after).entries() if isinstance(one, Answered))
-    assert first == Answered("C1", "gap arrived", (7, 30, 10, 0), bytes(10))
+    first = next(one for one in Recording(after).read_entries() if isinstance(one, CallRecord))
+    assert first == CallRecord("C1", "gap arrived", (7, 30, 10, 0), bytes(10))
 
 
 def test_a_file_of_a_trigger_has_neither_handshakes_nor_ends_of_its_own(tmp_path: Path) -> None:
-    trigger = Answered("bench", "do", ("trigger R1 DONE=1",), None)
+    trigger = CallRecord("bench", "do", ("trigger R1 DONE=1",), None)
     [file] = numbered(
         tmp_path / "out", FileLimits(0, 0, 50_000_000, 0), [scan(1), *CONNECTED, *arrives(9, 9, bytes(9))],
         [scan(2), *reads(bytes(9))], [scan(3), shows(length=9)], [scan(50), *arrives(12, 3, b"new")],

@@ -11,8 +11,8 @@ from tests.recording.test_recording import LONGEST, NEEDS_TSHARK, begins, mutate
 from trcvtui.capture.pcap import (
     RAW_IP,
     USER0,
-    block,
     interface_block,
+    make_block,
     open_capture,
     packet_block,
     secrets_block,
@@ -22,11 +22,11 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.recording.journal import WireCall
 from trcvtui.recording.recording import JOURNAL_NAME, Recording, RecordingWriter
-from trcvtui.recording.strip import LeaveOut, strip
+from trcvtui.recording.strip import StripOptions, strip_recording
 
 BAD = "_ws.malformed || ip.checksum.status == 0 || tcp.checksum.status == 0 || tcp.analysis.flags"
 CHECKED = ("-o", "tcp.check_checksum:TRUE", "-o", "ip.check_checksum:TRUE")
-ALL = LeaveOut(payload=True, secrets=True, names=True)
+ALL = StripOptions(payload=True, secrets=True, names=True)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_a_copy_without_payload_and_names_has_neither_and_wireshark_finds_no_fau
     a_file: Path, tmp_path: Path
 ) -> None:
     target = tmp_path / "copy.pcapng"
-    said = list(strip(str(a_file), str(target), ALL))
+    said = list(strip_recording(str(a_file), str(target), ALL))
     assert said == [f"{target}: a capture for Wireshark and trcvtui watch; it cannot be replayed"]
     assert stat.S_IMODE(target.stat().st_mode) == 0o600
     content = target.read_bytes()
@@ -60,7 +60,7 @@ def test_a_copy_without_payload_and_names_has_neither_and_wireshark_finds_no_fau
 @NEEDS_TSHARK
 def test_wireshark_finds_no_fault_in_a_copy(a_file: Path, tmp_path: Path) -> None:
     target = tmp_path / "copy.pcapng"
-    list(strip(str(a_file), str(target), ALL))
+    list(strip_recording(str(a_file), str(target), ALL))
     assert tshark(target, *CHECKED, "-Y", BAD) == ""
     lengths = [tshark(path, "-T", "fields", "-e", "tcp.len", "-Y", "tcp") for path in (a_file, target)]
     assert lengths[0] == lengths[1] != ""
@@ -79,7 +79,9 @@ def test_each_address_gets_the_same_other_address_and_loopback_stays(tmp_path: P
                     0, 1, head + bytes.fromhex("07d0c000" + "00" * 8 + "5018ffff00000000") + b"recipe 7", ()
                 )
             )
-    said = list(strip(str(source), str(target), LeaveOut(payload=False, secrets=False, names=True)))
+    said = list(
+        strip_recording(str(source), str(target), StripOptions(payload=False, secrets=False, names=True))
+    )
     assert "it has all payload, with names and addresses in it; --no-payload leaves that out" in said[-1]
     with open_capture(target) as capture:
         packets = [packet.data for packet in capture]
@@ -95,10 +97,12 @@ def test_a_name_that_somebody_wrote_into_the_file_later_is_gone_too(a_file: Path
     name = bytes.fromhex("01000c00c0a80714") + b"meier-2\0" + bytes(4)  # Wireshark keeps what DNS answered
     with source.open("wb") as file:
         file.write(section_block("trcvtui", ("Meier's line",)))
-        file.write(interface_block(RAW_IP, "wire") + interface_block(USER0, JOURNAL_NAME) + block(4, name))
+        file.write(
+            interface_block(RAW_IP, "wire") + interface_block(USER0, JOURNAL_NAME) + make_block(4, name)
+        )
         for comment in ("Meier's pump", "begins in the middle: 5 bytes to the PLC and 0 from it came before"):
             file.write(packet_block(0, 1, bytes(40), (comment,)))
-    list(strip(str(source), str(target), LeaveOut(payload=False, secrets=False, names=True)))
+    list(strip_recording(str(source), str(target), StripOptions(payload=False, secrets=False, names=True)))
     assert b"eier" in source.read_bytes() and b"eier" not in target.read_bytes()
     with open_capture(target) as capture:
         assert [len(packet.comments) for packet in capture] == [0, 1]
@@ -107,9 +111,9 @@ def test_a_name_that_somebody_wrote_into_the_file_later_is_gone_too(a_file: Path
 def test_serial_lines_lose_bytes_and_names(tmp_path: Path) -> None:
     source, target = tmp_path / "run.pcapng", tmp_path / "copy.pcapng"
     writer = RecordingWriter(source)
-    writer.take([begins(LONGEST), WireCall(5, "scale", "port read", 1, (), None, b"12.5 kg")])
+    writer.add_entries([begins(LONGEST), WireCall(5, "scale", "port read", 1, (), None, b"12.5 kg")])
     writer.close()
-    list(strip(str(source), str(target), ALL))
+    list(strip_recording(str(source), str(target), ALL))
     assert b"12.5 kg" in source.read_bytes()
     assert b"scale" in source.read_bytes()
     content = target.read_bytes()
@@ -121,17 +125,17 @@ def test_a_copy_without_secrets_alone_can_be_replayed_where_there_were_none(
     a_file: Path, tmp_path: Path
 ) -> None:
     target = tmp_path / "copy.pcapng"
-    out = LeaveOut(payload=False, secrets=True, names=False)
-    assert list(strip(str(a_file), str(target), out)) == []
-    assert list(Recording(target).entries()) == list(Recording(a_file).entries())
+    out = StripOptions(payload=False, secrets=True, names=False)
+    assert list(strip_recording(str(a_file), str(target), out)) == []
+    assert list(Recording(target).read_entries()) == list(Recording(a_file).read_entries())
 
 
 @pytest.mark.parametrize("left_out", ["payload", "secrets", "names"])
 def test_secrets_are_gone_and_the_journal_with_them(left_out: str, a_file: Path, tmp_path: Path) -> None:
     source, target = tmp_path / "tls.pcapng", tmp_path / "copy.pcapng"
     source.write_bytes(a_file.read_bytes() + secrets_block(b"CLIENT_RANDOM 00 11\n"))
-    out = LeaveOut(*(each == left_out for each in ("payload", "secrets", "names")))
-    said = list(strip(str(source), str(target), out))
+    out = StripOptions(*(each == left_out for each in ("payload", "secrets", "names")))
+    said = list(strip_recording(str(source), str(target), out))
     assert "it cannot be replayed" in said[0]
     assert b"CLIENT_RANDOM" not in target.read_bytes()
     assert len(payloads(target)) == len(payloads(a_file))
@@ -161,7 +165,7 @@ def test_a_copy_of_a_broken_recording_is_made_or_refused_with_a_line(
         source.write_bytes(content)
         target = tmp_path / f"{number}.pcapng"
         try:
-            for line in strip(str(source), str(target), ALL):
+            for line in strip_recording(str(source), str(target), ALL):
                 assert "\n" not in line
             assert b"TRCV_C_1: 16#7" not in target.read_bytes()
             target.unlink()

@@ -11,7 +11,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.files import noting_reads
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.recording.journal import Entry, Keyframe, blocks, entries_of
+from trcvtui.recording.journal import Entry, Keyframe, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.replay.command import print_jsonl
@@ -28,17 +28,17 @@ class InMemory:
     def __init__(self, entries: Sequence[Entry]) -> None:
         self._entries = entries
 
-    def entries(self, first: int = 0) -> Iterator[Entry]:
+    def read_entries(self, first: int = 0) -> Iterator[Entry]:
         assert not first
         return iter(self._entries)
 
-    def index(self) -> tuple[()]:
+    def read_index(self) -> tuple[()]:
         return ()
 
-    def keyframes(self) -> tuple[()]:
+    def list_keyframes(self) -> tuple[()]:
         return ()
 
-    def keyframe(self, place: BlockPlace) -> Keyframe:
+    def read_keyframe(self, place: BlockPlace) -> Keyframe:
         raise AssertionError(place)
 
 
@@ -48,7 +48,7 @@ def recorded(path: Path, *overrides: str) -> tuple[str, list[Entry]]:
 
 
 def again(entries: Iterable[Entry]) -> ReplayRun:
-    return ReplayRun(entries_of(blocks(entries), "R"), "R")
+    return ReplayRun(decode_entries(encode_blocks(entries), "R"), "R")
 
 
 def jsonl(entries: Iterable[Entry]) -> str:
@@ -76,13 +76,13 @@ def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
         project = load_bench(path)
         with recorder:
             bench = fresh_bench(project, "sim", recorder.seam)
-            recorder.begin(bench, path, (), is_scenario=False)
+            recorder.add_header(bench, path, (), is_scenario=False)
             console = Controller(bench)
             for number, line in enumerate(lines.splitlines()):
                 console.take(number, line)
                 for _ in range(5):
                     console.scan()
                     console.picture(UpdateRequest(), EngineTiming(mode=""), 10)
-                    recorder.gap(bench)
+                    recorder.finish_scan(bench)
             bench.close()
     return bench, kept.entries

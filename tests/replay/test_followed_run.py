@@ -17,10 +17,10 @@ from tests.replay.test_time_line import LAST, journal
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line
-from trcvtui.recording.files import FileLimits, RecordTo
-from trcvtui.recording.journal import DO, STEP, Answered, BlockWriter, EntriesLost, Entry
-from trcvtui.recording.recording import INDEX, KEYFRAME, Recording
-from trcvtui.recording.state import Shared, from_state, state_of
+from trcvtui.recording.files import FileLimits, RecordTarget
+from trcvtui.recording.journal import DO, STEP, BlockWriter, CallRecord, EntriesLost, Entry
+from trcvtui.recording.recording import INDEX_MAGIC, KEYFRAME_MAGIC, Recording
+from trcvtui.recording.state import SharedObjects, decode_state, encode_state
 from trcvtui.replay import follower
 from trcvtui.replay.command import check
 from trcvtui.replay.follower import FollowedRun
@@ -36,7 +36,7 @@ def scans(entries: tuple[Entry, ...]) -> Iterator[list[Entry]]:
     """Yield the entries of a scan, as a bench hands them over in the gap after it."""
     some: list[Entry] = []
     for entry in entries:
-        if isinstance(entry, Answered) and entry.call == STEP:
+        if isinstance(entry, CallRecord) and entry.call == STEP:
             yield some
             some = []
         some.append(entry)
@@ -45,9 +45,11 @@ def scans(entries: tuple[Entry, ...]) -> Iterator[list[Entry]]:
 
 def written(folder: Path, limits: FileLimits | None, entries: tuple[Entry, ...] | None = None) -> list[Path]:
     target = folder if limits else folder / "R.pcapng"
-    sink = FollowedRun(RecordTo(target, limits=limits).file_sink(Path("R") if limits else target), "R")
+    sink = FollowedRun(
+        RecordTarget(target, limits=limits).make_file_sink(Path("R") if limits else target), "R"
+    )
     for some in scans(entries or journal()):
-        sink.take(some)
+        sink.add_entries(some)
     sink.close()
     return sorted(folder.iterdir())
 
@@ -70,7 +72,7 @@ def test_a_keyframe_that_does_not_fit_its_file_is_told_in_one_line(
 ) -> None:
     path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
     content = bytearray(path.read_bytes())
-    content[content.index(KEYFRAME) + at] ^= 1
+    content[content.index(KEYFRAME_MAGIC) + at] ^= 1
     path.write_bytes(content)
     assert main(["replay", str(path), "--check"]) == 2
     said = capsys.readouterr().err
@@ -91,13 +93,15 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
 
 @pytest.mark.parametrize("length", [1, 170], ids=["of a scan", "longer than a file"])
 def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_path: Path) -> None:
-    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(6000, 0, -1, -1)).file_sink(Path("R")), "R")
+    sink = FollowedRun(
+        RecordTarget(tmp_path, limits=FileLimits(6000, 0, -1, -1)).make_file_sink(Path("R")), "R"
+    )
     some = [*scans(journal())]
     for at in range(0, len(some), length):
         block = BlockWriter(0)
         for entry in chain.from_iterable(some[at : at + length]):
-            block.take(entry)
-        sink.take_block(block.block())
+            block.add_entry(entry)
+        sink.add_block(block.encode())
         if length > 1:
             sink.go_on(follower.NEVER)
     sink.close()
@@ -111,10 +115,10 @@ def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_
 def test_a_run_that_ends_at_the_border_of_a_file_leaves_no_file_without_a_keyframe(
     later: int, tmp_path: Path
 ) -> None:
-    sink = RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R"))
+    sink = RecordTarget(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).make_file_sink(Path("R"))
     followed = FollowedRun(sink, "R")
     for some in scans(journal()):
-        followed.take(some)
+        followed.add_entries(some)
         later -= sink.first_scan > 0
         if later < 0:
             break
@@ -170,7 +174,7 @@ def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for at, some in enumerate(scans(journal())):
         entries += some
         if at == 300:
-            entries.append(Answered("bench", DO, ("trigger X",), None))
+            entries.append(CallRecord("bench", DO, ("trigger X",), None))
     (path,) = written(folder, FileLimits(0, 0, SECOND // 4, SECOND // 4), tuple(entries))
     return path
 
@@ -182,7 +186,7 @@ def test_a_file_of_a_trigger_has_the_beginning_and_keyframes(
     run, first = begun(path)
     assert first == 0 and check(run) == "" and 320 < run.bench.runtime.scans < LAST
     keyframes = Keyframes(Recording(path), "R")
-    for place in Recording(path).keyframes():
+    for place in Recording(path).list_keyframes():
         again = keyframes.run_at(place.scans)
         assert check(again) == "" and lines(again) == lines(run)
     assert keyframes.before(LAST) > 300
@@ -195,9 +199,9 @@ def test_a_long_run_has_a_keyframe_each_half_a_minute(
     monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
     (path,) = written(tmp_path, None)
     if not has_index:
-        path.write_bytes(path.read_bytes().rpartition(INDEX)[0])
+        path.write_bytes(path.read_bytes().rpartition(INDEX_MAGIC)[0])
     keyframes = Keyframes(Recording(path), "R")
-    places = Recording(path).keyframes()
+    places = Recording(path).list_keyframes()
     assert len(places) == (LAST - 1) // 50
     for place in places:
         run = keyframes.run_at(place.scans)
@@ -214,7 +218,7 @@ def test_keyframes_of_one_seed_are_the_same_bytes(tmp_path: Path, monkeypatch: p
     (tmp_path / "A").mkdir()
     (tmp_path / "B").mkdir()
     (one,), (other,) = written(tmp_path / "A", None), written(tmp_path / "B", None)
-    assert one.read_bytes() == other.read_bytes() and KEYFRAME in one.read_bytes()
+    assert one.read_bytes() == other.read_bytes() and KEYFRAME_MAGIC in one.read_bytes()
 
 
 def test_a_file_without_its_keyframe_says_what_it_lacks(
@@ -240,7 +244,7 @@ def test_what_is_no_state_of_this_run_is_one_user_error(seed: int) -> None:
         at = chance.randrange(len(changed))
         changed[at] = chance.choice((0, 1, 255, chance.randrange(256)))
     try:
-        run = from_state(bytes(changed), shared, "R")
+        run = decode_state(bytes(changed), shared, "R")
         if not isinstance(run, ReplayRun):
             return
         run.replay.entries = iter(journal()[-300:])
@@ -251,9 +255,9 @@ def test_what_is_no_state_of_this_run_is_one_user_error(seed: int) -> None:
 
 
 @cache
-def a_state() -> tuple[Shared, bytes]:
+def a_state() -> tuple[SharedObjects, bytes]:
     keyframes = Keyframes(InMemory(journal()), "R")
     run = keyframes.begin()
     while run.bench.runtime.scans < 250:
         run.scan()
-    return keyframes._shared, state_of(run, keyframes._shared)
+    return keyframes._shared, encode_state(run, keyframes._shared)

@@ -13,7 +13,7 @@ from tests.replay.test_time_line import LAST, Stood, journal
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.plc.ledger import Line
 from trcvtui.recording.journal import Entry
-from trcvtui.recording.recording import INDEX, Recording, RecordingWriter
+from trcvtui.recording.recording import INDEX_MAGIC, Recording, RecordingWriter
 from trcvtui.replay import keyframes as module
 from trcvtui.replay.command import check
 from trcvtui.replay.keyframes import EntriesFrom, Journal, Keyframes
@@ -60,20 +60,20 @@ def test_a_file_is_read_on_from_the_block_of_the_keyframe(
     path = tmp_path / "R.pcapng"
     writer = RecordingWriter(path)
     for place in range(0, len(journal()), 500):
-        writer.take(journal()[place : place + 500])
+        writer.add_entries(journal()[place : place + 500])
         writer.flush()
     writer.close()
     if not is_whole:
-        path.write_bytes(path.read_bytes().partition(INDEX)[0])
+        path.write_bytes(path.read_bytes().partition(INDEX_MAGIC)[0])
     recording = Recording(path)
     run, keyframes = seen(recording, 100, monkeypatch)
     begun: list[int] = []
 
     def noted(first: int = 0) -> Iterator[Entry]:
         begun.append(first)
-        return Recording.entries(recording, first)
+        return Recording.read_entries(recording, first)
 
-    monkeypatch.setattr(recording, "entries", noted)
+    monkeypatch.setattr(recording, "read_entries", noted)
     again = keyframes.run_at(300)
     assert begun[0] > 1
     assert check(again) == "" and lines(again) == lines(run)

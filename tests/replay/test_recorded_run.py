@@ -10,7 +10,7 @@ import pytest
 from tests.replay.journals import again, jsonl, on_the_screen, recorded
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.recording.journal import READ, Answered, RunBegins
+from trcvtui.recording.journal import FILE_READ, CallRecord, RunBegins
 from trcvtui.replay.command import check
 
 
@@ -45,9 +45,9 @@ def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: py
 
 def test_another_output_is_told_with_scan_instance_and_call() -> None:
     _, entries = recorded(CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml")
-    at = next(n for n, one in enumerate(entries) if isinstance(one, Answered) and one.call == "shows")
+    at = next(n for n, one in enumerate(entries) if isinstance(one, CallRecord) and one.call == "shows")
     one = entries[at]
-    assert isinstance(one, Answered)
+    assert isinstance(one, CallRecord)
     said = check(again([*entries[:at], one._replace(args=(0x80C5, *one.args[1:])), *entries[at + 1 :]]))
     assert said.startswith("R: scan 1: found shows (") and f"of {one.owner}" in said
 
@@ -88,7 +88,9 @@ def test_files_that_are_read_on_the_way_are_recorded(tmp_path: Path) -> None:
     )
     _, entries = on_the_screen(project, "write rx file p.bin")
     types.write_text("TYPE T : STRUCT a : BYTE; b : WORD; END_STRUCT END_TYPE")
-    read = {one.args[0]: one.answer for one in entries if isinstance(one, Answered) and one.call == READ}
+    read = {
+        one.args[0]: one.answer for one in entries if isinstance(one, CallRecord) and one.call == FILE_READ
+    }
     assert read == {str(payload): b"hello"}
     bench, entries = on_the_screen(project, "udt reload\nadd data more T\nwrite rx file p.bin")
     shutil.rmtree(tmp_path)

@@ -15,7 +15,7 @@ from trcvtui.errors import UserError
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
+from trcvtui.recording.journal import STEP, CallRecord, EntriesLost, Entry
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS, opened, replay_driver
 from trcvtui.replay.run_again import ReplayRun
@@ -172,7 +172,9 @@ def test_a_recording_that_was_cut_is_seen_to_its_end() -> None:
 
 def test_a_journal_that_lies_ends_where_it_differs() -> None:
     told = list(journal())
-    steps = [place for place, entry in enumerate(told) if isinstance(entry, Answered) and entry.call == STEP]
+    steps = [
+        place for place, entry in enumerate(told) if isinstance(entry, CallRecord) and entry.call == STEP
+    ]
     told[steps[200]] = told[steps[100]]  # time would go back
     stood = Stood("end", tuple(told))
     position = stood.update().position

@@ -12,7 +12,7 @@ import pytest
 from tests.replay.journals import InMemory, nothing_differs, recorded, what_if_nothing_changed
 from tests.scenario.scenarios import CONFIGS, SCENARIOS
 from trcvtui.cli.main import main
-from trcvtui.recording.journal import Answered, EntriesLost, Entry, Keyframe
+from trcvtui.recording.journal import CallRecord, EntriesLost, Entry, Keyframe
 from trcvtui.recording.recording import IS_KEYFRAME, BlockPlace, RecordingWriter
 from trcvtui.replay import keyframes
 from trcvtui.replay.keyframes import EntriesFrom, Keyframes
@@ -41,10 +41,10 @@ class Late(InMemory):
         super().__init__((whole[0], EntriesLost(1, "it begins in the middle"), *rest))
         self._frame = frame._replace(steps=0, beyond=2)
 
-    def keyframes(self) -> tuple[BlockPlace, ...]:  # type: ignore[override]
+    def list_keyframes(self) -> tuple[BlockPlace, ...]:  # type: ignore[override]
         return (BlockPlace(0, IS_KEYFRAME, self._frame.scan, self._frame.ns),)
 
-    def keyframe(self, place: BlockPlace) -> Keyframe:
+    def read_keyframe(self, place: BlockPlace) -> Keyframe:
         return self._frame
 
 
@@ -176,7 +176,7 @@ def a_file(tmp_path: Path) -> Path:
     _, entries = recorded(STORIES / "byte-order-swapped.toml")
     target = tmp_path / "run.pcapng"
     writer = RecordingWriter(target)
-    writer.take(entries)
+    writer.add_entries(entries)
     writer.close()
     return target
 
@@ -202,7 +202,7 @@ def test_a_wrong_path_or_value_is_a_line(
 
 def test_a_journal_with_strange_answers_ends_there() -> None:
     def strange(entry: Entry) -> Entry:
-        if isinstance(entry, Answered) and (entry.owner, entry.call) == ("C1", "recv"):
+        if isinstance(entry, CallRecord) and (entry.owner, entry.call) == ("C1", "recv"):
             return entry._replace(answer=7)
         return entry
 

@@ -21,8 +21,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.cut_messages import MessageCutter
 from trcvtui.files import noting_reads
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.recorder import recorder_of
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.scenario import load_bench
 
@@ -116,12 +116,12 @@ def record_live(folder: Path, send: Callable[[socket.socket], None]) -> int:
     """Record a TRCV_C that listens on a port of this machine, until an outside client has said all."""
     path = folder / "live.toml"
     path.write_text((folder / "p.toml").read_text().replace("LocalPort = 2000", "LocalPort = 0"))
-    recorder = recorder_of(RecordTo(folder / "r.pcapng"), folder / "r.pcapng", waits=True)
+    recorder = make_recorder(RecordTarget(folder / "r.pcapng"), folder / "r.pcapng", waits=True)
     with noting_reads(recorder.reads):
         project = load_bench(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)
-        recorder.begin(bench, path, (), is_scenario=False)
+        recorder.add_header(bench, path, (), is_scenario=False)
         pace, ports = RecordedPace(LivePace(), recorder), list[int]()
         client = threading.Thread(target=lambda: send(socket.create_connection(("127.0.0.1", ports[0]))))
         while not ports or client.is_alive():

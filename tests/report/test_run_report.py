@@ -24,7 +24,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.commands.words import Set
 from trcvtui.files import noting_reads
-from trcvtui.recording.journal import Answered, Entry, blocks, entries_of
+from trcvtui.recording.journal import CallRecord, Entry, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.report.command import look_at, recording_source
 from trcvtui.report.page import page
@@ -69,7 +69,7 @@ def elements(text: str) -> Elements:
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
     run, notes, verdict, stopped = look_at(
-        InMemory(tuple(entries_of(blocks(entries), "R"))), "R", has_payload
+        InMemory(tuple(decode_entries(encode_blocks(entries), "R"))), "R", has_payload
     )
     return "".join(page(recording_source(run, notes, verdict, stopped, "R", "00"), notes, verdict))
 
@@ -208,7 +208,7 @@ def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold
         project = load_bench(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)
-        recorder.begin(bench, path, (), is_scenario=False)
+        recorder.add_header(bench, path, (), is_scenario=False)
         lines = JsonLines(out.write, bench.runtime.interval_ns, bench)
         for ms in (0, 10, 24, 50, 60, 99, 299, 309):
             if ms == 50:
@@ -217,7 +217,7 @@ def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold
                 bench.rest()
             bench.step(ms * 1_000_000)
             lines.scan(bench.runtime.scans, bench.runtime.changed)
-            recorder.gap(bench)
+            recorder.finish_scan(bench)
         bench.close()
     records = [json.loads(line) for line in out.getvalue().splitlines()]
     assert [(r["scan"], r["t_ms"], r["at"], r.get("late_ms"), r["STATUS"]) for r in records] == [
@@ -267,7 +267,7 @@ def test_without_payload_no_byte_that_came_is_on_the_page(name: str) -> None:
     came = {
         entry.answer[1][:8]
         for entry in entries
-        if isinstance(entry, Answered) and isinstance(entry.answer, tuple) and entry.call == "recv"
+        if isinstance(entry, CallRecord) and isinstance(entry.answer, tuple) and entry.call == "recv"
         if isinstance(entry.answer[1], bytes) and len(entry.answer[1]) > 3
     }
     with_all, without = told(entries), told(entries, has_payload=False)
@@ -345,9 +345,11 @@ def test_of_a_recording_without_secrets_the_outputs_are_told_as_its_journal_says
 
 def test_a_run_that_goes_on_otherwise_is_told_as_the_journal_says_from_there_on() -> None:
     _, entries = recorded(SHORT_FRAME)
-    at = next(n for n, one in enumerate(entries) if isinstance(one, Answered) and one.args[1:2] == (0x7006,))
+    at = next(
+        n for n, one in enumerate(entries) if isinstance(one, CallRecord) and one.args[1:2] == (0x7006,)
+    )
     one = entries[at]
-    assert isinstance(one, Answered)
+    assert isinstance(one, CallRecord)
     said = plain(told([*entries[:at], one._replace(args=("C1", 0x7001, *one.args[2:])), *entries[at + 1 :]]))
     assert "up to scan 12: 2 ERRORs at 1 instance" in said
     assert "5 scans of the run could be run again, no more: R: scan 5: found shows (" in said

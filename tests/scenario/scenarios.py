@@ -72,7 +72,7 @@ class Kept:
     def keyframe(self, frame: Keyframe) -> None:
         """Do nothing: the entries are enough."""
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         self.entries += entries
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ def play(
         if kernel == "live" and any(isinstance(step.command, Link) for step in steps):
             pace = LivePace()  # the stack finds a cut wire by the clock: scans have its time, too
         if recorder is not None:
-            recorder.begin(bench, path, overrides, is_scenario=True)
+            recorder.add_header(bench, path, overrides, is_scenario=True)
             pace = RecordedPace(pace, recorder)
         verdict = Runner(bench, scenario.name, pace, report.scan).play(steps)
         report.verdict(verdict)

@@ -40,8 +40,8 @@ from trcvtui.snapshots.bench import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel
-    from trcvtui.recording.journal import Note
-    from trcvtui.recording.replay import Replay
+    from trcvtui.recording.journal import LedgerNote
+    from trcvtui.recording.replay import ReplaySeam
     from trcvtui.recording.seam import Seam, SeamKernel
 
 NO_ADDRESSES: Final = SimDecl()
@@ -156,7 +156,7 @@ class Bench:
         self.now = 0
         self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
         self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
-        self._is_replay = seam is not None and seam.answers
+        self._is_replay = seam is not None and seam.has_answers
         self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
@@ -175,7 +175,7 @@ class Bench:
             self.containment,
         )
         if seam is not None:
-            seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
+            seam.write_note, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
@@ -202,9 +202,9 @@ class Bench:
     def _new_work(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:
             return ScanBudget(now_ns)
-        from trcvtui.recording.seam import SeamWork
+        from trcvtui.recording.seam import SeamBudget
 
-        return SeamWork(self._seam, now_ns)
+        return SeamBudget(self._seam, now_ns)
 
     def _time(self) -> int:
         return self.now
@@ -220,15 +220,15 @@ class Bench:
     def _tapped(self) -> ReadyKernel:
         if self._seam is None:
             return self._faulty
-        from trcvtui.recording.seam import wire_kernel
+        from trcvtui.recording.seam import make_wire_kernel
 
-        return wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
+        return make_wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-        from trcvtui.recording.seam import seam_kernel  # a bench that is not recorded waits for none of it
+        from trcvtui.recording.seam import wrap_kernel  # a bench that is not recorded waits for none of it
 
-        return seam_kernel(seam, label, make, is_noted)
+        return wrap_kernel(seam, label, make, is_noted)
 
     def _with_sessions(self) -> LayerKernel:
         """Return what stands between the PLC and its kernel where a CONNECT has a session.
@@ -280,12 +280,12 @@ class Bench:
     def _fault_fired(self, owner: str, fault: object) -> None:
         self._tell(BenchNote(owner, "fault fired", str(fault)))
 
-    def _tell(self, note: Note) -> None:
+    def _tell(self, note: LedgerNote) -> None:
         if self._seam is not None:
-            self._seam.told(note)
+            self._seam.handle_ledger_note(note)
         self._write(note)
 
-    def _write(self, note: Note) -> None:
+    def _write(self, note: LedgerNote) -> None:
         if isinstance(note, BenchNote | PeerSent):
             if self._is_replay and isinstance(note, BenchNote) and note.what == INTERNAL_ERROR:
                 self.containment.add_message(f"{note.subject}: {note.detail}")
@@ -366,15 +366,15 @@ class Bench:
         if self._seam is None:
             self._pass(due)
             return
-        self.tell_outputs()
+        self.record_outputs()
         self._seam.is_busy = True
         self._pass(self._seam.ask("bench", "step", (), lambda: due))
         self._untold = self.runtime.changed
         self._seam.is_busy = False
         if self._is_replay:
-            self.tell_outputs()
+            self.record_outputs()
 
-    def tell_outputs(self) -> None:
+    def record_outputs(self) -> None:
         """Record what has changed in the last scan: in the gap after it, before anything else is done."""
         if self._seam is not None and self._untold:
             self._seam.is_busy = True
@@ -433,7 +433,7 @@ class Bench:
         It is a multiple of the shortest interval that a task can have, so that there are only so many.
         """
         if self._is_replay:
-            entry = cast("Replay", self._seam).coming()
+            entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
         assert self._sim is not None
         due = min(scan, self._sim.wire.agenda.next_due or scan, *self._due())
@@ -458,7 +458,7 @@ class Bench:
     def _outside(self, call: str, line: str | int, do: Callable[[], T]) -> T:
         if self._seam is None or self._seam.is_busy:
             return do()
-        self.tell_outputs()
+        self.record_outputs()
         self._seam.is_busy = True
         try:
             self._seam.ask("bench", call, (line,) if line else (), _nothing)

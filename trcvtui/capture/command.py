@@ -9,18 +9,18 @@ from typing import Any, Final
 
 from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
-from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, address_text, guess_plc, parse_plc
-from trcvtui.capture.quality import qualities_of
+from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, address_text, guess_plc, parse_plc
+from trcvtui.capture.quality import find_qualities
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
 from trcvtui.wording import count, json_text
 
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
 SHOWN_KINDS: Final = 4  # of what is not read
-WIDTH: Final = 80  # columns of text
+TABLE_WIDTH: Final = 80  # columns of text
 
 
-def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
+def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     """Yield the packets of one capture in several files, each with its reader.
 
     A file is opened when its time has come; where its reading stopped is added to `troubles`.
@@ -36,7 +36,7 @@ def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tup
     while waiting or running:
         while waiting and (not running or waiting[-1][0] <= running[0][0]):
             number = waiting.pop()[1]
-            packets = _packets_of(paths[number], troubles)
+            packets = _read_packets(paths[number], troubles)
             if not waiting and not running:
                 yield from packets
             else:
@@ -53,7 +53,7 @@ def _first_ns(path: str) -> int:
         return 0 if first is None else first.ns
 
 
-def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
+def _read_packets(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     with open_capture(path) as reader:
         for packet in reader:
             yield packet, reader
@@ -61,39 +61,39 @@ def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, Ca
             troubles.append(reader.trouble)
 
 
-def take_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
+def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
     """Take all packets of captures, of several in the order of time; raise UserError for what is none."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
-            found.names = reader.name_of
-            found.take_all(reader, reader.link_types)
+            found.names = reader.interface_name
+            found.add_packets(reader, reader.link_types)
             found.drops = reader.drops
             troubles += [reader.trouble] if reader.trouble else []
     else:
-        for packet, reader in in_time_order(paths, troubles):
-            found.names = reader.name_of
-            found.take(packet, reader.link_types[packet.interface])
+        for packet, reader in merge_packets(paths, troubles):
+            found.names = reader.interface_name
+            found.add_packet(packet, reader.link_types[packet.interface])
             found.drops = max(found.drops, reader.drops)
     found.close()
 
 
-def conversations_of(
+def format_conversations(
     paths: Sequence[str], plc: str | None, form: str, known: KnownEnds | None = None
 ) -> Iterator[str]:
     """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
     given = None if plc is None else parse_plc(plc)
     found, troubles = Conversations(), list[Problem]()
-    take_captures(paths, found, troubles)
+    read_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
-    rows = (conversation_row(found, one, given, known or NOTHING_KNOWN) for one in found.all)
+    rows = (conversation_row(found, one, given, known or NO_KNOWN_ENDS) for one in found.all)
     if form == "json":
         yield from _as_json((*rows, *(_fact_row(one, found.first_ns or 0) for one in found.host_facts())))
     else:
         yield from _as_table(rows)
         for number, fact in enumerate(found.host_facts()):
             yield from ["beside the conversations"] * (not number)
-            yield f"    {fact.line}"
+            yield f"    {fact.display_line}"
     for line in capture_notes(found, troubles, with_hosts=False):
         sys.stderr.write(line + "\n")
 
@@ -101,7 +101,7 @@ def conversations_of(
 def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
     """Yield what is to be said of a capture as a whole; `with_hosts`: also what ARP and ICMP say."""
     if with_hosts:
-        yield from (fact.line for fact in found.host_facts())
+        yield from (fact.display_line for fact in found.host_facts())
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     if found.others:
@@ -122,7 +122,7 @@ def conversation_row(
     found: Conversations,
     conversation: Conversation,
     given: PlcEnd | None,
-    known: KnownEnds = NOTHING_KNOWN,
+    known: KnownEnds = NO_KNOWN_ENDS,
 ) -> dict[str, Any]:
     guess = guess_plc(conversation, given, known)
     partner = guess.says.other
@@ -142,7 +142,7 @@ def conversation_row(
         "end": end,
         "to_plc": _counts(partner),
         "from_plc": _counts(guess.says),
-        "quality": [*qualities_of(conversation, found.drops)],
+        "quality": [*find_qualities(conversation, found.drops)],
     }
 
 
@@ -176,7 +176,7 @@ def _as_table(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
     widths = [max(len(title), *(len(cells[n]) for cells, _ in found)) for n, title in enumerate(_TITLES)]
     lines, used = [[0]], widths[0]
     for n, width in enumerate(widths[1:], 1):
-        if used + 2 + width > WIDTH:
+        if used + 2 + width > TABLE_WIDTH:
             lines.append([])
             used = 2
         lines[-1].append(n)

@@ -13,7 +13,7 @@ from ipaddress import ip_address
 from itertools import pairwise
 from typing import Final, NamedTuple, TypeVar
 
-from trcvtui.capture.packets import TCP, UDP, ip_start
+from trcvtui.capture.packets import TCP, UDP, find_ip_header
 from trcvtui.wording import SECOND, count, times
 
 MOST_ADDRESSES: Final = 4096
@@ -21,23 +21,23 @@ MOST_PACKETS: Final = 8  # numbers of packets that are kept of one fact
 MOST_ASKERS: Final = 8  # of one address
 MOST_CHANGES: Final = 64  # of the owner of one address
 MOST_NOTES: Final = 64  # of ICMP, of one conversation; of none
-MANY: Final = 3  # addresses: who has so many answers for others
-AGAIN_NS: Final = SECOND // 2  # a copy of a mirror port comes sooner
+MANY_ADDRESSES: Final = 3  # addresses: who has so many answers for others
+REPEAT_NS: Final = SECOND // 2  # a copy of a mirror port comes sooner
 QUICK_NS: Final = 5 * SECOND  # between two requests for one address, of QUICK in vain
 SLOW_NS: Final = 30 * SECOND  # the same, of SLOW
-QUICK, SLOW = 3, 6
-SCAN: Final = 16  # hosts that one asks for in vain: it looks who is there
-NOT_THERE: Final = "undelivered"  # a packet of no conversation
-MEET_NS: Final = 60 * SECOND  # two devices with one address show so soon; an exchange takes longer
+QUICK_REQUESTS, SLOW_REQUESTS = 3, 6
+SCANNED_HOSTS: Final = 16  # hosts that one asks for in vain: it looks who is there
+UNDELIVERED: Final = "undelivered"  # a packet of no conversation
+DUPLICATE_NS: Final = 60 * SECOND  # two devices with one address show so soon; an exchange takes longer
 AT_ONCE_NS: Final = 5 * SECOND  # an exchange is never so quick
-TURNS: Final = 3  # changes of the owner, within TURNS_NS, are no exchange either
+OWNER_TURNS: Final = 3  # changes of the owner, within TURNS_NS, are no exchange either
 TURNS_NS: Final = 600 * SECOND
 COPY_NS: Final = SECOND // 5
 UNNUMBERED_NS: Final = 300_000
 _ARP: Final = (b"\x08\x06",)
 _ARP_HEAD: Final = b"\0\1\x08\0\6\4"  # Ethernet and IPv4
 _NO_ADDRESS: Final = bytes(4)
-_HEARD_BY: Final = {NOT_THERE: "icmp", "mtu": "udp"}
+_PROTOCOL_OF_CAUSE: Final = {UNDELIVERED: "icmp", "mtu": "udp"}
 T = TypeVar("T")
 # VRRP and CARP, HSRP, GLBP, load balancing: several hosts have one address, and should.
 _SHARED: Final = (b"\0\0\x5e\0\1", b"\0\0\x0c\x07\xac", b"\0\0\x0c\x9f", b"\0\x07\xb4", b"\2\xbf", b"\3\xbf")
@@ -96,7 +96,7 @@ class TimedNote(NamedTuple):
 
 
 _HOST, _ADMIN, _PORT, _SIZE = "host", "admin", "port", "size"
-_SAID: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by protocol, type and code
+_ICMP_MEANINGS: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by protocol, type and code
     (1, 3, 0): (_HOST, "network unreachable"), (1, 3, 1): (_HOST, "host unreachable"),
     (1, 3, 2): (_HOST, "protocol unreachable"), (1, 3, 3): (_PORT, "port unreachable"),
     (1, 3, 4): (_SIZE, "fragmentation needed"), (1, 3, 5): (_HOST, "source route failed"),
@@ -112,27 +112,27 @@ _SAID: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by protocol,
 }  # fmt: skip
 
 
-def note_of(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
+def parse_host_note(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
     """Return what ARP or ICMP says in a packet; None: it is none of them, or says nothing of the kind."""
-    at = ip_start(link_type, data, _ARP)
+    at = find_ip_header(link_type, data, _ARP)
     if at >= 0 and data[at : at + 6] == _ARP_HEAD and len(data) >= at + 28:
         kind, mac = data[at + 7], data[at + 8 : at + 14]
         is_host = any(mac) and not mac[0] & 1 and kind in (1, 2)
         return ArpNote(kind == 2, mac, data[at + 14 : at + 18], data[at + 24 : at + 28]) if is_host else None
-    at = ip_start(link_type, data)
+    at = find_ip_header(link_type, data)
     try:
-        return _icmp_of(data, at) if at >= 0 else None
+        return _parse_icmp(data, at) if at >= 0 else None
     except IndexError:
         return None  # cut
 
 
-def _icmp_of(data: bytes, at: int) -> IcmpNote | None:
+def _parse_icmp(data: bytes, at: int) -> IcmpNote | None:
     is_4 = data[at] >> 4 == 4
     # Of the header of IP: where its protocol and its addresses stand, how long they are.
     protocol, ends, width = (9, 12, 4) if is_4 else (6, 8, 16)
     head = (data[at] & 15) * 4 if is_4 else 40
     inner, is_rest = at + head + 8, is_4 and (data[at + 6] & 31 or data[at + 7])
-    found = _SAID.get((data[at + protocol], data[at + head], data[at + head + 1]))
+    found = _ICMP_MEANINGS.get((data[at + protocol], data[at + head], data[at + head + 1]))
     if (
         found is None
         or is_rest
@@ -153,7 +153,7 @@ def _icmp_of(data: bytes, at: int) -> IcmpNote | None:
     return IcmpNote(kind, words, said_by, data[inner + protocol], source, target, ports, number, size)
 
 
-def put_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) -> None:
+def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) -> None:
     """Keep a note of ICMP that is no copy of a mirror port, up to the bound."""
     soon = COPY_NS if any(note.number) else UNNUMBERED_NS
     is_copy = any(one.note == note and 0 <= ns - one.ns <= soon for one in notes[-4:])
@@ -172,12 +172,12 @@ class HostFact(NamedTuple):
     ends: tuple[bytes, ...]
 
     @property
-    def line(self) -> str:
-        return f"{_HEARD_BY.get(self.cause, 'arp')}: {self.text}"
+    def display_line(self) -> str:
+        return f"{_PROTOCOL_OF_CAUSE.get(self.cause, 'arp')}: {self.text}"
 
 
 @dataclass(slots=True)
-class _Asked:
+class _AddressRequests:
     ns: int
     last_ns: int
     packets: list[int]
@@ -216,40 +216,40 @@ class HostNotes:
 
     def __init__(self) -> None:
         self.icmps: list[TimedNote] = []
-        self._asked: OrderedDict[bytes, dict[bytes, _Asked]] = OrderedDict()
+        self._asked: OrderedDict[bytes, dict[bytes, _AddressRequests]] = OrderedDict()
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
 
-    def hear(self, address: bytes) -> None:
+    def mark_heard(self, address: bytes) -> None:
         """Take that a packet of this address has come."""
         self._asked.pop(address, None)
 
-    def take(self, ns: int, packet: int, note: ArpNote) -> None:
+    def add_arp(self, ns: int, packet: int, note: ArpNote) -> None:
         if note.sender == _NO_ADDRESS:
             return  # it looks whether an address is free (RFC 5227)
-        self.hear(note.sender)
-        self._own(ns, packet, note)
+        self.mark_heard(note.sender)
+        self._update_owner(ns, packet, note)
         if note.is_answer or note.sender == note.target:
             return
-        askers = _kept(self._asked, note.target, dict)
+        askers = _get_or_make(self._asked, note.target, dict)
         asked = askers.get(note.sender)
         is_in_vain = asked is not None and asked.in_vain > 0
         if asked is None or (ns - asked.last_ns > SLOW_NS and not is_in_vain):
             if asked is not None or len(askers) < MOST_ASKERS:
-                askers[note.sender] = _Asked(ns, ns, [packet])
+                askers[note.sender] = _AddressRequests(ns, ns, [packet])
             return
         pause = ns - asked.last_ns
-        if pause < AGAIN_NS:
+        if pause < REPEAT_NS:
             return
         asked.often, asked.last_ns = asked.often + 1, ns
         asked.quick = asked.quick + 1 if pause <= QUICK_NS else 1
-        sure = 0.95 if asked.quick > QUICK + 1 else 0.85 if asked.quick >= QUICK else 0.0
-        asked.in_vain = max(asked.in_vain, sure or 0.6 * (asked.often >= SLOW))
+        sure = 0.95 if asked.quick > QUICK_REQUESTS + 1 else 0.85 if asked.quick >= QUICK_REQUESTS else 0.0
+        asked.in_vain = max(asked.in_vain, sure or 0.6 * (asked.often >= SLOW_REQUESTS))
         asked.packets += [packet] if len(asked.packets) < MOST_PACKETS else []
 
-    def _own(self, ns: int, packet: int, note: ArpNote) -> None:
+    def _update_owner(self, ns: int, packet: int, note: ArpNote) -> None:
         if note.mac.startswith(_SHARED):
             return
-        owner = _kept(self._owners, note.sender, lambda: _Owner(note.mac, ns, packet))
+        owner = _get_or_make(self._owners, note.sender, lambda: _Owner(note.mac, ns, packet))
         is_same = owner.mac == note.mac
         if not is_same and len(owner.changes) < MOST_CHANGES:
             change = _Change(ns, ns - owner.ns, owner.mac, note.mac, (owner.packet, packet))
@@ -276,28 +276,28 @@ class HostNotes:
         ]
         often = Counter(asker for asker, _, _ in vain)
         for asker, target, one in vain:
-            if often[asker] < SCAN:
+            if often[asker] < SCANNED_HOSTS:
                 text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
                 text += " (a port that is no mirror shows none)" * (one.in_vain < 0.7)
                 yield HostFact("no-such-host", one.in_vain, one.ns, text, tuple(one.packets), (target, asker))
         addresses = Counter(mac for one in self._owners.values() for mac in one.macs)
         for address, owner in self._owners.items():
-            yield from _doubled(address, owner, addresses)
+            yield from _find_duplicates(address, owner, addresses)
         same: dict[str, list[TimedNote]] = {}
         for heard in self.icmps:
             same.setdefault(heard.note.text, []).append(heard)
         for text, notes in same.items():
             packets = tuple([one.packet for one in notes[:MOST_PACKETS]])
-            yield HostFact(NOT_THERE, 0.0, notes[0].ns, f"{text}, {times(len(notes))}", packets, ())
+            yield HostFact(UNDELIVERED, 0.0, notes[0].ns, f"{text}, {times(len(notes))}", packets, ())
 
 
-def _doubled(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
+def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
     """Yield that two devices have an address: not a proxy, and none took the other's place."""
-    changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY]
+    changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
-    often = len(changes) >= TURNS and changes[TURNS - 1].ns - changes[0].ns <= TURNS_NS
-    met = next((one for one in changes if often or one.after_ns <= MEET_NS), None)
-    if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= TURNS):
+    often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS
+    met = next((one for one in changes if often or one.after_ns <= DUPLICATE_NS), None)
+    if met is None or (not back and met.after_ns > AT_ONCE_NS and owner.alone >= OWNER_TURNS):
         return
     others = addresses[met.old] > 1 or addresses[met.new] > 1
     old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
@@ -308,7 +308,7 @@ def _doubled(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> I
     )
 
 
-def _kept(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:
+def _get_or_make(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:
     """Return what is kept at a key, as the newest; the oldest goes where there are too many."""
     found = some.get(key)
     if found is None:

@@ -16,19 +16,19 @@ _IP_TYPES: Final = (b"\x08\x00", b"\x86\xdd")
 _VLAN_TYPES: Final = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _IP_ALONE: Final = (pcap.RAW_IP, pcap.IPV4, pcap.IPV6, 12, 14)  # 12, 14: raw IP as the BSDs number it
 # Where the EtherType stands, and what follows it.
-_KIND_AT: Final = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
-_MOVED_BY_8: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
-_FRAGMENT: Final = 44
+_ETHERTYPE_PLACES: Final = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
+_EXTENSION_HEADERS: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
+_FRAGMENT_HEADER: Final = 44
 MOST_FRAGMENTED: Final = 64  # packets that wait for fragments
 MOST_FRAGMENTS: Final = 1024  # of one packet
 FRAGMENTS_WAIT_NS: Final = 30_000_000_000
-_AUTHENTICATION: Final = 51
+_AUTHENTICATION_HEADER: Final = 51
 _IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").unpack_from
 _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
 _PORTS: Final = struct.Struct(">HH").unpack_from
-_BLOCK: Final = struct.Struct(">II").unpack_from
-_SCALE: Final = 3  # options of TCP
-SACK: Final = 5
+_SACK_BLOCK: Final = struct.Struct(">II").unpack_from
+_SCALE_OPTION: Final = 3  # options of TCP
+SACK_OPTION: Final = 5
 
 
 class SkippedPacket(Enum):
@@ -82,7 +82,7 @@ class _Pieces:
         self.size: int | None = None
         self.first: Fragment | None = None
 
-    def whole(self) -> bytes | None:
+    def assemble(self) -> bytes | None:
         """Return the packet; None: a piece is missing, or it is larger than a packet can be."""
         first, size = self.first, self.size
         if first is None or size is None or sum(map(len, self.content.values())) < size:
@@ -108,13 +108,13 @@ class Fragments:
         self._whole = Counter[tuple[bytes, ...]]()  # by sender and receiver
         self._lost = Counter[tuple[bytes, ...]]()
 
-    def put(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
+    def add(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
         """Take a piece; return the packet that is whole with it, and of how many pieces."""
         pieces = self._packets.get(piece.of)
         if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
-            self._give_up(piece.of)
+            self._drop_packet(piece.of)
             if len(self._packets) == MOST_FRAGMENTED:
-                self._give_up(next(iter(self._packets)))
+                self._drop_packet(next(iter(self._packets)))
             pieces = self._packets[piece.of] = _Pieces(ns)
         if len(pieces.content) < MOST_FRAGMENTS:
             pieces.content.setdefault(piece.at, piece.content)
@@ -122,19 +122,19 @@ class Fragments:
             pieces.size = piece.at + len(piece.content)
         if not piece.at:
             pieces.first = piece
-        whole = pieces.whole()
+        whole = pieces.assemble()
         if whole is None:
             return None
         del self._packets[piece.of]
         if len(self._done) == MOST_FRAGMENTED:
             del self._done[next(iter(self._done))]
         self._done[piece.of] = ns
-        _count(self._whole, piece.of[:2])
+        _count_bounded(self._whole, piece.of[:2])
         return whole, len(pieces.content)
 
-    def _give_up(self, of: tuple[bytes, ...]) -> None:
+    def _drop_packet(self, of: tuple[bytes, ...]) -> None:
         if of in self._packets and self._is_lost(of):
-            _count(self._lost, of[:2])
+            _count_bounded(self._lost, of[:2])
         self._packets.pop(of, None)
 
     def _is_lost(self, of: tuple[bytes, ...]) -> bool:
@@ -143,28 +143,28 @@ class Fragments:
         is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
-    def lacking(self) -> dict[tuple[bytes, ...], int]:
+    def count_lost(self) -> dict[tuple[bytes, ...], int]:
         """Return how many datagrams lack pieces, by sender and receiver: where that is the rule."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
 
-def _count(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
+def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -> None:
     if ends in known or len(known) < MOST_FRAGMENTS:
         known[ends] += 1
 
 
-def ip_start(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
+def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
     """Return where the IP header begins, or what else has one of these types; -1 for a packet without one."""
-    if link_type in _KIND_AT:
-        kind, at = _kind(link_type, data)
+    if link_type in _ETHERTYPE_PLACES:
+        kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1
     return 0 if link_type in _IP_ALONE else 4 if link_type in (pcap.NULL, pcap.LOOP) else -1
 
 
-def _kind(link_type: int, data: bytes) -> tuple[bytes, int]:
+def _parse_ethertype(link_type: int, data: bytes) -> tuple[bytes, int]:
     """Return the EtherType past all VLANs, and where its content begins."""
-    kind_at, at = _KIND_AT[link_type]
+    kind_at, at = _ETHERTYPE_PLACES[link_type]
     kind = data[kind_at : kind_at + 2]
     while kind in _VLAN_TYPES:
         kind, at = data[at + 2 : at + 4], at + 4
@@ -172,7 +172,7 @@ def _kind(link_type: int, data: bytes) -> tuple[bytes, int]:
 
 
 # Names of EtherTypes, IP protocols and link types.
-_FRAMES: Final = {
+_ETHERTYPE_NAMES: Final = {
     0x0004: "802.2 LLC", 0x000C: "CAN", 0x000D: "CAN FD",  # as Linux numbers them
     0x0800: "IPv4", 0x0806: "ARP", 0x86DD: "IPv6", 0x8809: "LACP", 0x8847: "MPLS", 0x8863: "PPPoE",
     0x8864: "PPPoE", 0x888E: "802.1X", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK",
@@ -186,15 +186,15 @@ _LINKS: Final = {
 
 
 def other_frame(link_type: int, data: bytes) -> OtherPacket:
-    if link_type not in _KIND_AT:
+    if link_type not in _ETHERTYPE_PLACES:
         return OtherPacket(f"{_LINKS.get(link_type, '')} packet".lstrip(), f" (link type {link_type})")
-    kind, _ = _kind(link_type, data)
+    kind, _ = _parse_ethertype(link_type, data)
     if len(kind) < 2:
         return OtherPacket("packet", " cut off before its EtherType")
     number = int.from_bytes(kind, "big")
     if number < 0x600 and link_type == pcap.ETHERNET:  # a length
         return OtherPacket("802.3 LLC frame")
-    return OtherPacket(f"{_FRAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})")
+    return OtherPacket(f"{_ETHERTYPE_NAMES.get(number, '')} frame".lstrip(), f" (16#{number:04X})")
 
 
 def _other_ip(protocol: int) -> OtherPacket:
@@ -203,24 +203,24 @@ def _other_ip(protocol: int) -> OtherPacket:
 
 def ip_number(link_type: int, data: bytes) -> int:
     """Return the Identification of IPv4, which most hosts count up with each packet; 0: there is none."""
-    at = ip_start(link_type, data)
+    at = find_ip_header(link_type, data)
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
 
-_Carried = IpPayload | Fragment | SkippedPacket | OtherPacket
+_CarriedContent = IpPayload | Fragment | SkippedPacket | OtherPacket
 
 
-def carried_by(link_type: int, data: bytes, length: int) -> _Carried:
+def parse_packet(link_type: int, data: bytes, length: int) -> _CarriedContent:
     """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
-    at = ip_start(link_type, data)
+    at = find_ip_header(link_type, data)
     try:
-        read = None if at < 0 else _VERSIONS.get(data[at] >> 4)
+        read = None if at < 0 else _IP_PARSERS.get(data[at] >> 4)
         return read(data, at, length) if read else other_frame(link_type, data)
     except (IndexError, struct.error):
         return SkippedPacket.CUT
 
 
-def _in_version_4(data: bytes, at: int, length: int) -> _Carried:
+def _parse_ip_v4(data: bytes, at: int, length: int) -> _CarriedContent:
     first, _, total, number, fragment, _, protocol, _, source, target = _IP_V4(data, at)
     if protocol not in (TCP, UDP):
         return _other_ip(protocol)
@@ -240,13 +240,13 @@ def _in_version_4(data: bytes, at: int, length: int) -> _Carried:
     return IpPayload(protocol, source, target, data[start : start + 4], start, end)
 
 
-def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
+def _parse_ip_v6(data: bytes, at: int, length: int) -> _CarriedContent:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
     said_at = at + 6  # where it stands which header follows
     while protocol not in (TCP, UDP):
-        if protocol == _FRAGMENT:
+        if protocol == _FRAGMENT_HEADER:
             fragment = struct.unpack_from(">H", data, start + 2)[0]
             if fragment & 0xFFF9:
                 if end > len(data):
@@ -258,9 +258,9 @@ def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
                     of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, content
                 )
             protocol, said_at, start = data[start], start, start + 8
-        elif protocol in _MOVED_BY_8:
+        elif protocol in _EXTENSION_HEADERS:
             protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 8
-        elif protocol == _AUTHENTICATION:
+        elif protocol == _AUTHENTICATION_HEADER:
             protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
             return _other_ip(protocol)
@@ -268,10 +268,10 @@ def _in_version_6(data: bytes, at: int, length: int) -> _Carried:
     return IpPayload(protocol, source, target, data[start : start + 4], start, end)
 
 
-_VERSIONS: Final = {4: _in_version_4, 6: _in_version_6}
+_IP_PARSERS: Final = {4: _parse_ip_v4, 6: _parse_ip_v6}
 
 
-def macs_of(link_type: int, data: bytes) -> tuple[bytes, bytes]:
+def read_macs(link_type: int, data: bytes) -> tuple[bytes, bytes]:
     """Return the MACs of sender and receiver; b"" where the packet has none."""
     if link_type == pcap.ETHERNET:
         return data[6:12], data[:6]
@@ -288,12 +288,12 @@ def _tcp_options(options: bytes) -> Iterator[tuple[int, bytes]]:
         at += size
 
 
-def scale_of(options: bytes) -> int:
+def read_window_scale(options: bytes) -> int:
     """Return by how many bits the windows are moved that the sender of a SYN tells."""
-    return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE and body), 0)
+    return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE_OPTION and body), 0)
 
 
 def sack_blocks(options: bytes) -> list[tuple[int, int]]:
     """Return the sequence numbers from and to which the receiver has bytes behind a hole."""
-    blocks = [body for kind, body in _tcp_options(options) if kind == SACK]
-    return [_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]
+    blocks = [body for kind, body in _tcp_options(options) if kind == SACK_OPTION]
+    return [_SACK_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]

@@ -28,33 +28,33 @@ RTAC_SERIAL: Final = 250
 LINUX_SLL2: Final = 276
 
 # Block types.
-INTERFACE: Final = 1
+INTERFACE_BLOCK: Final = 1
 OLD_PACKET: Final = 2
 SIMPLE_PACKET: Final = 3
 ENHANCED_PACKET: Final = 6
-STATISTICS: Final = 5
-SECRETS: Final = 10
+STATISTICS_BLOCK: Final = 5
+SECRETS_BLOCK: Final = 10
 SECTION: Final = 0x0A0D0D0A
 
 TLS_KEY_LOG: Final = 0x544C534B
 COMMENT: Final = 1  # option code
-OURS: Final = "trcvtui: "  # begins the comment of a packet that a tap of ours has changed or made
+OWN_PREFIX: Final = "trcvtui: "  # begins the comment of a packet that a tap of ours has changed or made
 NOTES: Final = "trcvtui tap"  # the interface on which a tap tells observers what is no packet of the line
-NAME: Final = 2  # of an interface
-FLAGS: Final = 2  # of a packet
+NAME_OPTION: Final = 2  # of an interface
+FLAGS_OPTION: Final = 2  # of a packet
 INBOUND, OUTBOUND = 1, 2  # the two lowest bits of its flags
 TIME_RESOLUTION: Final = 9
 TIME_OFFSET: Final = 14
-DROPPED: Final = (5, 7)  # of statistics: packets that interface and system did not pass on
+DROPPED_OPTIONS: Final = (5, 7)  # of statistics: packets that interface and system did not pass on
 
 MOST_BLOCK: Final = 16 << 20  # what Wireshark takes
 MOST_INTERFACES: Final = 65_536
-CHUNK: Final = 256 << 10
-GZIP: Final = b"\x1f\x8b"  # begins a .gz
+CHUNK_BYTES: Final = 256 << 10
+GZIP_MAGIC: Final = b"\x1f\x8b"  # begins a .gz
 
-_LITTLE: Final = b"\x4d\x3c\x2b\x1a"
-_BIG: Final = b"\x1a\x2b\x3c\x4d"
-_CLASSIC: Final = {  # magic -> byte order, nanoseconds a tick, bytes before the data of a record
+_LITTLE_MAGIC: Final = b"\x4d\x3c\x2b\x1a"
+_BIG_MAGIC: Final = b"\x1a\x2b\x3c\x4d"
+_PCAP_MAGICS: Final = {  # magic -> byte order, nanoseconds a tick, bytes before the data of a record
     b"\xd4\xc3\xb2\xa1": ("<", 1000, 16),
     b"\xa1\xb2\xc3\xd4": (">", 1000, 16),
     b"\x4d\x3c\xb2\xa1": ("<", 1, 16),
@@ -62,7 +62,7 @@ _CLASSIC: Final = {  # magic -> byte order, nanoseconds a tick, bytes before the
     b"\x34\xcd\xb2\xa1": ("<", 1000, 24),  # Kuznetzov's: interface, protocol and kind stand after the usual
     b"\xa1\xb2\xcd\x34": (">", 1000, 24),
 }
-_EXPECTED: Final = "a capture: pcapng or pcap, also as .gz"
+_EXPECTED_TEXT: Final = "a capture: pcapng or pcap, also as .gz"
 
 
 class Interface(NamedTuple):
@@ -112,22 +112,22 @@ class CaptureReader:
         self._start = 0  # byte of the file at which the buffer begins
         self._bad_input: Problem | None = None  # of the file below: a broken .gz, a disk error
         magic = self._more(0, 4)
-        if magic[:2] == GZIP:
+        if magic[:2] == GZIP_MAGIC:
             self._read, self._buffer = gunzip(read, magic), b""
             magic = self._more(0, 4)
-        if magic[:4] in _CLASSIC:
-            self._packets = self._classic()
+        if magic[:4] in _PCAP_MAGICS:
+            self._packets = self._read_pcap()
         elif magic[:4] == b"\x0a\x0d\x0d\x0a":
             self._packets = self._pcapng()
         else:
             from trcvtui.udt.other_files import refuse_other_file
 
             if magic and self._bad_input is None:
-                refuse_other_file(name, magic, _EXPECTED)
+                refuse_other_file(name, magic, _EXPECTED_TEXT)
             found = "an empty file" if not magic else f"a file that begins with 16#{magic[:4].hex().upper()}"
-            raise UserError(self._bad_input or Problem(name, found, _EXPECTED))
+            raise UserError(self._bad_input or Problem(name, found, _EXPECTED_TEXT))
 
-    def name_of(self, interface: int) -> str:
+    def interface_name(self, interface: int) -> str:
         """Return the name of an interface; without one its number."""
         return self.interfaces[interface].name or str(interface)
 
@@ -141,7 +141,7 @@ class CaptureReader:
         has = len(parts[0])
         while has < wanted:
             try:
-                part = self._read(CHUNK)
+                part = self._read(CHUNK_BYTES)
             except (OSError, EOFError, ValueError) as failed:
                 self._bad_input = Problem(self.name, f"'{failed}'", "a file that can be read")
                 break
@@ -156,9 +156,9 @@ class CaptureReader:
     def drops(self) -> int:
         return sum(self._dropped.values())
 
-    def _see_drops(self, body: bytes, order: str) -> None:
-        for code, value in options_of(body, 12, len(body), order):
-            if code in DROPPED and len(value) == 8:
+    def _read_drops(self, body: bytes, order: str) -> None:
+        for code, value in parse_options(body, 12, len(body), order):
+            if code in DROPPED_OPTIONS and len(value) == 8:
                 self._dropped[body[:4], code] = int.from_bytes(value, "little" if order == "<" else "big")
 
     def _stop(self, at: int, found: str, expected: str) -> None:
@@ -170,8 +170,8 @@ class CaptureReader:
         if left or self._bad_input:
             self._stop(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
 
-    def _classic(self) -> Iterator[Packet]:
-        order, scale, head = _CLASSIC[self._buffer[:4]]
+    def _read_pcap(self) -> Iterator[Packet]:
+        order, scale, head = _PCAP_MAGICS[self._buffer[:4]]
         buffer = self._more(0, 24)
         if len(buffer) < 24:
             return self._cut(0)
@@ -220,9 +220,9 @@ class CaptureReader:
                     buffer += bytes(28 - end)
             if buffer[at : at + 4] == b"\x0a\x0d\x0d\x0a":
                 mark = buffer[at + 8 : at + 12]
-                if mark not in (_LITTLE, _BIG):
+                if mark not in (_LITTLE_MAGIC, _BIG_MAGIC):
                     return self._stop(at, "a section of no byte order", "1A2B3C4D")
-                order = "<" if mark == _LITTLE else ">"
+                order = "<" if mark == _LITTLE_MAGIC else ">"
                 unpack = struct.Struct(order + "IIIIIII").unpack_from
                 unpack_one = struct.Struct(order + "I").unpack_from
                 base, clocks = len(self.interfaces), []
@@ -251,10 +251,10 @@ class CaptureReader:
                 numerator, denominator, offset = clocks[interface]
                 ns = (high << 32 | low) * numerator // denominator + offset
                 if options + 4 < after:
-                    some = [*options_of(buffer, options, after - 4, order)]
+                    some = [*parse_options(buffer, options, after - 4, order)]
                     comments = tuple([_text(value) for code, value in some if code == COMMENT])
                     if USER0 in self.link_types:
-                        sent = is_sent(dict(some).get(FLAGS), order)
+                        sent = parse_sent_flag(dict(some).get(FLAGS_OPTION), order)
                 data = buffer[at + 28 : at + 28 + kept]
             elif kind == SIMPLE_PACKET:
                 if not clocks or size < 16:
@@ -263,15 +263,15 @@ class CaptureReader:
                 kept = min(length, size - 16, limit or length)
                 data = buffer[at + 12 : at + 12 + kept]  # it has no time: that of the packet before it
             else:
-                if kind == INTERFACE:
+                if kind == INTERFACE_BLOCK:
                     found = _interface(buffer, at, after, order)
                     if found is None or len(self.interfaces) == MOST_INTERFACES:
                         return self._stop(at, "a broken interface", f"one of {MOST_INTERFACES} at most")
                     self.interfaces.append(found)
                     self.link_types.append(found.link_type)
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
-                elif kind == STATISTICS:
-                    self._see_drops(buffer[at + 8 : after - 4], order)
+                elif kind == STATISTICS_BLOCK:
+                    self._read_drops(buffer[at + 8 : after - 4], order)
                     if USER0 in self.link_types and interface < len(clocks):  # time of a tap of ours
                         numerator, denominator, offset = clocks[interface]
                         ns = max(ns, (high << 32 | low) * numerator // denominator + offset)
@@ -289,8 +289,8 @@ def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | No
         return None
     link, _reserved, snaplen = struct.unpack_from(order + "HHI", buffer, at + 8)
     name, comments, numerator, denominator, offset = "", [], 1000, 1, 0
-    for code, value in options_of(buffer, at + 16, after - 4, order):
-        if code == NAME:
+    for code, value in parse_options(buffer, at + 16, after - 4, order):
+        if code == NAME_OPTION:
             name = _text(value)
         elif code == COMMENT:
             comments.append(_text(value))
@@ -305,7 +305,7 @@ def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | No
     return Interface(link, snaplen, name, tuple(comments), numerator, denominator, offset)
 
 
-def options_of(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
+def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
     """Yield code and value of each option between two places, up to the first that does not fit."""
     unpack = struct.Struct(order + "HH").unpack_from
     while at + 4 <= end:
@@ -317,7 +317,7 @@ def options_of(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[i
         at += (size + 3) & ~3
 
 
-def is_sent(flags: bytes | None, order: str) -> bool | None:
+def parse_sent_flag(flags: bytes | None, order: str) -> bool | None:
     """Return which way the flags of a packet tell; None: they do not."""
     bits = int.from_bytes(flags or b"", "little" if order == "<" else "big") & (INBOUND | OUTBOUND)
     return {INBOUND: False, OUTBOUND: True}.get(bits)
@@ -339,7 +339,7 @@ def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]
         nonlocal unpacker, packed, is_fresh
         while True:
             if not packed:
-                packed = read(CHUNK)
+                packed = read(CHUNK_BYTES)
                 if not packed and not is_fresh:
                     raise EOFError("the .gz ends in the middle")
                 if not packed:
@@ -368,13 +368,13 @@ def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]
 def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
     """Return the block that a file begins with: little-endian, of a length that is not known yet."""
     options = [*_comments(comments), _option(4, application.encode())]
-    return block(SECTION, _LITTLE + struct.pack("<HHq", 1, 0, -1), options)
+    return make_block(SECTION, _LITTLE_MAGIC + struct.pack("<HHq", 1, 0, -1), options)
 
 
 def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
     """Return an interface that counts nanoseconds; the first of a section has index 0."""
-    options = [*_comments(comments), _option(NAME, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
-    return block(INTERFACE, struct.pack("<HHI", link_type, 0, snaplen), options)
+    options = [*_comments(comments), _option(NAME_OPTION, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
+    return make_block(INTERFACE_BLOCK, struct.pack("<HHI", link_type, 0, snaplen), options)
 
 
 def packet_block(
@@ -389,33 +389,33 @@ def packet_block(
     size = len(data)
     if not comments:
         padding = -size & 3
-        options = _SENT[sent]
+        options = _SENT_OPTIONS[sent]
         total = 32 + size + padding + len(options)
         head = _HEAD(ENHANCED_PACKET, total, interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-        return b"".join((head, data, _ZEROS[padding], options, total.to_bytes(4, "little")))
+        return b"".join((head, data, _PADDINGS[padding], options, total.to_bytes(4, "little")))
     head = struct.pack("<IIIII", interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-    options = b"".join(_comments(comments)) + (_SENT[sent] or _END)
-    return block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3] + options)
+    options = b"".join(_comments(comments)) + (_SENT_OPTIONS[sent] or _END_OF_OPTIONS)
+    return make_block(ENHANCED_PACKET, head + data + _PADDINGS[-size & 3] + options)
 
 
 def secrets_block(key_log: bytes) -> bytes:
     """Return lines of a TLS key log, for the packets that stand after it."""
-    return block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
+    return make_block(SECRETS_BLOCK, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
 def statistics_block(interface: int, ns: int, dropped: int) -> bytes:
     """Return what says at a time how many packets of an interface were left out so far."""
     body = struct.pack("<III", interface, ns >> 32, ns & 0xFFFFFFFF)
-    return block(STATISTICS, body, [_option(DROPPED[0], struct.pack("<Q", dropped))])
+    return make_block(STATISTICS_BLOCK, body, [_option(DROPPED_OPTIONS[0], struct.pack("<Q", dropped))])
 
 
 _HEAD: Final = struct.Struct("<IIIIIII").pack
-_ZEROS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
-_END: Final = b"\0\0\0\0"  # of options
-_SENT: Final = {
+_PADDINGS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
+_END_OF_OPTIONS: Final = b"\0\0\0\0"  # of options
+_SENT_OPTIONS: Final = {
     None: b"",
-    False: struct.pack("<HHI", FLAGS, 4, INBOUND) + _END,
-    True: struct.pack("<HHI", FLAGS, 4, OUTBOUND) + _END,
+    False: struct.pack("<HHI", FLAGS_OPTION, 4, INBOUND) + _END_OF_OPTIONS,
+    True: struct.pack("<HHI", FLAGS_OPTION, 4, OUTBOUND) + _END_OF_OPTIONS,
 }
 
 
@@ -425,14 +425,14 @@ def _comments(comments: tuple[str, ...]) -> list[bytes]:
 
 def _option(code: int, value: bytes) -> bytes:
     value = value[:65535]
-    return struct.pack("<HH", code, len(value)) + value + _ZEROS[-len(value) & 3]
+    return struct.pack("<HH", code, len(value)) + value + _PADDINGS[-len(value) & 3]
 
 
-def block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
+def make_block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
     """Return a block of any type; `body` is what stands before its options."""
-    parts = [body, _ZEROS[-len(body) & 3]]
+    parts = [body, _PADDINGS[-len(body) & 3]]
     if options:
-        parts += [*options, _END]
+        parts += [*options, _END_OF_OPTIONS]
     content = b"".join(parts)
     size = struct.pack("<I", len(content) + 12)
     return b"".join((struct.pack("<I", kind), size, content, size))

@@ -67,7 +67,7 @@ class KnownEnds(NamedTuple):
     partners: frozenset[bytes] = frozenset()
     connects: Mapping[tuple[int, str], str] = {}
 
-    def connect_of(self, plc: WireDirection) -> str:
+    def find_connect(self, plc: WireDirection) -> str:
         """Return the CONNECT of a run to which a conversation belongs, "" where none is known."""
         port, partner = plc.address[1], address_text(plc.other.address)
         pairs = ((port, partner), (port, ""), (0, partner))
@@ -76,7 +76,7 @@ class KnownEnds(NamedTuple):
     def guess(self, conversation: Conversation) -> PlcGuess | None:
         ends, listener = (conversation.there, conversation.back), conversation.listener
         for some, confidence, why in (
-            ([end for end in ends if self.connect_of(end)], 0.95, "the run had it"),
+            ([end for end in ends if self.find_connect(end)], 0.95, "the run had it"),
             ([end for end in ends if end.address[0] in self.own], 0.85, "the address of the project"),
             ([end for end in ends if end.other.address[0] in self.partners], 0.85, "the project's partner"),
             ([end for end in ends if end.address[1] in self.listens], 0.8, "port {} of the project"),
@@ -88,11 +88,11 @@ class KnownEnds(NamedTuple):
         return None
 
 
-NOTHING_KNOWN: Final = KnownEnds()
+NO_KNOWN_ENDS: Final = KnownEnds()
 
 
 def guess_plc(
-    conversation: Conversation, given: PlcEnd | None = None, known: KnownEnds = NOTHING_KNOWN
+    conversation: Conversation, given: PlcEnd | None = None, known: KnownEnds = NO_KNOWN_ENDS
 ) -> PlcGuess:
     """Return the PLC end: as given, as a recording of ours or a project has it, or as the packets look."""
     ends = (conversation.there, conversation.back)
@@ -124,7 +124,7 @@ def guess_plc(
     return PlcGuess(lower, 0.3, "the lower port: it may listen there")
 
 
-def fits_nothing(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
+def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
     """Return what to say of an end or a project that no conversation is of: which ends are there.
 
     `offer`: what to do with one of them.

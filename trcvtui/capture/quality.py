@@ -8,7 +8,7 @@ from typing import Final
 from trcvtui.capture.reassembly import Conversation
 
 LARGEST: Final = 1460  # bytes of a segment on Ethernet; larger ones were put together in the network card
-FEW: Final = 3  # segments, below which equal stamps say nothing
+FEW_SEGMENTS: Final = 3  # segments, below which equal stamps say nothing
 
 
 class Quality(StrEnum):
@@ -28,14 +28,16 @@ class Quality(StrEnum):
     SESSION = "session"  # TLS or ISO-on-TCP, where bytes as they are were expected
 
 
-def qualities_of(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:
+def find_qualities(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:
     """Return what the packets of a conversation lack; a recording of ours lacks nothing."""
     if conversation.sent is not None or conversation.protocol == "serial":
         return ()
     ends = (conversation.there, conversation.back)
     is_tcp = conversation.protocol == "tcp"
     starts_late = is_tcp and not conversation.begins_with_syn
-    stands_still = conversation.first_ns == conversation.last_ns and sum(e.segments for e in ends) >= FEW
+    stands_still = (
+        conversation.first_ns == conversation.last_ns and sum(e.segments for e in ends) >= FEW_SEGMENTS
+    )
     rows = (
         (Quality.STARTS_LATE, starts_late),
         (Quality.NO_LIFE, starts_late and not all(end.is_heard for end in ends)),

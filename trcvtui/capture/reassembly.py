@@ -15,9 +15,9 @@ from enum import Enum
 from itertools import islice
 from typing import Final, NamedTuple
 
-from trcvtui.capture.hosts import ArpNote, HostFact, HostNotes, TimedNote, note_of, put_note
+from trcvtui.capture.hosts import ArpNote, HostFact, HostNotes, TimedNote, append_note, parse_host_note
 from trcvtui.capture.packets import (
-    SACK,
+    SACK_OPTION,
     TCP,
     UDP,
     Fragment,
@@ -25,45 +25,45 @@ from trcvtui.capture.packets import (
     IpPayload,
     OtherPacket,
     SkippedPacket,
-    carried_by,
+    find_ip_header,
     ip_number,
-    ip_start,
-    macs_of,
     other_frame,
+    parse_packet,
+    read_macs,
+    read_window_scale,
     sack_blocks,
-    scale_of,
 )  # fmt: skip
-from trcvtui.capture.pcap import ETHERNET, NOTES, OURS, RTAC_SERIAL, USER0, Packet
+from trcvtui.capture.pcap import ETHERNET, NOTES, OWN_PREFIX, RTAC_SERIAL, USER0, Packet
 
 MOST_CONVERSATIONS: Final = 28_000
 MOST_KINDS: Final = 1024  # of packets without TCP and UDP
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
 MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps
-MOST_KEPT: Final = 8 << 20  # delivered bytes that a second copy is compared with
+MOST_KEPT_BYTES: Final = 8 << 20  # delivered bytes that a second copy is compared with
 MOST_COMPARED: Final = 256  # segments back from the newest
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
 PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
 COPY_NS: Final = 200_000_000  # a copy of a mirror port: soon, with the number that its host gave the packet
 UNNUMBERED_NS: Final = 300_000  # the same, where the host gave none
-BACK_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
+REORDER_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
 MOST_RECENT: Final = 4096  # packets that another one may be a copy of
 LEAST_WINDOW: Final = 4096  # a smaller one may be that of a SYN whose scale got lost
-FASTEST: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
+FASTEST_BYTES: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
 MOST_SACKED: Final = 64  # blocks of SACK that are kept of one direction
 MOST_FACTS: Final = 64  # of hosts
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
-OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
+ENDED_KEPT_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
 SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
-NEVER_NS: Final = 1 << 62
+FOREVER_NS: Final = 1 << 62
 SENT_END, RECEIVED_END = -1, -2  # ports of the ends of a serial line; its name is their address
 
 _FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
-_MASK: Final = 0xFFFFFFFF
-_HALF: Final = 0x80000000
+_SEQ_MASK: Final = 0xFFFFFFFF
+_SEQ_HALF: Final = 0x80000000
 # Ethernet, IPv4 without options and TCP: the head of nearly every packet.
-_USUAL: Final = struct.Struct(">12xHBxHHHxB2x12sIIBBH").unpack_from
+_USUAL_HEAD: Final = struct.Struct(">12xHBxHHHxB2x12sIIBBH").unpack_from
 _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
 # RTAC serial: twelve bytes before the data; its events with data by their number: begin and end of each way.
 _SERIAL_HEAD: Final = 12
@@ -164,7 +164,7 @@ class WireDirection:
     def bytes(self) -> int:
         return self.position - self.missing
 
-    def is_usual(self) -> bool:
+    def is_in_order(self) -> bool:
         """Return whether nothing is under way but bytes in their order."""
         other, conversation = self.other, self.conversation
         return (
@@ -202,17 +202,17 @@ class Conversation:
         self.back = WireDirection(self, ends[1], macs[1])
         self.there.other, self.back.other = self.back, self.there
 
-    def build(self) -> None:
+    def mark_established(self) -> None:
         """Take it as one whose SYN was answered before anything else of it came."""
         self.begins_with_syn = self.is_established = True
         self.listener = self.back
 
     @property
-    def kept_ns(self) -> int:
+    def timeout_ns(self) -> int:
         """Return after how much silence a growing capture forgets it."""
         if self.protocol == "udp" and not self.tap:
             return SILENT_NS
-        return OVER_NS if self.end is not None else NEVER_NS
+        return ENDED_KEPT_NS if self.end is not None else FOREVER_NS
 
 
 class Conversations:
@@ -247,10 +247,10 @@ class Conversations:
         self._before: dict[SegmentHead, int] = {}  # those that came before
         self._count = 0  # conversations, with those that are forgotten
 
-    def take(self, packet: Packet, link_type: int) -> None:
-        self.take_all((packet,), {packet.interface: link_type})
+    def add_packet(self, packet: Packet, link_type: int) -> None:
+        self.add_packets((packet,), {packet.interface: link_type})
 
-    def take_all(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
+    def add_packets(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
         """Take packets; those that go on where a steady direction is cost as little as can be."""
         flow_of, is_told, deliver = self._flows.get, self._told is not None, self._deliver
         is_detailed = self._is_detailed
@@ -258,14 +258,14 @@ class Conversations:
             self.packets += 1
             ns, interface, data, _, _, _, _ = packet
             if link_types[interface] != ETHERNET:
-                self._take_unusual(packet, link_types[interface])
+                self._add_unusual_packet(packet, link_types[interface])
                 continue
             try:
                 (kind, head, total, number, fragment, protocol, key, seq, ack, offset, flags, window) = (
-                    _USUAL(data)
+                    _USUAL_HEAD(data)
                 )
             except struct.error:
-                self._take_unusual(packet, ETHERNET)
+                self._add_unusual_packet(packet, ETHERNET)
                 continue
             if (
                 (direction := flow_of(key)) is None
@@ -279,16 +279,16 @@ class Conversations:
                 or fragment & 0x3FFF
                 or not 0 <= ns - direction.conversation.last_ns <= SILENCE_NS
             ):
-                self._take_unusual(packet, ETHERNET)
+                self._add_unusual_packet(packet, ETHERNET)
                 continue
             begin, end = 34 + (offset >> 4) * 4, 14 + total
             if end > len(data) or begin > end:
-                self._take_unusual(packet, ETHERNET)
+                self._add_unusual_packet(packet, ETHERNET)
                 continue
             direction.conversation.last_ns = direction.last_ns = ns
             if ack != direction.told_ack:
                 direction.told_ack = ack
-                self._acknowledge(ns, direction.other, ack, end - begin)
+                self._handle_ack(ns, direction.other, ack, end - begin)
             direction.window = window
             if window > direction.widest:
                 direction.widest = window
@@ -297,12 +297,12 @@ class Conversations:
                 if size > direction.largest:
                     direction.largest = size
                 if (scale := direction.other.scale) is not None:
-                    fly = (seq + size - direction.acked) & _MASK
+                    fly = (seq + size - direction.acked) & _SEQ_MASK
                     if LEAST_WINDOW <= direction.other.window << scale < fly < MOST_JUMP:
                         direction.has_overrun = True
                 direction.segments += 1
                 payload = data[begin:end]
-                if is_told or self._kept_cost > MOST_KEPT or direction.kept is None:
+                if is_told or self._kept_cost > MOST_KEPT_BYTES or direction.kept is None:
                     deliver(ns, direction, payload, number)
                     continue
                 at = direction.position
@@ -310,11 +310,11 @@ class Conversations:
                 self._kept.append(direction.kept)
                 self._kept_cost += size + SEGMENT_COST
                 direction.position = at + size
-                direction.next = (seq + size) & _MASK
+                direction.next = (seq + size) & _SEQ_MASK
             elif is_detailed:
-                if offset > 0x80 or (offset == 0x80 and data[56] == SACK):  # else a time stamp alone
-                    _see_sack(direction.other, data[54:begin])
-                self._tell(ns, direction, SegmentKind.ACK, size=window)
+                if offset > 0x80 or (offset == 0x80 and data[56] == SACK_OPTION):  # else a time stamp alone
+                    _add_sack(direction.other, data[54:begin])
+                self._report_event(ns, direction, SegmentKind.ACK, size=window)
 
     def close(self) -> None:
         for conversation in self.all:
@@ -323,15 +323,15 @@ class Conversations:
     def _close(self, conversation: Conversation) -> None:
         for direction in (conversation.there, conversation.back):
             while direction.waiting:
-                self._leave_out(conversation.last_ns, direction, direction.waiting[0][0])
+                self._skip_missing(conversation.last_ns, direction, direction.waiting[0][0])
             left = distance(direction.acked, direction.next)
             if direction.has_base and left > 1:
-                self._leave_out(conversation.last_ns, direction, direction.position + left)
+                self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
-    def forget_over(self, ns: int) -> list[int]:
+    def forget_ended(self, ns: int) -> list[int]:
         """Forget what ended long before this time, and the silent where there are many; return numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
-        over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.kept_ns)]
+        over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.timeout_ns)]
         if not over:
             return []
         for each in over:
@@ -348,7 +348,7 @@ class Conversations:
 
     # -- one packet --------------------------------------------------------------------------------------
 
-    def _take_unusual(self, packet: Packet, link_type: int) -> None:
+    def _add_unusual_packet(self, packet: Packet, link_type: int) -> None:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
             if self.names(packet.interface) != NOTES:
@@ -360,41 +360,41 @@ class Conversations:
         if self.first_ns is None:
             self.first_ns = packet.ns
         if link_type == RTAC_SERIAL:
-            self._take_serial(packet)
+            self._add_serial_packet(packet)
             return
-        found = carried_by(link_type, data, packet.length)
+        found = parse_packet(link_type, data, packet.length)
         if isinstance(found, Fragment):
-            self._take_fragment(packet, link_type, found)
+            self._add_fragment(packet, link_type, found)
             return
         if isinstance(found, SkippedPacket):
             self.not_read[found] += 1
         elif isinstance(found, OtherPacket):
-            if not self._hear(packet, link_type):
-                self._skip(found)
+            if not self._read_host_note(packet, link_type):
+                self._count_skipped(found)
         elif found.protocol == UDP:
-            self._take_datagram(packet, link_type, found)
+            self._add_datagram(packet, link_type, found)
         elif len(data) >= found.at + 16:
-            self._take_segment(packet, link_type, found)
+            self._add_tcp_packet(packet, link_type, found)
         else:
             self.not_read[SkippedPacket.CUT] += 1
 
-    def _skip(self, kind: OtherPacket) -> None:
+    def _count_skipped(self, kind: OtherPacket) -> None:
         is_known = kind in self.others or len(self.others) < MOST_KINDS
         self.others[kind if is_known else OtherPacket("packet", " of more kinds")] += 1
 
-    def _hear(self, packet: Packet, link_type: int) -> bool:
+    def _read_host_note(self, packet: Packet, link_type: int) -> bool:
         """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
-        data, note = packet.data, note_of(link_type, packet.data)
+        data, note = packet.data, parse_host_note(link_type, packet.data)
         if isinstance(note, ArpNote):
-            self.hosts.take(packet.ns, self.packets, note)
+            self.hosts.add_arp(packet.ns, self.packets, note)
             return True
-        at = ip_start(link_type, data)
+        at = find_ip_header(link_type, data)
         if at >= 0 and data[at] >> 4 == 4:
-            self.hosts.hear(data[at + 12 : at + 16])
+            self.hosts.mark_heard(data[at + 12 : at + 16])
         if note is not None:
             flow = self._flows.get(note.flow)
             notes = self.hosts.icmps if flow is None else flow.conversation.undelivered
-            put_note(notes, packet.ns, self.packets, note)
+            append_note(notes, packet.ns, self.packets, note)
         return note is not None
 
     def host_facts(self) -> list[HostFact]:
@@ -405,24 +405,24 @@ class Conversations:
                 host = end.address[0]
                 heard_ns[host] = max(heard_ns.get(host, 0), end.last_ns)
         is_whole = not (self.drops or self.not_read[SkippedPacket.CUT])
-        lacking = self._fragments.lacking() if is_whole else {}
+        lacking = self._fragments.count_lost() if is_whole else {}
         return sorted(self.hosts.facts(heard_ns, lacking), key=lambda fact: fact.ns)[:MOST_FACTS]
 
-    def _take_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
+    def _add_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
         key = b"".join((b"U", source, target, ports))
-        direction = self._flows.get(key) or self._open(packet, link_type, key, found, "udp")
+        direction = self._flows.get(key) or self._open_conversation(packet, link_type, key, found, "udp")
         if direction is not None:
             self._datagram(packet.ns, direction, packet.data[at + 8 : end], max(end - at - 8, 0))
 
-    def _take_serial(self, packet: Packet) -> None:
+    def _add_serial_packet(self, packet: Packet) -> None:
         data = packet.data
         error = _SERIAL_ERRORS.get(data[8]) if len(data) >= _SERIAL_HEAD else None
         has_data = len(data) > _SERIAL_HEAD
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
             if len(data) >= _SERIAL_HEAD:
-                self._skip(other_frame(RTAC_SERIAL, data))
+                self._count_skipped(other_frame(RTAC_SERIAL, data))
             else:
                 self.not_read[SkippedPacket.CUT] += 1
             return
@@ -430,24 +430,24 @@ class Conversations:
         direction = self._flows.get(b"S%d" % sender + name)
         if direction is None:
             ends = (name, sender), (name, SENT_END + RECEIVED_END - sender)
-            direction = self._made(packet.ns, "serial", ends, (b"", b""))
+            direction = self._make(packet.ns, "serial", ends, (b"", b""))
             if direction is None:
                 return
             for each in (direction, direction.other):
-                self._flows[_key_of("serial", each.address, each.other.address)] = each
+                self._flows[_flow_key("serial", each.address, each.other.address)] = each
         if error and self._is_detailed:
-            self._tell(packet.ns, direction, SegmentKind.LINE_ERROR, direction.position, 1, error)
+            self._report_event(packet.ns, direction, SegmentKind.LINE_ERROR, direction.position, 1, error)
         if has_data:
             self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
 
-    def _take_segment(self, packet: Packet, link_type: int, found: IpPayload) -> None:
+    def _add_tcp_packet(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
         seq, ack, offset, flags, window = _TCP_HEAD(packet.data, at + 4)
         begin, key = at + (offset >> 4) * 4, b"".join((source, target, ports))
         direction = self._flows.get(key)
-        if direction is not None and flags & _SYN and self._is_another(direction, seq, flags):
+        if direction is not None and flags & _SYN and self._is_new_connection(direction, seq, flags):
             direction = None
-        direction = direction or self._open(packet, link_type, key, found, "tcp")
+        direction = direction or self._open_conversation(packet, link_type, key, found, "tcp")
         if direction is None:
             return
         ns, size, number = packet.ns, max(end - begin, 0), ip_number(link_type, packet.data)
@@ -457,24 +457,24 @@ class Conversations:
             return
         self._pass_time(ns, direction)
         if flags & 0x17 == _ACK and not size and _is_challenge(direction, ack):
-            self._tell(ns, direction, SegmentKind.CHALLENGE)
+            self._report_event(ns, direction, SegmentKind.CHALLENGE)
             return
         if flags & _SYN:
-            direction.scale = scale_of(packet.data[at + 20 : begin])
-            self._synchronise(ns, direction, seq, flags)
-            seq = (seq + 1) & _MASK
+            direction.scale = read_window_scale(packet.data[at + 20 : begin])
+            self._handle_syn(ns, direction, seq, flags)
+            seq = (seq + 1) & _SEQ_MASK
         elif flags & _ACK and not direction.conversation.is_established:
             self._establish(ns, direction)
         if flags & _ACK:
             if self._is_detailed and offset > 0x50 and not flags & _SYN:
-                _see_sack(direction.other, packet.data[at + 20 : begin])
-            self._acknowledge(ns, direction.other, ack, size)
+                _add_sack(direction.other, packet.data[at + 20 : begin])
+            self._handle_ack(ns, direction.other, ack, size)
         if not flags & (_RST | _SYN):
-            self._see_window(ns, direction, window)
+            self._update_window(ns, direction, window)
             if self._is_detailed and not size and not flags & _FIN:
-                self._tell(ns, direction, SegmentKind.ACK, size=window)
+                self._report_event(ns, direction, SegmentKind.ACK, size=window)
             if self._is_detailed and size:
-                self._see_number(ns, direction, seq, number)
+                self._detect_late(ns, direction, seq, number)
         if not flags & _RST:
             direction.window = window
             direction.widest = direction.widest if flags & _SYN else max(direction.widest, window)
@@ -483,14 +483,16 @@ class Conversations:
             if ahead > -MOST_JUMP:  # else it is no copy of anything
                 self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
-            direction.conversation.is_ours = any(each.startswith(f"{OURS}rst") for each in packet.comments)
-            self._see_unread(direction)
-            self._tell(ns, direction, SegmentKind.RST)
+            direction.conversation.is_ours = any(
+                each.startswith(f"{OWN_PREFIX}rst") for each in packet.comments
+            )
+            self._count_unread(direction)
+            self._report_event(ns, direction, SegmentKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
         if flags & (_ACK | _SYN):
             direction.told_ack = ack
         for one in (direction, direction.other):
-            one.is_steady = one.is_usual()
+            one.is_steady = one.is_in_order()
 
     def _is_copy(self, ns: int, number: int, packet: SegmentHead, direction: WireDirection) -> bool:
         before = self._recent.get(packet, self._before.get(packet))
@@ -507,29 +509,29 @@ class Conversations:
                 return begin == at and len(data) == size and of == number and 0 <= ns - then <= soon
         return False
 
-    def _take_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
+    def _add_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
         self.not_read[SkippedPacket.FRAGMENT] += 1
-        whole = self._fragments.put(piece, packet.ns)
+        whole = self._fragments.add(piece, packet.ns)
         if whole is None:
             return
         data, count = whole
         self.not_read[SkippedPacket.FRAGMENT] -= count
         self.not_read += Counter()  # what is 0 is not told
-        self._take_unusual(packet._replace(data=data, length=len(data)), link_type)
+        self._add_unusual_packet(packet._replace(data=data, length=len(data)), link_type)
 
-    def _open(
+    def _open_conversation(
         self, packet: Packet, link_type: int, key: bytes, found: IpPayload, name: str
     ) -> WireDirection | None:
         _, source, target, ports, _, _ = found
         ends = (source, int.from_bytes(ports[:2], "big")), (target, int.from_bytes(ports[2:], "big"))
-        there = self._made(packet.ns, name, ends, macs_of(link_type, packet.data))
+        there = self._make(packet.ns, name, ends, read_macs(link_type, packet.data))
         if there is not None:
             there.conversation.sent = packet.sent
             self._flows[key] = there
-            self._flows[_key_of(name, *ends[::-1])] = there.other
+            self._flows[_flow_key(name, *ends[::-1])] = there.other
         return there
 
-    def _made(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
+    def _make(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
         """Return what the sender of a first packet says; None: there are too many conversations."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
@@ -539,7 +541,7 @@ class Conversations:
         self.all.append(made)
         return made.there
 
-    def open(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
+    def open_tapped(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
         """Take a conversation of which a tap tells before its packets come, which have the ends `wire`.
 
         Where no SYN will say that it is there, tell an event without bytes. Return False where it is one too
@@ -548,37 +550,37 @@ class Conversations:
         if len(self.all) >= MOST_CONVERSATIONS:
             self.unlisted += 1
             return False
-        keys = _key_of(talk.protocol, *wire), _key_of(talk.protocol, *wire[::-1])
+        keys = _flow_key(talk.protocol, *wire), _flow_key(talk.protocol, *wire[::-1])
         self._flows.update(zip(keys, (talk.there, talk.back), strict=True))
         self.all.append(talk)
         self.first_ns = self.first_ns or ns
         if not is_new or talk.protocol != "tcp":
-            self._tell(ns, talk.there, SegmentKind.KEEP_ALIVE)
+            self._report_event(ns, talk.there, SegmentKind.KEEP_ALIVE)
         return True
 
-    def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
+    def _is_new_connection(self, direction: WireDirection, seq: int, flags: int) -> bool:
         conversation = direction.conversation
         if direction.syn == seq:  # a copy, but where all has ended: our recordings count from 0 each time
             return not flags & _ACK and conversation.is_established and conversation.end is not None
         if flags & _ACK:
             return direction.has_base and direction.is_firm
         if direction.syn is None and direction.other.syn is not None and not direction.is_firm:
-            return direction.acked != (seq + 1) & _MASK  # its answer may stand before it in the capture
+            return direction.acked != (seq + 1) & _SEQ_MASK  # its answer may stand before it in the capture
         return direction.has_base or direction.other.has_base
 
     def _establish(self, ns: int, direction: WireDirection) -> None:
         listener = direction.conversation.listener
         if listener is not None and listener is not direction and listener.has_base:
             direction.conversation.is_established = True
-            self._tell(ns, direction, SegmentKind.ESTABLISHED)
+            self._report_event(ns, direction, SegmentKind.ESTABLISHED)
 
     def _pass_time(self, ns: int, direction: WireDirection) -> None:
         conversation = direction.conversation
         silence = ns - conversation.last_ns
         direction.last_ns = ns
         if silence > SILENCE_NS:
-            self._tell(ns, direction, SegmentKind.SILENCE, size=silence)
-        conversation.goes_back |= silence < -BACK_NS
+            self._report_event(ns, direction, SegmentKind.SILENCE, size=silence)
+        conversation.goes_back |= silence < -REORDER_NS
         conversation.last_ns = max(ns, conversation.last_ns)
 
     def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
@@ -586,56 +588,56 @@ class Conversations:
         direction.segments += 1
         at = direction.position
         direction.position += len(data)
-        self._tell(ns, direction, SegmentKind.BYTES, at, size, data)
+        self._report_event(ns, direction, SegmentKind.BYTES, at, size, data)
         if size > len(data):
             direction.conversation.is_cut = True
             direction.cut += size - len(data)
-            self._leave_out(ns, direction, direction.position + size - len(data))
+            self._skip_missing(ns, direction, direction.position + size - len(data))
 
-    def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
+    def _handle_syn(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
             end = conversation.end if not conversation.is_established else None
             is_refused = end == ("rst", direction.other)
             # Some stacks call again, as before; also after an RST of their own at an old connection.
             conversation.end = None if end is not None and end[0] == "rst" else conversation.end
-            self._tell(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
+            self._report_event(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
-        direction.next = (seq + 1) & _MASK
+        direction.next = (seq + 1) & _SEQ_MASK
         direction.acked = direction.next
         direction.has_base = direction.is_firm = True
         conversation.begins_with_syn = True
         conversation.listener = direction if flags & _ACK else conversation.listener or direction.other
-        self._tell(ns, direction, SegmentKind.ANSWER if flags & _ACK else SegmentKind.SYN)
+        self._report_event(ns, direction, SegmentKind.ANSWER if flags & _ACK else SegmentKind.SYN)
 
-    def _see_window(self, ns: int, direction: WireDirection, window: int) -> None:
+    def _update_window(self, ns: int, direction: WireDirection, window: int) -> None:
         if direction.is_closed_window != (not window):
             direction.is_closed_window = not window
-            self._tell(ns, direction, SegmentKind.WINDOW_OPENS if window else SegmentKind.ZERO_WINDOW)
+            self._report_event(ns, direction, SegmentKind.WINDOW_OPENS if window else SegmentKind.ZERO_WINDOW)
 
-    def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
+    def _detect_late(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
         if distance(seq, direction.next) > 0:
             direction.early_number = number
             return
         fills = seq == direction.next and direction.waiting and number and direction.early_number
         if fills and 0 < (number - direction.early_number) & 0xFFFF < 1 << 15:
-            self._tell(ns, direction, SegmentKind.LATE, direction.position)
+            self._report_event(ns, direction, SegmentKind.LATE, direction.position)
 
-    def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
+    def _handle_ack(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
         if not said.has_base:
             said.next = said.acked = ack  # a guess, until bytes come
             said.has_base = True
             return
         if said.was_probed and not size and ack == said.next:
             said.was_probed = False
-            self._tell(ns, said.other, SegmentKind.KEEP_ALIVE_ACK)
+            self._report_event(ns, said.other, SegmentKind.KEEP_ALIVE_ACK)
         if distance(ack, said.acked) > 0:
             said.acked = ack
             if said.segments:
                 said.is_heard = True
             beyond = distance(ack, said.next)
-            if beyond >= MOST_JUMP or beyond > FASTEST + ns - said.conversation.first_ns:
+            if beyond >= MOST_JUMP or beyond > FASTEST_BYTES + ns - said.conversation.first_ns:
                 said.has_jumped = True
             if said.probe and beyond == 1:
                 probe, said.probe = said.probe, b""
@@ -665,22 +667,22 @@ class Conversations:
             and distance(direction.acked, direction.next) >= 0
         ):
             direction.was_probed = True
-            self._tell(ns, direction, SegmentKind.KEEP_ALIVE)
+            self._report_event(ns, direction, SegmentKind.KEEP_ALIVE)
             return
         if size == 1 and not ahead and direction.other.is_closed_window and payload:
             direction.probe = payload
-            self._tell(ns, direction, SegmentKind.WINDOW_PROBE, direction.position, 1)
+            self._report_event(ns, direction, SegmentKind.WINDOW_PROBE, direction.position, 1)
             return
         at = direction.position + ahead + direction.has_fin  # a FIN has a number, and is no byte
         if is_tapped and ahead > 0:
-            self._leave_out(ns, direction, at)
+            self._skip_missing(ns, direction, at)
         if flags & _FIN and direction.fin is None:
             direction.fin = at + size
         if size:
             direction.segments += 1
             direction.largest = max(direction.largest, size)
             if direction.other.scale is not None and size > 1:  # 1: a probe of a closed window
-                fly = (seq + size - direction.acked) & _MASK
+                fly = (seq + size - direction.acked) & _SEQ_MASK
                 room = direction.other.window << direction.other.scale
                 direction.has_overrun |= LEAST_WINDOW <= room < fly < MOST_JUMP
             direction.probe = b""
@@ -690,23 +692,23 @@ class Conversations:
             self._place(ns, direction, at, payload)
             if size > len(payload) and at + size > direction.position:  # cut by the capture's own limit
                 direction.cut += size - len(payload)
-                self._leave_out(ns, direction, at + size)
+                self._skip_missing(ns, direction, at + size)
         since = direction.waiting_since
         if since is not None and ns - since > PATIENCE_NS:
             self._give_up(ns, direction)
-        self._end(ns, direction)
+        self._handle_fin(ns, direction)
 
-    def _end(self, ns: int, direction: WireDirection) -> None:
+    def _handle_fin(self, ns: int, direction: WireDirection) -> None:
         if direction.fin is None or direction.has_fin or direction.position < direction.fin:
             return
         direction.has_fin = True
-        direction.next = (direction.next + 1) & _MASK
-        self._see_unread(direction)
-        self._tell(ns, direction, SegmentKind.FIN, direction.position)
+        direction.next = (direction.next + 1) & _SEQ_MASK
+        self._count_unread(direction)
+        self._report_event(ns, direction, SegmentKind.FIN, direction.position)
         conversation = direction.conversation
         conversation.end = conversation.end or ("fin", direction)
 
-    def _see_unread(self, direction: WireDirection) -> None:
+    def _count_unread(self, direction: WireDirection) -> None:
         other = direction.other
         waits = distance(other.next, other.acked) - other.has_fin if other.has_base else 0
         misses = direction.widest - direction.window
@@ -732,30 +734,30 @@ class Conversations:
             if end <= at:
                 continue
             if begin > at:
-                self._wait(direction, at, data[: begin - at])
+                self._queue_bytes(direction, at, data[: begin - at])
                 at, data = begin, data[begin - at :]
             copy = data[: end - at]
-            self._retransmitted(ns, direction, at, copy, other[at - begin : at - begin + len(copy)])
+            self._report_copy(ns, direction, at, copy, other[at - begin : at - begin + len(copy)])
             at, data = at + len(copy), data[len(copy) :]
         if data:
-            self._wait(direction, at, data)
+            self._queue_bytes(direction, at, data)
             if self._is_detailed:
-                self._tell(ns, direction, SegmentKind.EARLY, at, len(data))
-        self._drain(ns, direction)
+                self._report_event(ns, direction, SegmentKind.EARLY, at, len(data))
+        self._deliver_waiting(ns, direction)
         while direction.waiting and (
             direction.waiting_cost > MOST_WAITING
             or self._waiting_cost > MOST_WAITING_OF_ALL
             or len(direction.waiting) >= MOST_SEGMENTS_WAITING
         ):
-            self._leave_out(ns, direction, direction.waiting[0][0])
+            self._skip_missing(ns, direction, direction.waiting[0][0])
 
-    def _wait(self, direction: WireDirection, at: int, data: bytes) -> None:
+    def _queue_bytes(self, direction: WireDirection, at: int, data: bytes) -> None:
         insort(direction.waiting, (at, data))
         cost = len(data) + SEGMENT_COST
         direction.waiting_cost += cost
         self._waiting_cost += cost
 
-    def _drain(self, ns: int, direction: WireDirection) -> None:
+    def _deliver_waiting(self, ns: int, direction: WireDirection) -> None:
         waiting = direction.waiting
         ready = 0
         while ready < len(waiting) and waiting[ready][0] <= direction.position:
@@ -775,35 +777,35 @@ class Conversations:
         direction.waiting_since = None
         left = distance(direction.acked, direction.next)
         if direction.waiting and left > 0:
-            self._leave_out(ns, direction, min(direction.waiting[0][0], direction.position + left))
+            self._skip_missing(ns, direction, min(direction.waiting[0][0], direction.position + left))
         elif left > 1:
-            self._leave_out(ns, direction, direction.position + left)
+            self._skip_missing(ns, direction, direction.position + left)
 
-    def _leave_out(self, ns: int, direction: WireDirection, to: int) -> None:
+    def _skip_missing(self, ns: int, direction: WireDirection, to: int) -> None:
         count = to - direction.position
         if count > 0:
-            self._tell(ns, direction, SegmentKind.MISSING, direction.position, count)
+            self._report_event(ns, direction, SegmentKind.MISSING, direction.position, count)
             direction.missing += count
             direction.position = to
-            direction.next = (direction.next + count) & _MASK
-        self._drain(ns, direction)
-        self._end(ns, direction)
+            direction.next = (direction.next + count) & _SEQ_MASK
+        self._deliver_waiting(ns, direction)
+        self._handle_fin(ns, direction)
 
     def _deliver(self, ns: int, direction: WireDirection, data: bytes, number: int = 0) -> None:
         at, size = direction.position, len(data)
         direction.position = at + size
-        direction.next = (direction.next + size) & _MASK
+        direction.next = (direction.next + size) & _SEQ_MASK
         kept = direction.kept
         if kept is None:
             kept = direction.kept = deque()
         kept.append((at, data, ns, number))
         self._kept.append(kept)
         self._kept_cost += size + SEGMENT_COST
-        most = MOST_KEPT if self._kept_cost <= MOST_KEPT else MOST_KEPT * 3 // 4
+        most = MOST_KEPT_BYTES if self._kept_cost <= MOST_KEPT_BYTES else MOST_KEPT_BYTES * 3 // 4
         while self._kept_cost > most:
             self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
         if self._told is not None:
-            self._tell(ns, direction, SegmentKind.BYTES, at, size, data)
+            self._report_event(ns, direction, SegmentKind.BYTES, at, size, data)
 
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         first = bytearray(data)
@@ -813,15 +815,15 @@ class Conversations:
             low, high = max(begin, at), min(begin + len(kept), at + len(data))
             if low < high:
                 first[low - at : high - at] = kept[low - begin : high - begin]
-        self._retransmitted(ns, direction, at, data, bytes(first))
+        self._report_copy(ns, direction, at, data, bytes(first))
 
-    def _retransmitted(self, ns: int, direction: WireDirection, at: int, data: bytes, first: bytes) -> None:
+    def _report_copy(self, ns: int, direction: WireDirection, at: int, data: bytes, first: bytes) -> None:
         direction.retransmitted += len(data)
-        self._tell(ns, direction, SegmentKind.RETRANSMISSION, at, len(data))
+        self._report_event(ns, direction, SegmentKind.RETRANSMISSION, at, len(data))
         if data != first:
-            self._tell(ns, direction, SegmentKind.DIFFERENT_COPY, at, len(data), data)
+            self._report_event(ns, direction, SegmentKind.DIFFERENT_COPY, at, len(data), data)
 
-    def _tell(
+    def _report_event(
         self,
         ns: int,
         direction: WireDirection,
@@ -834,7 +836,7 @@ class Conversations:
             self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
 
 
-def _key_of(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int]) -> bytes:
+def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int]) -> bytes:
     """Return with which key `_flows` has what comes from an end; the packet methods write it in parts."""
     if protocol == "serial":
         return b"S%d" % source[1] + source[0]
@@ -845,11 +847,11 @@ def _key_of(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int])
 
 def distance(one: int, other: int) -> int:
     """Return how far a sequence number stands after another; negative: before it."""
-    far = (one - other) & _MASK
-    return far - (_MASK + 1) if far & _HALF else far
+    far = (one - other) & _SEQ_MASK
+    return far - (_SEQ_MASK + 1) if far & _SEQ_HALF else far
 
 
-def _see_sack(said: WireDirection, options: bytes) -> None:
+def _add_sack(said: WireDirection, options: bytes) -> None:
     for begin, end in sack_blocks(options):
         if begin in said.sacked or len(said.sacked) < MOST_SACKED:
             said.sacked[begin] = end

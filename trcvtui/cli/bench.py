@@ -183,18 +183,18 @@ def _add_strip(parser: CommandParser) -> None:
 
 
 def _strip(args: Args) -> int:
-    from trcvtui.recording.strip import LeaveOut, strip
+    from trcvtui.recording.strip import StripOptions, strip_recording
 
-    out = LeaveOut(args.no_payload, args.no_secrets, args.anonymise)
-    for line in strip(args.source, args.target, out):
+    out = StripOptions(args.no_payload, args.no_secrets, args.anonymise)
+    for line in strip_recording(args.source, args.target, out):
         sys.stderr.write(f"{line}\n")
     return GOOD
 
 
 def _dissector(args: Args) -> int:
-    from trcvtui.recording.strip import dissector
+    from trcvtui.recording.strip import read_dissector
 
-    sys.stdout.write(dissector())
+    sys.stdout.write(read_dissector())
     return GOOD
 
 

@@ -53,7 +53,7 @@ def _agent(args: Args) -> int:
     from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
     from trcvtui.fleet.broker import broker_of
     from trcvtui.fleet.metrics import place_of_page
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
     from trcvtui.scenario.record import limits_of
 
     path = args.project
@@ -76,7 +76,7 @@ def _agent(args: Args) -> int:
         for folder in (args.record, args.record / path.stem):
             make_folder(folder, "--record")
         limits = limits_of(args.ring, None, None, None, None)
-        record = RecordTo(args.record / path.stem, False, not args.no_secrets, limits, follow())
+        record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, follow())
     name = args.name or default_name(path)
     try:
         packets = tuple(shlex.split(args.packets or ""))

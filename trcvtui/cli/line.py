@@ -182,14 +182,14 @@ def add_conversations(parser: CommandParser) -> None:
 
 
 def _conversations(args: Args) -> int:
-    from trcvtui.capture.command import conversations_of
+    from trcvtui.capture.command import format_conversations
 
     known = None
     if args.project is not None:
         from trcvtui.line.shadows import known_ends
 
         known = known_ends(load_bench(args.project))
-    return print_lines(conversations_of(args.files, args.plc, args.format, known))
+    return print_lines(format_conversations(args.files, args.plc, args.format, known))
 
 
 def add_doctor(parser: CommandParser) -> None:

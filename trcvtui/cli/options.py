@@ -14,7 +14,7 @@ from trcvtui.paths import given_path
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
-    from trcvtui.recording.files import FileSink, RecordTo, Sink
+    from trcvtui.recording.files import EntrySink, FileSink, RecordTarget
 
 GOOD: Final = 0
 FAILED: Final = 1
@@ -130,16 +130,16 @@ def add_record(parser: CommandParser, places: str) -> None:
     add_no_secrets(parser)
 
 
-def record_to(args: Args) -> RecordTo | None:
+def record_to(args: Args) -> RecordTarget | None:
     """Return what `--record` asks for; None: nothing."""
     if args.record is None:
         return None
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
 
-    return RecordTo(Path(args.record), args.overwrite, not args.no_secrets, follow=follow())
+    return RecordTarget(Path(args.record), args.overwrite, not args.no_secrets, follow=follow())
 
 
-def follow() -> Callable[[FileSink, str], Sink]:
+def follow() -> Callable[[FileSink, str], EntrySink]:
     from trcvtui.replay.follower import FollowedRun
 
     return FollowedRun

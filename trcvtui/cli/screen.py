@@ -18,7 +18,7 @@ from trcvtui.errors import mistake
 
 if TYPE_CHECKING:
     from trcvtui.engine.driver import ProcessDriver
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
 
 
 def open_screen(
@@ -27,7 +27,7 @@ def open_screen(
     netns: bool = False,
     theme: str | None = None,
     read_only: bool = False,
-    record: RecordTo | None = None,
+    record: RecordTarget | None = None,
 ) -> int:
     if netns:
         from trcvtui.bench.bench import enter_own_network

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import SkippedPacket
-from trcvtui.capture.plc_end import KnownEnds, PlcEnd, fits_nothing, parse_plc
+from trcvtui.capture.plc_end import KnownEnds, PlcEnd, make_no_match_error, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
 from trcvtui.diagnosis.causes import LineCase, cases_of, verdict_of
@@ -239,7 +239,7 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
         return facts.lines
     found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
     if not found and facts.lines:
-        raise fits_nothing("--plc", f"'{asked.plc}', which no conversation has", facts.found.all)
+        raise make_no_match_error("--plc", f"'{asked.plc}', which no conversation has", facts.found.all)
     return found
 
 

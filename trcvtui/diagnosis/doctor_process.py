@@ -22,9 +22,9 @@ from trcvtui.capture.pcap import open_capture
 from trcvtui.diagnosis.doctor import DoctorQuestion, RecordedFacts, complete, judge, same_finding
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, noting_reads, unnamed
-from trcvtui.recording.journal import entries_of
-from trcvtui.recording.recording import RecordingWriter, begin_of_run
-from trcvtui.recording.writer import POST_NS
+from trcvtui.recording.journal import decode_entries
+from trcvtui.recording.recording import RecordingWriter, read_run_header
+from trcvtui.recording.writer import POST_INTERVAL_NS
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
 from trcvtui.wording import json_text
 
@@ -43,7 +43,7 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     qualities, conversations = Counter[str](), 0
     for path in paths:
         verdicts, _, _ = judge(path, asked)
-        first_ns, run = _first_packet_ns(path), begin_of_run(path)
+        first_ns, run = _first_packet_ns(path), read_run_header(path)
         run_ns = first_ns if run is None else run.wall_ns
         zero_ns = first_ns - (run_ns if begins_ns is None else begins_ns)
         for verdict in verdicts:
@@ -101,11 +101,11 @@ class DoctorInput:
         self._asked: Any = None
         self._writer: RecordingWriter | None = None
 
-    def take_block(self, block: bytes) -> None:
+    def add_block(self, block: bytes) -> None:
         if self._writer is not None:
             self._bytes += len(block)
             self._tell(f"gets the run: {self._bytes / 1e6:.1f} MB")
-            self._writer.take(entries_of([block], self._name))
+            self._writer.add_entries(decode_entries([block], self._name))
         elif (asked := json.loads(block)) is not None:
             self._asked = asked
         else:
@@ -126,7 +126,7 @@ class DoctorInput:
 
     def _tell(self, text: str, at_once: bool = False) -> None:
         now = clock.now_ns()
-        if at_once or now > self._told_at + POST_NS:
+        if at_once or now > self._told_at + POST_INTERVAL_NS:
             self._told_at = now
             with open(self._path, "r+b", 0) as file:
                 file.write(one_line(text).encode(errors="replace")[:MOST_TEXT] + b"\n")

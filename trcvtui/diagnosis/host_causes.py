@@ -9,7 +9,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.capture.hosts import NOT_THERE, HostFact, TimedNote
+from trcvtui.capture.hosts import UNDELIVERED, HostFact, TimedNote
 from trcvtui.diagnosis.line_facts import LARGE, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.snapshots.doctor import Finding, Remedy
@@ -135,7 +135,7 @@ def host_findings(
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}
     is_alone = all(is_service(line) for line in facts.lines)
     for one in facts.hosts:
-        if one.cause != NOT_THERE and not (one.cause == "duplicate-ip" and one.ends[0] in ends):
+        if one.cause != UNDELIVERED and not (one.cause == "duplicate-ip" and one.ends[0] in ends):
             yield one, is_alone or bool(known & {*one.ends})
 
 

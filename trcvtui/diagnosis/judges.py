@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.recording.worker_process import AnswerOnItsWay
+from trcvtui.recording.worker_process import PendingAnswer
 
 if TYPE_CHECKING:
     from trcvtui.recording.black_box import BlackBox
@@ -23,7 +23,7 @@ class ProcessJudge:
     """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
 
     judged, progress, looks_again = b"", "", True
-    _answer: AnswerOnItsWay | None = None
+    _answer: PendingAnswer | None = None
 
     @property
     def is_judging(self) -> bool:
@@ -32,9 +32,9 @@ class ProcessJudge:
     def judge(self) -> None:
         if self._answer is None:
             blocks = self._blocks()  # refused before a process begins
-            self._answer = AnswerOnItsWay(JUDGE)
+            self._answer = PendingAnswer(JUDGE)
             for block in blocks:
-                self._answer.process.put(*block)
+                self._answer.process.add_block(*block)
             self._answer.process.finish()
 
     def _blocks(self) -> list[tuple[bytes, int]]:
@@ -42,7 +42,7 @@ class ProcessJudge:
 
     def go_on(self) -> None:
         if self._answer is not None:
-            content, self.progress = self._answer.go_on(), self._answer.progress
+            content, self.progress = self._answer.advance(), self._answer.progress
             if content is not None:
                 self.judged, self._answer = content, None
 
@@ -58,7 +58,7 @@ class RunJudge(ProcessJudge):
         self._box, box.close_judge = box, self.close
 
     def _blocks(self) -> list[tuple[bytes, int]]:
-        return [(b"null", 0), *self._box.blocks()]
+        return [(b"null", 0), *self._box.encode_blocks()]
 
 
 class FilesJudge(ProcessJudge):

@@ -14,11 +14,11 @@ from ipaddress import ip_address
 from math import log
 from typing import Final, NamedTuple
 
-from trcvtui.capture.command import take_captures
+from trcvtui.capture.command import read_captures
 from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.packets import SkippedPacket
-from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
-from trcvtui.capture.quality import Quality, qualities_of
+from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
+from trcvtui.capture.quality import Quality, find_qualities
 from trcvtui.capture.reassembly import (
     MOST_JUMP,
     Conversation,
@@ -465,7 +465,7 @@ def _heard(said: DirectionFacts, ns: int | None) -> None:
 def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
     """Return a line on which the partner says these bytes, and nothing else happens."""
     conversation = Conversation(1, protocol, 0, ((bytes(4), 0), (bytes(4), 1)))
-    conversation.build()
+    conversation.mark_established()
     conversation.last_ns = writes[-1].ns if writes else 0
     talk = _Talk(conversation)
     talk.established_ns = 0
@@ -478,7 +478,7 @@ def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes
 def facts_of(
     paths: Sequence[str],
     given: PlcEnd | None = None,
-    known: KnownEnds = NOTHING_KNOWN,
+    known: KnownEnds = NO_KNOWN_ENDS,
     receives: bool = False,
     until_ns: int = 0,
 ) -> CaptureFacts:
@@ -489,7 +489,7 @@ def facts_of(
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
-    take_captures(paths, found, troubles)
+    read_captures(paths, found, troubles)
     first_ns = found.first_ns or 0
     is_recording = SkippedPacket.JOURNAL in found.not_read
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
@@ -513,8 +513,8 @@ def facts_of(
             facts.sacked = tuple([(_byte(a, *base), _byte(b, *base)) for a, b in direction.sacked.items()])
             facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
-        lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
-        lines[-1].connect = known.connect_of(guess.says) if known.connects else None
+        lines[-1].qualities = frozenset(find_qualities(conversation, found.drops))
+        lines[-1].connect = known.find_connect(guess.says) if known.connects else None
         ends = {lines[-1].plc_end[0], lines[-1].partner_end[0]}
         lines[-1].doubled = next((doubled[end] for end in ends if end in doubled), None)
         lines[-1].gone = gone & ends

@@ -334,12 +334,12 @@ class Controller:
     def _record(self, rest: str) -> str:
         box = self._box()
         if rest == "stop":
-            self._told = box.stop()
+            self._told = box.stop_recording()
             return ""
-        from trcvtui.recording.black_box import new_name
+        from trcvtui.recording.black_box import find_new_path
 
         stem = self.bench.project.path.stem or "recording"
-        self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
+        self._told = box.start_recording(_recording_path(rest) if rest else find_new_path(Path(), stem))
         return ""
 
     def tell_recording(self, text: str, wrong: str) -> None:

@@ -20,7 +20,7 @@ from trcvtui.picture.protocol import EngineStopped
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
     from trcvtui.project.project import Project
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
 
 LAST_WORDS_S: Final = 2.0
 HELLO_S: Final = 30.0  # for an engine to let a tab in
@@ -29,7 +29,7 @@ HELLO_S: Final = 30.0  # for an engine to let a tab in
 class ProcessDriver:
     """What is shown, in a process of its own that runs `main`: start it before the screen library comes."""
 
-    _record: RecordTo | None = None
+    _record: RecordTarget | None = None
     is_shared = False
 
     def __init__(self, main: Callable[..., None], *asked: Any) -> None:
@@ -172,7 +172,7 @@ class EngineDriver(ProcessDriver):
         kernel: str,
         netns: bool = False,
         read_only: bool = False,
-        record: RecordTo | None = None,
+        record: RecordTarget | None = None,
         is_shared: bool = False,
     ) -> None:
         from trcvtui.engine.engine import engine_main

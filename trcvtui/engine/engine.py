@@ -29,7 +29,7 @@ from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
     from trcvtui.net.os.tab_door import TabListener
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
     from trcvtui.recording.recorder import RunRecorder
 
 
@@ -53,20 +53,20 @@ def _run(
     kernel: str,
     netns: bool,
     read_only: bool,
-    record: RecordTo | None,
+    record: RecordTarget | None,
     door: TabListener | None = None,
 ) -> None:
     from trcvtui.scenario.scenario import load_bench
 
     recorder = None
     if record is not None:
-        from trcvtui.recording.recorder import recorder_of
+        from trcvtui.recording.recorder import make_recorder
 
-        recorder = recorder_of(record, record.target, waits=False)
+        recorder = make_recorder(record, record.target, waits=False)
     elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
-        from trcvtui.recording.recorder import kept_recorder
+        from trcvtui.recording.recorder import attach_black_box
 
-        recorder, box = kept_recorder(None, FilesRead())
+        recorder, box = attach_black_box(None, FilesRead())
         recorder.box = box
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
         project = load_bench(path)
@@ -80,7 +80,7 @@ def _run(
                 enter_own_network(kernel, project.sim)
             bench = fresh_bench(project, kernel, recorder.seam if recorder is not None else None)
             if recorder is not None:
-                recorder.begin(bench, path, (), is_scenario=False)
+                recorder.add_header(bench, path, (), is_scenario=False)
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
             Engine(AttachedScreens(channel, project, read_only, door), bench, recorder).run()
@@ -112,9 +112,9 @@ class Engine:
         self._recorder = recorder
         if recorder is not None:
             from trcvtui.diagnosis.judges import FilesJudge, RunJudge
-            from trcvtui.recording.files import newest_in
+            from trcvtui.recording.files import find_newest_file
 
-            judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
+            judge = FilesJudge(lambda: find_newest_file(recorder.file), looks_again=True)
             self._controller.black_box = box = recorder.box
             self._controller.files_judge = judge if box is None else RunJudge(box)
         self._made_at = self._worked_at = 0  # when, for pictures
@@ -173,8 +173,8 @@ class Engine:
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
         if self._recorder is not None:
-            self._recorder.gap(self._bench)
-            self._controller.tell_recording(self._recorder.text(), self._recorder.wrong)
+            self._recorder.finish_scan(self._bench)
+            self._controller.tell_recording(self._recorder.describe_status(), self._recorder.last_error)
         self._read_ledger()
         self._take_messages()
         self._deliver(self._due - SPARE_NS)

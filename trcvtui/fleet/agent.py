@@ -26,7 +26,7 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
-from trcvtui.recording.files import RecordTo, newest_in
+from trcvtui.recording.files import RecordTarget, find_newest_file
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -54,7 +54,7 @@ class AgentSettings:
     name: str
     broker: Broker | None
     page: tuple[str, int] | None
-    record: RecordTo | None
+    record: RecordTarget | None
     with_payload: bool = False
     packets: tuple[str, ...] = ()  # a program that writes them, and its arguments
 
@@ -322,7 +322,7 @@ class Agent:
         if record is None:
             return ""
         try:
-            return "".join(newest_in(record.target.resolve()))
+            return "".join(find_newest_file(record.target.resolve()))
         except OSError:  # the ring has let a file go meanwhile
             return ""
 

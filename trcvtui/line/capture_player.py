@@ -12,8 +12,8 @@ from typing import Final, NamedTuple, Protocol
 
 from msgspec.structs import replace
 
-from trcvtui.capture.command import take_captures
-from trcvtui.capture.plc_end import fits_nothing
+from trcvtui.capture.command import read_captures
+from trcvtui.capture.plc_end import make_no_match_error
 from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
@@ -302,7 +302,7 @@ class CapturePlayer:
 
     def play(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""
-        take_captures(paths, self._reading, [])
+        read_captures(paths, self._reading, [])
         recorded_to = self._reading.recorded_to
         last_ns = max(*self._last_ns.values(), recorded_to or 0, self.first_ns)
         self.shadows.go_to(last_ns - self.first_ns)
@@ -349,16 +349,16 @@ def plan_capture(
     """
     found, troubles = Conversations(), list[Problem]()
     plan_of, _ = planned(project, plc, dialect)
-    take_captures(paths, found, troubles)
+    read_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
     plan = plan_of(found.all)
     if plc is not None and found.all and not plan.guesses:
-        raise fits_nothing("--plc", f"'{plc}', which no conversation has", found.all)
+        raise make_no_match_error("--plc", f"'{plc}', which no conversation has", found.all)
     if project is not None and found.all and not plan.parts:
         fits = "no CONNECT (or several) for a conversation"
         offer = "a CONNECT that has, or --plc as, "
-        raise fits_nothing(f"--project {project}", fits, found.all, offer)
+        raise make_no_match_error(f"--project {project}", fits, found.all, offer)
     return plan, found, troubles
 
 

@@ -253,7 +253,7 @@ def expected(
 ) -> Conversation:
     made = Conversation(number, kind, 0, (caller, listener))
     made.tap = tap
-    made.build()
+    made.mark_established()
     return made
 
 
@@ -379,7 +379,7 @@ class LiveWatch:
         self._go_to(player, ns - self.look_ns)
         if ns - self._swept > SWEEP_NS:
             self._swept = ns
-            for number in self.found.forget_over(ns):
+            for number in self.found.forget_ended(ns):
                 self._plan.forget(number)
                 player.forget(number)
 
@@ -502,9 +502,9 @@ class PacketStream:
             if self._failed is None and self.pipe.is_stopped:
                 return []
             raise self._failed or none from None
-        self._reader, found.names = reader, reader.name_of
+        self._reader, found.names = reader, reader.interface_name
         packets = iter(reader) if self._kept is None else self._kept.passing(reader)
-        found.take_all(packets, reader.link_types)
+        found.add_packets(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed
         said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []

@@ -103,12 +103,12 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         progress = _Progress(player, found.packets)
 
         def after_scan() -> None:
-            recorder.gap(bench)
+            recorder.finish_scan(bench)
             progress.tell()
 
         player.shadows.after_scan = after_scan
-        player.shadows.sent = lambda note, ns: recorder.seam.note(note._replace(ns=ns))
-        recorder.begin(bench, Path(paths[0]), (), is_scenario=False)
+        player.shadows.sent = lambda note, ns: recorder.seam.add_outside_note(note._replace(ns=ns))
+        recorder.add_header(bench, Path(paths[0]), (), is_scenario=False)
         player.play(paths)
         played = player.close()
         if rows is not None:

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from trcvtui.bench.program import read_program
 from trcvtui.blocks.pins import Direction, PinValue
 from trcvtui.blocks.table import block_row
-from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, guess_plc, parse_plc
+from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, PlcGuess, guess_plc, parse_plc
 from trcvtui.capture.reassembly import Conversation, WireDirection
 from trcvtui.commands import words
 from trcvtui.errors import mistake
@@ -110,7 +110,7 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
         {"dialect": dialect, "data": [{"name": "bytes", "type": of_bytes}]}, "--dialect", Path()
     )
     unassigned: dict[int, str] = {}
-    usable = _guesses(found, None if plc is None else parse_plc(plc), NOTHING_KNOWN, unassigned)
+    usable = _guesses(found, None if plc is None else parse_plc(plc), NO_KNOWN_ENDS, unassigned)
     names: dict[tuple[object, ...], str] = {}
     parts: dict[int, tuple[Part, ...]] = {}
     connects: list[ConnectConfig] = []

@@ -125,7 +125,7 @@ class TapWatch(LiveWatch):
         if note.note == "taps":  # of another process than before: it was not there when these ended
             for number in [each for each in self._talks if each not in note.open]:
                 self._end(ns, replace(note, note="end", conversation=number))
-        elif wire is not None and self.found.open(ns, talk, wire, note.new):
+        elif wire is not None and self.found.open_tapped(ns, talk, wire, note.new):
             self._talks[talk.number] = talk
         elif note.note == "end":
             self._end(ns, note)

@@ -24,13 +24,13 @@ from trcvtui.net.tap import FIGURES_DATA, LOSS, WAY_BACK, WAY_TO, TapEvent, TapE
 from trcvtui.recording.wire import (
     ACK,
     FIN,
+    FULL_WINDOW,
     MOST_PAYLOAD,
     PSH,
     RST,
     SERIAL_RECEIVED,
     SERIAL_SENT,
     SYN,
-    WINDOW,
 )
 from trcvtui.signals import OF_A_GROUP, leave
 
@@ -135,7 +135,7 @@ class TapPackets:
         if kind == TapEventKind.BYTES:
             yield from self._data(talk, event)
         elif kind == TapEventKind.OURS:
-            talk.remarks[way].append(f"{pcap.OURS}{event.data.decode(errors='replace')}")
+            talk.remarks[way].append(f"{pcap.OWN_PREFIX}{event.data.decode(errors='replace')}")
         elif kind == TapEventKind.STANDS and talk.kind == "tcp":
             talk.stands = True
             yield self._segment(talk, WAY_BACK, ns, SYN | ACK)
@@ -211,9 +211,9 @@ class TapPackets:
         ack = talk.next[1 - way] & 0xFFFFFFFF if flags & ACK else 0
         talk.next[way] += len(data) + (1 if flags & (SYN | FIN) else 0)
         size = 20 + len(data)
-        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + WINDOW + _sum(data)
+        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + FULL_WINDOW + _sum(data)
         sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
-        head = _TCP(source[1], target[1], seq, ack, 5 << 4, flags, WINDOW, sum_of, 0)
+        head = _TCP(source[1], target[1], seq, ack, 5 << 4, flags, FULL_WINDOW, sum_of, 0)
         whole = b"".join((self._ip(source[0], target[0], TCP, size), head, data))
         return TapPacket(WIRE, ns, whole, self._remarks(talk, way))
 

@@ -17,26 +17,26 @@ from typing import Final
 
 from trcvtui import clock
 from trcvtui.errors import UserError, mistake
-from trcvtui.recording.files import SUFFIX, OldBlock, RecordTo
+from trcvtui.recording.files import FILE_SUFFIX, OldBlock, RecordTarget
 from trcvtui.recording.journal import (
     ENDED_HERE,
     STEP,
-    Answered,
     BlockWriter,
+    CallRecord,
     EntriesLost,
     Entry,
     Keyframe,
     RunBegins,
-    value_of,
+    decode_value,
 )
-from trcvtui.recording.worker_process import AnswerOnItsWay
-from trcvtui.recording.writer import POST_NS, STATE, WriterProcess
+from trcvtui.recording.worker_process import PendingAnswer
+from trcvtui.recording.writer import POST_INTERVAL_NS, STATE_MAIN, WriterProcess
 from trcvtui.wording import size_text
 
-MOST_BYTES: Final = 64 << 20
-TOLD_NS: Final = 10_000_000_000
-GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
-BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
+MOST_KEPT_BYTES: Final = 64 << 20
+END_SHOWN_NS: Final = 10_000_000_000
+GAVE_UP_TEXT: Final = "no black box: it would have taken more than 2 % of the time"
+TRIMMED_REASON: Final = "the black box keeps the newest 64 MiB"
 
 
 class BlackBox:
@@ -49,14 +49,14 @@ class BlackBox:
 
         self._told, self._told_at = "", 0  # how the last file has ended
         self.file_trouble = ""  # why the last file that went wrong did
-        self._most = MOST_BYTES
+        self._most = MOST_KEPT_BYTES
         self._begins: RunBegins | None = None
         self._block = BlockWriter(0)
         self._entries = self._scans = 0  # of it
         self._kept: deque[OldBlock] = deque()
         self._size = self._passed = self._passed_scans = 0
         self._since = 0  # bytes that have come since the last state was asked for
-        self._state: AnswerOnItsWay | None = None
+        self._state: PendingAnswer | None = None
         self._state_from = 0  # scans before those of which it is
         self.close_judge: Callable[[], object] = lambda: None
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
@@ -67,7 +67,7 @@ class BlackBox:
 
     def give_up(self) -> None:
         """Keep nothing any more: it would cost the scans too much."""
-        self._why_off = GAVE_UP
+        self._why_off = GAVE_UP_TEXT
         self._kept.clear()
         self._frames.clear()
         self._size = self._since = self._scans = 0
@@ -77,34 +77,34 @@ class BlackBox:
     def is_recording(self) -> bool:
         return self._recording is not None
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
             if isinstance(entry, RunBegins):
                 self._begins = entry
             else:
-                self._block.take(entry)
+                self._block.add_entry(entry)
                 self._entries += 1
-                self._scans += type(entry) is Answered and entry.call == STEP
+                self._scans += type(entry) is CallRecord and entry.call == STEP
         now = clock.now_ns()
-        if self._block.is_full or now > self._posted_at + POST_NS:
+        if self._block.is_full or now > self._posted_at + POST_INTERVAL_NS:
             self._posted_at = now
-            self._post()
-        self.go_on()
+            self._flush_block()
+        self.advance()
 
-    def _post(self) -> None:
+    def _flush_block(self) -> None:
         if not self._entries:
             return
-        block = self._block.block()
+        block = self._block.encode()
         if self._recording is not None:
-            self._recording.put(block, self._entries)
+            self._recording.add_block(block, self._entries)
         self._kept.append(OldBlock(self._entries, self._scans, block))
         self._size += len(block)
         self._since += len(block)
         self._block, self._entries, self._scans = BlockWriter(0), 0, 0
         if self._since > self._most // 2 and self._state is None:
             self._since = 0
-            self._state, self._state_from = AnswerOnItsWay(STATE), self._passed_scans
-            self._put_all(self._state.process)
+            self._state, self._state_from = PendingAnswer(STATE_MAIN), self._passed_scans
+            self._send_blocks(self._state.process)
             self._state.process.finish()
         while self._size > self._most:
             oldest = self._kept.popleft()
@@ -112,41 +112,41 @@ class BlackBox:
             self._passed_scans += oldest.scans
             self._size -= len(oldest.block)
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         """Let the writers take what waits; find out how those have ended that are done."""
         if self._recording is not None:
-            self._recording.go_on()
+            self._recording.advance()
             if self._recording.trouble:
                 self.file_trouble = self._recording.trouble
-                self._tell(self.file_trouble)
+                self._set_end_text(self.file_trouble)
                 self._recording.close()
                 self._recording = None
         if self._state is not None:
-            content = self._state.go_on()
+            content = self._state.advance()
             if content is not None:
                 if trouble := self._state.process.trouble:
                     self.file_trouble = f"no keyframe of the black box: {trouble}"
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
-                self._frames += self._frame_of(content)
+                self._frames += self._decode_keyframe(content)
                 self._state = None
         for writer in tuple(self._ending):
-            writer.go_on()
+            writer.advance()
             if writer.is_over:
                 self._ending.remove(writer)
                 self.file_trouble = writer.trouble or self.file_trouble
-                self._tell(writer.trouble or f"{writer.path.name} is written")
+                self._set_end_text(writer.trouble or f"{writer.path.name} is written")
 
-    def _frame_of(self, content: bytes) -> list[Keyframe]:
+    def _decode_keyframe(self, content: bytes) -> list[Keyframe]:
         with suppress(UserError):
-            found = value_of(content, "the state of the black box")
+            found = decode_value(content, "the state of the black box")
             if isinstance(found, Keyframe):
                 return [found._replace(steps=found.steps + self._state_from)]
         return []
 
-    def _tell(self, text: str) -> None:
+    def _set_end_text(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
 
-    def _writer(self, path: Path) -> WriterProcess:
+    def _start_writer(self, path: Path) -> WriterProcess:
         """Return the writer of a new file, which gets all that is kept; raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, which keeps all")
@@ -154,64 +154,64 @@ class BlackBox:
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
             raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
-        writer = WriterProcess(path, RecordTo(path), waits=False)
-        self._put_all(writer)
+        writer = WriterProcess(path, RecordTarget(path), waits=False)
+        self._send_blocks(writer)
         return writer
 
-    def _put_all(self, writer: WriterProcess) -> None:
-        for block in self.blocks():
-            writer.put(*block)
+    def _send_blocks(self, writer: WriterProcess) -> None:
+        for block in self.encode_blocks():
+            writer.add_block(*block)
 
-    def blocks(self) -> list[tuple[bytes, int]]:
+    def encode_blocks(self) -> list[tuple[bytes, int]]:
         """Return all that is kept as blocks, each with the number of its entries; raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
-        self._post()
+        self._flush_block()
         first = BlockWriter(0)
         if self._begins is not None:
-            first.take(self._begins)
+            first.add_entry(self._begins)
         if self._passed:
-            first.take(EntriesLost(self._passed, BEGINS_LATER))
+            first.add_entry(EntriesLost(self._passed, TRIMMED_REASON))
             for frame in self._frames:
                 if frame.scan > self._passed_scans:
-                    first.take(frame._replace(steps=frame.steps - self._passed_scans))
-        return [(first.block(), 0), *((old.block, old.entries) for old in self._kept)]
+                    first.add_entry(frame._replace(steps=frame.steps - self._passed_scans))
+        return [(first.encode(), 0), *((old.block, old.entries) for old in self._kept)]
 
     def save(self, path: Path) -> str:
         """Write what is kept into a new file; return what to tell; raise UserError."""
-        self._finish(self._writer(path))
+        self._finish_file(self._start_writer(path))
         return f"the recording, {size_text(self._size)} of the black box, into {path.absolute()}"
 
-    def _finish(self, writer: WriterProcess) -> None:
+    def _finish_file(self, writer: WriterProcess) -> None:
         last = BlockWriter(0)
-        last.take(EntriesLost(0, ENDED_HERE))
-        writer.put(last.block())
+        last.add_entry(EntriesLost(0, ENDED_HERE))
+        writer.add_block(last.encode())
         writer.finish()
         self._ending.append(writer)
 
-    def record(self, path: Path) -> str:
+    def start_recording(self, path: Path) -> str:
         """Write what is kept, and what follows, into a new file; return what to tell; raise UserError."""
         if self._recording is not None:
             raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
-        self._recording = self._writer(path)
+        self._recording = self._start_writer(path)
         return f"recording into {path.absolute()}, from the beginning of the run as far as it is kept"
 
-    def stop(self) -> str:
+    def stop_recording(self) -> str:
         """End the file that gets what follows; return what to tell; raise UserError where there is none."""
         writer = self._recording
         if writer is None:
             raise mistake("prompt", "no recording under way", "`record [FILE]` first")
-        self._post()
+        self._flush_block()
         self._recording = None
-        self._finish(writer)
+        self._finish_file(writer)
         return f"{writer.path.absolute()} is being ended"
 
     @property
-    def text(self) -> str:
+    def status_text(self) -> str:
         """Return the name of the file under way and its size, or how the last one has ended."""
         writer = self._recording
         if writer is None:
-            return self._told if clock.now_ns() < self._told_at + TOLD_NS else ""
+            return self._told if clock.now_ns() < self._told_at + END_SHOWN_NS else ""
         try:
             size = os.stat(writer.path).st_size
         except OSError:
@@ -220,7 +220,7 @@ class BlackBox:
 
     def close(self) -> None:
         """End all files, and wait for that: the run is over."""
-        self._post()
+        self._flush_block()
         if self._recording is not None:
             self._ending.append(self._recording)
             self._recording = None
@@ -233,9 +233,9 @@ class BlackBox:
         self._kept.clear()
 
 
-def new_name(folder: Path, stem: str) -> Path:
+def find_new_path(folder: Path, stem: str) -> Path:
     """Return the name of a new recording: STEM-1.pcapng, STEM-2.pcapng ..."""
     number = 1
-    while os.path.lexists(path := folder / f"{stem}-{number}{SUFFIX}"):
+    while os.path.lexists(path := folder / f"{stem}-{number}{FILE_SUFFIX}"):
         number += 1
     return path

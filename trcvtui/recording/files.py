@@ -28,14 +28,14 @@ from trcvtui.recording.journal import (
     ENDED_HERE,
     REST,
     STEP,
-    Answered,
     BlockWriter,
+    CallRecord,
     EntriesLost,
     Entry,
     RunBegins,
     Secrets,
     WireCall,
-    entries_of,
+    decode_entries,
 )
 from trcvtui.wording import count
 
@@ -43,35 +43,35 @@ if TYPE_CHECKING:
     from trcvtui.recording.journal import Keyframe
     from trcvtui.recording.run_packets import RunPackets
 
-SUFFIX: Final = ".pcapng"
-TRIGGER: Final = "trigger"  # the first word of the line that tells of one
-ELSEWHERE: Final = "this file begins in the middle of its run"
-MOST_KEPT: Final = 500_000
+FILE_SUFFIX: Final = ".pcapng"
+TRIGGER_WORD: Final = "trigger"  # the first word of the line that tells of one
+IN_MIDDLE_REASON: Final = "this file begins in the middle of its run"
+MOST_WAITING: Final = 500_000
 MOST_SECRETS: Final = 1000
 MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
-MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
+MOST_KEYFRAMES: Final = 64  # keyframes of these; of more every second one goes
 
 
-class Sink(Protocol):
+class EntrySink(Protocol):
     """What writes entries; `trouble`: why nothing more is written, or ""."""
 
     @property
     def trouble(self) -> str: ...
 
-    def take(self, entries: Iterable[Entry]) -> None: ...
+    def add_entries(self, entries: Iterable[Entry]) -> None: ...
 
     def close(self) -> None:
         """Write what is left, and end the file."""
 
 
-class FileSink(Sink, Protocol):
+class FileSink(EntrySink, Protocol):
     """What writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
     is_followed: bool  # by a run beside, which makes keyframes
     lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
-    def keyframe(self, frame: Keyframe) -> None:
+    def add_keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
 
 
@@ -80,7 +80,7 @@ class NumberedFile(FileSink, Protocol):
 
     size: int
 
-    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+    def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take entries whose packets are no more; then go on with the packets of the files before."""
 
 
@@ -137,66 +137,66 @@ class NumberedFiles:
         self._is_over = self._has_begun = False  # the run; the scan that comes, whose peers have acted
         self._number = next_number(folder, stem)
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         waits = self._limits.before_ns >= 0
         for entry in entries:
             if isinstance(entry, RunBegins):
                 self._begins = entry
                 if not waits:
-                    self._open()
+                    self._open_file()
                 continue
             if isinstance(entry, Secrets):
                 self._secrets.append(entry)
-            if isinstance(entry, Answered):
+            if isinstance(entry, CallRecord):
                 call, args = entry.call, entry.args
                 at = entry.answer if call == STEP else args[0] if call == REST and args else None
                 if isinstance(at, int):
                     if not self._has_begun:
                         self._begin_scan(at)
                     self._now, self._has_begun = at, call == REST
-                elif waits and call == DO and str(args[0]).startswith(TRIGGER):
+                elif waits and call == DO and str(args[0]).startswith(TRIGGER_WORD):
                     self._until = self._now + self._limits.after_ns
                     if self._file is None:
-                        self._open()
+                        self._open_file()
             self._scans[-1][1].append(entry)
             self._kept += 1
         if self._file is not None:
-            self._write()
+            self._write_waiting()
 
     def _begin_scan(self, now: int) -> None:
         self._now = now
         if self._file is not None:
-            self._write()
+            self._write_waiting()
         if self._file is not None and not (self.is_followed and self._file.lack):
             if self._limits.before_ns >= 0:
                 if now > self._until:
-                    self._end()
+                    self._end_file()
             elif self._limits.split and self._is_large(self._file):
-                self._end()
-                self._open()
+                self._end_file()
+                self._open_file()
         self._scans.append((now, []))
         before = self._limits.before_ns
-        while len(self._scans) > 1 and (self._kept > MOST_KEPT or self._scans[0][0] < now - before):
+        while len(self._scans) > 1 and (self._kept > MOST_WAITING or self._scans[0][0] < now - before):
             some = self._scans.popleft()[1]
             self._kept -= len(some)
             if some:  # no file has it
-                self._packets.pass_by(some)
-                self._remember(some)
+                self._packets.skip_entries(some)
+                self._keep_old_entries(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
         """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
         split = self._limits.split
         return file.size >= max(split, self._beside + split // 4)
 
-    def _remember(self, some: list[Entry]) -> None:
-        scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])
+    def _keep_old_entries(self, some: list[Entry]) -> None:
+        scans = sum([isinstance(entry, CallRecord) and entry.call == STEP for entry in some])
         if self._limits.before_ns < 0:
             self._passed += len(some)
             self._passed_scans += scans
             return
         for entry in some:
             if not isinstance(entry, WireCall):
-                self._block.take(entry)
+                self._block.add_entry(entry)
                 self._in_block += 1
         self._scans_in_block += scans
         if self._block.is_full:
@@ -208,7 +208,7 @@ class NumberedFiles:
             self._old_size -= len(oldest.block)
 
     def _end_block(self) -> None:
-        made = OldBlock(self._in_block, self._scans_in_block, self._block.block())
+        made = OldBlock(self._in_block, self._scans_in_block, self._block.encode())
         self._old.append(made)
         self._old_size += len(made.block)
         self._since_frame += len(made.block)
@@ -217,54 +217,54 @@ class NumberedFiles:
             self.first_scan = self._passed_scans + sum([old.scans for old in self._old])
         self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
 
-    def keyframe(self, frame: Keyframe) -> None:
+    def add_keyframe(self, frame: Keyframe) -> None:
         if self._file is not None:
-            self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+            self._file.add_keyframe(frame._replace(steps=frame.steps - self._file_from))
             self._beside += len(frame.content)
         if self._limits.before_ns >= 0:
             self._frames.append(frame)
             while self._frames and self._frames[0].scan <= self._passed_scans:
                 del self._frames[0]
-            if len(self._frames) > MOST_FRAMES:
+            if len(self._frames) > MOST_KEYFRAMES:
                 del self._frames[1::2]
 
-    def _open(self) -> None:
-        self._path = self._folder / f"{self._stem}-{self._number:04}{SUFFIX}"
+    def _open_file(self) -> None:
+        self._path = self._folder / f"{self._stem}-{self._number:04}{FILE_SUFFIX}"
         self._number += 1
         self._file = self._new(self._path)
         self._files.append(self._path)
-        lost = [EntriesLost(self._passed, ELSEWHERE)] if self._passed else []
-        self._file.take([*([self._begins] if self._begins else []), *self._secrets, *lost])
+        lost = [EntriesLost(self._passed, IN_MIDDLE_REASON)] if self._passed else []
+        self._file.add_entries([*([self._begins] if self._begins else []), *self._secrets, *lost])
         if self._in_block:
             self._end_block()
-        blocks = [entries_of([old.block], str(self._path)) for old in self._old]
-        self._file.go_on(self._packets, chain.from_iterable(blocks))
+        blocks = [decode_entries([old.block], str(self._path)) for old in self._old]
+        self._file.continue_packets(self._packets, chain.from_iterable(blocks))
         self._file_from = self._passed_scans
         if self._limits.before_ns < 0:
             self.first_scan = self._file_from
         for frame in self._frames:
             if frame.scan > self._file_from:
-                self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+                self._file.add_keyframe(frame._replace(steps=frame.steps - self._file_from))
         self._beside = self._file.size
-        self._remove_the_oldest()
+        self._remove_oldest_files()
 
-    def _write(self) -> None:
+    def _write_waiting(self) -> None:
         assert self._file is not None
         for _, some in self._scans:
-            self._file.take(some)
-            self._remember(some)
+            self._file.add_entries(some)
+            self._keep_old_entries(some)
         self._scans, self._kept = deque([(self._now, [])]), 0
 
-    def _end(self) -> None:
+    def _end_file(self) -> None:
         if self._file is not None:
             if not self._is_over:
-                self._file.take([EntriesLost(0, ENDED_HERE)])
+                self._file.add_entries([EntriesLost(0, ENDED_HERE)])
             self._file.close()
             if self._file.lack:
                 self._lacking.append(self._path.name)
             self._file = None
 
-    def _remove_the_oldest(self) -> None:
+    def _remove_oldest_files(self) -> None:
         sizes = [path.stat().st_size if path.exists() else 0 for path in self._files]
         ring = self._limits.ring
         if not ring or len(sizes) < 2:
@@ -279,7 +279,7 @@ class NumberedFiles:
 
     def close(self) -> None:
         self._is_over = True
-        self._end()
+        self._end_file()
         if self._lacking:
             files = count(len(self._lacking), "file")
             self.lack = f"no keyframe in {files}, {self._lacking[0]} the first"
@@ -290,21 +290,21 @@ class NumberedFiles:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordTo:
+class RecordTarget:
     """What is asked for; of several runs each has a file of its own in the folder `target`."""
 
     target: Path
     overwrite: bool = False
     has_secrets: bool = True
     limits: FileLimits | None = None  # of numbered files in the folder `target`
-    follow: Callable[[FileSink, str], Sink] | None = None  # what makes keyframes beside a writer
+    follow: Callable[[FileSink, str], EntrySink] | None = None  # what makes keyframes beside a writer
 
-    def files(self, paths: Iterable[Path]) -> tuple[Path, ...]:
+    def make_paths(self, paths: Iterable[Path]) -> tuple[Path, ...]:
         """Return the file of each run; raise UserError where two would be one."""
         given = tuple(paths)
         if len(given) == 1 and not self.target.is_dir():
             return (self.target,)
-        files = tuple([self.target / (path.stem + SUFFIX) for path in given])
+        files = tuple([self.target / (path.stem + FILE_SUFFIX) for path in given])
         for file in files:
             if files.count(file) > 1:
                 raise mistake(
@@ -313,12 +313,12 @@ class RecordTo:
         make_folder(self.target, "--record")
         return files
 
-    def sink(self, file: Path) -> Sink:
+    def make_sink(self, file: Path) -> EntrySink:
         """Return what writes in this process; raise UserError where a file is refused."""
-        sink = self.file_sink(file)
+        sink = self.make_file_sink(file)
         return sink if self.follow is None else self.follow(sink, str(file))
 
-    def file_sink(self, file: Path) -> FileSink:
+    def make_file_sink(self, file: Path) -> FileSink:
         """Return what writes, and nothing beside it."""
         from trcvtui.recording.recording import RecordingWriter
         from trcvtui.recording.run_packets import RunPackets
@@ -329,11 +329,11 @@ class RecordTo:
 
 
 def next_number(folder: Path, stem: str) -> int:
-    named = re.compile(re.escape(stem) + r"-(\d{1,9})" + re.escape(SUFFIX))
+    named = re.compile(re.escape(stem) + r"-(\d{1,9})" + re.escape(FILE_SUFFIX))
     found = [int(match[1]) for name in os.listdir(folder) if (match := named.fullmatch(name))]
     return max(found, default=0) + 1
 
 
-def newest_in(path: Path) -> list[str]:
-    files = [path] if not path.is_dir() else sorted(path.glob(f"*{SUFFIX}"), key=os.path.getmtime)
+def find_newest_file(path: Path) -> list[str]:
+    files = [path] if not path.is_dir() else sorted(path.glob(f"*{FILE_SUFFIX}"), key=os.path.getmtime)
     return [str(file) for file in files[-1:]]

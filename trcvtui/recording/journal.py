@@ -28,25 +28,27 @@ from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 
 VERSION: Final = 2
-MOST_STATE: Final = 64 << 20  # bytes of a state that a reader takes
+MOST_STATE_BYTES: Final = 64 << 20  # bytes of a state that a reader takes
 MAGIC: Final = b"trcvtui journal\n"
 _HEAD: Final = struct.Struct("<16sHI")  # magic, version, CRC-32 of the packets before and of what follows
 _COUNTS: Final = struct.Struct("<II")  # number of the block, of entries unlike each other
-MOST_BLOCK: Final = 1 << 20  # bytes of entries, from which on a block is full
-MOST_ENTRIES: Final = 1 << 20  # from which on it is full, too
-DEEPEST: Final = 8  # values inside values
+MOST_BLOCK_BYTES: Final = 1 << 20  # bytes of entries, from which on a block is full
+MOST_BLOCK_ENTRIES: Final = 1 << 20  # from which on it is full, too
+MOST_NESTING: Final = 8  # values inside values
 STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
 SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
 MOST_SKIPPED: Final = 1 << 40  # scans in one entry
 SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
 DO, REST, CLOSE = "do", "rest", "close"  # a command in words; peers act beside a scan; the end of the run
-GAP: Final = "gap "
+IN_GAP: Final = "gap "
 RECV: Final = "recv"  # its arguments: a handle, and how many bytes there is room for
-READ: Final = GAP + "read"  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
+FILE_READ: Final = (
+    IN_GAP + "read"
+)  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
 SIM_WALL_NS: Final = 946_684_800_000_000_000  # when a simulated run begins: 2000-01-01T00:00:00Z
 
 
-class Answered(NamedTuple):
+class CallRecord(NamedTuple):
     """One call and its answer; `args` are what a replay has to ask again."""
 
     owner: str
@@ -136,86 +138,86 @@ class Keyframe(NamedTuple):
     content: bytes
 
     @staticmethod
-    def of(scan: int, ns: int, steps: int, beyond: int, state: bytes) -> Keyframe:
+    def make(scan: int, ns: int, steps: int, beyond: int, state: bytes) -> Keyframe:
         return Keyframe(__version__, scan, ns, steps, beyond, len(state), zlib.compress(state, 1))
 
-    def state(self, where: str) -> bytes:
+    def decompress_state(self, where: str) -> bytes:
         """Return the state; raise UserError."""
         where = f"{where}: keyframe of scan {self.scan}"
         if self.program != __version__:
             raise mistake(where, f"a state of trcvtui {self.program}", f"one of {__version__}")
         try:
-            state = zlib.decompressobj().decompress(self.content, min(self.size, MOST_STATE) + 1)
+            state = zlib.decompressobj().decompress(self.content, min(self.size, MOST_STATE_BYTES) + 1)
         except zlib.error as failed:
             raise mistake(where, str(failed), "what was compressed") from None
         if len(state) != self.size:
-            raise mistake(where, f"{len(state)} bytes or more", f"{self.size}, at most {MOST_STATE}")
+            raise mistake(where, f"{len(state)} bytes or more", f"{self.size}, at most {MOST_STATE_BYTES}")
         return state
 
 
 # Calls at the wire whose first argument after the handle is a view of bytes.
-WITH_BYTES: Final = frozenset({"recv", "recv_from", "send", "send_to"})
-Note = BenchNote | WorkWaits | PeerSent
-BesideJournal = WireCall | Secrets | Keyframe
-Entry = Answered | Note | RunBegins | EntriesLost | BesideJournal
+BUFFER_CALLS: Final = frozenset({"recv", "recv_from", "send", "send_to"})
+LedgerNote = BenchNote | WorkWaits | PeerSent
+NonJournalEntry = WireCall | Secrets | Keyframe
+Entry = CallRecord | LedgerNote | RunBegins | EntriesLost | NonJournalEntry
 
 
 # -- what may be answered ----------------------------------------------------------------------------------
 
-NOTHING: Final = type(None)
+NONE_TYPE: Final = type(None)
 # What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
-ANSWERS: Final[dict[str, tuple[type, ...]]] = {
+ANSWER_TYPES: Final[dict[str, tuple[type, ...]]] = {
     **dict.fromkeys((STEP, "grant", "discard", "unread", "waiting", "dropped"), (int,)),
-    **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NOTHING,)),
-    **dict.fromkeys(("wait", "poll", "set_user_timeout", "port close"), (NOTHING,)),
+    **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NONE_TYPE,)),
+    **dict.fromkeys(("wait", "poll", "set_user_timeout", "port close"), (NONE_TYPE,)),
     **dict.fromkeys((EXCEPTION, "link", "local_addresses", "set_options", "recv", "recv_from"), (tuple,)),
     **dict.fromkeys(("is_free", "readable", "renew", "port arrive"), (bool,)),
     **dict.fromkeys(("set_link", "ended"), (str,)),
     **dict.fromkeys(("arrived", "message"), (bytes,)),
     **dict.fromkeys(("socket", "datagram_socket", "port write"), (int, Fault)),
     **dict.fromkeys(("send", "send_to"), (int, WouldBlock, Fault)),
-    "ready_handles": (NOTHING, dict),
-    "local_end": (NOTHING, Endpoint),
+    "ready_handles": (NONE_TYPE, dict),
+    "local_end": (NONE_TYPE, Endpoint),
     "accept": (NewClient, WouldBlock, Fault),
     "resolve": (str, WouldBlock, Fault),
-    "connect_result": (NOTHING, WouldBlock, Fault),
-    "loss": (NOTHING, KernelLoss),
-    "path": (NOTHING, PathInfo),
+    "connect_result": (NONE_TYPE, WouldBlock, Fault),
+    "loss": (NONE_TYPE, KernelLoss),
+    "path": (NONE_TYPE, PathInfo),
     **dict.fromkeys(
         ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
-        (NOTHING, Fault),
+        (NONE_TYPE, Fault),
     ),
-    **dict.fromkeys(("abort", "close", "set_broadcast"), (NOTHING, Fault)),
-    "port open": (NOTHING, Fault, PortOpening),
+    **dict.fromkeys(("abort", "close", "set_broadcast"), (NONE_TYPE, Fault)),
+    "port open": (NONE_TYPE, Fault, PortOpening),
     "port read": (bytes, Fault),
-    "port errors": (NOTHING, tuple),
+    "port errors": (NONE_TYPE, tuple),
 }
 # What stands inside the tuples.
-INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
+PAIR_TYPES: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
     "recv": ((int, WouldBlock, Fault), (bytes,)),
     "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
     "link": ((str,), (str,)),
     EXCEPTION: ((str,), (bool,)),
 }
-LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str, "port errors": int}
+LIST_TYPES: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str, "port errors": int}
 
 
-def is_valid_answer(entry: Answered) -> bool:
+def is_valid_answer(entry: CallRecord) -> bool:
     _, call, args, answer = entry
-    if call == READ:
+    if call == FILE_READ:
         return len(args) == 1 and type(args[0]) is str and type(answer) in (bytes, str)
     if call == SKIP:
         return len(args) == 1 and type(args[0]) is int and 0 < args[0] <= MOST_SKIPPED and answer is None
     if call == DO:
         return len(args) == 1 and type(args[0]) is str and answer is None
-    call = call.removeprefix(GAP)
-    if type(answer) not in ANSWERS.get(call, ()):
+    call = call.removeprefix(IN_GAP)
+    if type(answer) not in ANSWER_TYPES.get(call, ()):
         return False
     if not isinstance(answer, tuple):
         return True
-    if call in LISTS:
-        return all(type(each) is LISTS[call] for each in answer)
-    inside = INSIDE[call]
+    if call in LIST_TYPES:
+        return all(type(each) is LIST_TYPES[call] for each in answer)
+    inside = PAIR_TYPES[call]
     if len(answer) != len(inside) or any(type(a) not in k for a, k in zip(answer, inside, strict=True)):
         return False
     if call in ("link", EXCEPTION):
@@ -229,33 +231,33 @@ def is_valid_answer(entry: Answered) -> bool:
 # -- bytes -----------------------------------------------------------------------------------------------
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
-_SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
-_AT_THE_WIRE: Final = (NOTHING, int, Fault, NewClient, Endpoint, Datagram, KernelLoss, tuple)
+_SINGLETONS: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
+_WIRE_ANSWER_TYPES: Final = (NONE_TYPE, int, Fault, NewClient, Endpoint, Datagram, KernelLoss, tuple)
 # No new record or field without a new version.
-_RECORDS: Final[tuple[type, ...]] = (
+_RECORD_TYPES: Final[tuple[type, ...]] = (
     *(Endpoint, Fault, NewClient, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, WorkWaits),
     *(RunBegins, EntriesLost, WireCall, Secrets, Keyframe, PeerSent),
 )
-_WORDS: Final = frozenset(map(str, EventKind))
-_FIRST_RECORD: Final = 16  # the tag of the first of them
-_RUN: Final = struct.Struct("<III").pack
-_TAGS: Final = {kind: _FIRST_RECORD + at for at, kind in enumerate(_RECORDS)}
+_EVENT_KINDS: Final = frozenset(map(str, EventKind))
+_FIRST_RECORD_TAG: Final = 16  # the tag of the first of them
+_PACK_RUN: Final = struct.Struct("<III").pack
+_RECORD_TAGS: Final = {kind: _FIRST_RECORD_TAG + at for at, kind in enumerate(_RECORD_TYPES)}
 
 
 @cache
-def _fields(record: type) -> tuple[tuple[str, tuple[type, ...]], ...]:
+def _record_fields(record: type) -> tuple[tuple[str, tuple[type, ...]], ...]:
     """Return the name of each field and the types that its value may have."""
-    return tuple([(name, _kinds(hint)) for name, hint in get_type_hints(record).items()])
+    return tuple([(name, _list_hint_types(hint)) for name, hint in get_type_hints(record).items()])
 
 
-def _kinds(hint: Any) -> tuple[type, ...]:
+def _list_hint_types(hint: Any) -> tuple[type, ...]:
     if hint is object:  # of a call at the wire
-        return _AT_THE_WIRE
+        return _WIRE_ANSWER_TYPES
     some = get_args(hint) if isinstance(hint, UnionType) else (hint,)
     return tuple([get_origin(each) or getattr(each, "__supertype__", each) for each in some])
 
 
-def value_bytes(value: object) -> bytes:
+def encode_value(value: object) -> bytes:
     """Return a value as it stands in a journal: a tag of one byte, then what the tag says."""
     match value:
         case None:
@@ -270,22 +272,22 @@ def value_bytes(value: object) -> bytes:
         case bytes():
             return struct.pack("<BI", _BYTES, len(value)) + value
         case dict():
-            parts = [value_bytes(each) for pair in value.items() for each in pair]
+            parts = [encode_value(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
-        case InPackets(runs):
-            return struct.pack("<BH", _PLACED, len(runs)) + b"".join([_RUN(*run) for run in runs])
-    if value in _SINGLES:
-        return bytes([_SINGLE, _SINGLES.index(value)])
+        case PacketRuns(runs):
+            return struct.pack("<BH", _PLACED, len(runs)) + b"".join([_PACK_RUN(*run) for run in runs])
+    if value in _SINGLETONS:
+        return bytes([_SINGLE, _SINGLETONS.index(value)])
     kind: type = type(value)
-    if kind in _TAGS:
-        return bytes([_TAGS[kind]]) + b"".join(
-            [value_bytes(getattr(value, name)) for name, _ in _fields(kind)]
+    if kind in _RECORD_TAGS:
+        return bytes([_RECORD_TAGS[kind]]) + b"".join(
+            [encode_value(getattr(value, name)) for name, _ in _record_fields(kind)]
         )
     assert isinstance(value, tuple), value
-    return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(value_bytes, value))
+    return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(encode_value, value))
 
 
-class InPackets(NamedTuple):
+class PacketRuns(NamedTuple):
     """Bytes in packets before their block: of each run the first packet, bytes to skip in it, and its size.
 
     A run goes on in the packets that follow.
@@ -294,7 +296,7 @@ class InPackets(NamedTuple):
     runs: tuple[tuple[int, int, int], ...]
 
 
-class _Cursor:
+class _BlockReader:
     """Reads values out of the bytes of one block; raise UserError for what is none.
 
     `payloads`: what the packets before the block carry.
@@ -303,152 +305,152 @@ class _Cursor:
     def __init__(self, where: str, block: bytes, payloads: Sequence[bytes]) -> None:
         self._where, self._block, self._payloads, self.at = where, block, payloads, 0
 
-    def wrong(self, found: object, expected: str) -> UserError:
+    def error(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
 
-    def head(self, expected: int) -> tuple[int, int]:
+    def read_head(self, expected: int) -> tuple[int, int]:
         """Return the CRC-32 that a block bears, and how many entries unlike each other it has."""
         where = f"{self._where}: journal"
-        magic, version, check = _HEAD.unpack(self.take(_HEAD.size))
+        magic, version, check = _HEAD.unpack(self.read_bytes(_HEAD.size))
         if magic != MAGIC:
             raise mistake(where, "another interface's packet", "a block of our journal")
         if version != VERSION:
             raise mistake(where, f"version {version}", f"version {VERSION}, all that is known here")
-        number, unlike = _COUNTS.unpack(self.take(_COUNTS.size))
+        number, unlike = _COUNTS.unpack(self.read_bytes(_COUNTS.size))
         if number != expected:
             raise mistake(where, f"block {number}", f"block {expected}")
         return check, unlike
 
-    def take(self, size: int) -> bytes:
+    def read_bytes(self, size: int) -> bytes:
         left = len(self._block) - self.at
         if size > left:
-            raise self.wrong(f"a length of {size}", f"at most the {left} bytes that are left")
+            raise self.error(f"a length of {size}", f"at most the {left} bytes that are left")
         self.at += size
         return self._block[self.at - size : self.at]
 
-    def _number(self, size: int) -> int:
-        return int.from_bytes(self.take(size), "little")
+    def _read_number(self, size: int) -> int:
+        return int.from_bytes(self.read_bytes(size), "little")
 
-    def order(self, most: int) -> array[int]:
+    def read_order(self, most: int) -> array[int]:
         """Return the rest: numbers below `most`."""
         order = array("I")
-        rest = self.take(len(self._block) - self.at)
+        rest = self.read_bytes(len(self._block) - self.at)
         if len(rest) % order.itemsize:
-            raise self.wrong(f"{len(rest)} bytes", f"numbers of {order.itemsize} bytes")
+            raise self.error(f"{len(rest)} bytes", f"numbers of {order.itemsize} bytes")
         order.frombytes(rest)
         if sys.byteorder == "big":
             order.byteswap()
         if order and max(order) >= most:
-            raise self.wrong(f"entry {max(order)}", f"one of the {most} of this block")
+            raise self.error(f"entry {max(order)}", f"one of the {most} of this block")
         return order
 
-    def value(self, depth: int = 0) -> object:
-        tag = self._number(1)
-        if depth > DEEPEST:
-            raise self.wrong("values inside values", f"at most {DEEPEST} deep")
+    def read_value(self, depth: int = 0) -> object:
+        tag = self._read_number(1)
+        if depth > MOST_NESTING:
+            raise self.error("values inside values", f"at most {MOST_NESTING} deep")
         match tag:
             case 0:
                 return None
             case 1 | 2:
                 return tag == _TRUE
             case 3:
-                return int.from_bytes(self.take(8), "little", signed=True)
+                return int.from_bytes(self.read_bytes(8), "little", signed=True)
             case 4:
-                return self._text(self.take(self._number(4)))
+                return self._decode_text(self.read_bytes(self._read_number(4)))
             case 5:
-                return self.take(self._number(4))
+                return self.read_bytes(self._read_number(4))
             case 6:
-                return tuple([self.value(depth + 1) for _ in range(self._number(2))])
+                return tuple([self.read_value(depth + 1) for _ in range(self._read_number(2))])
             case 7:
-                return dict([self._pair(depth) for _ in range(self._number(2))])
-            case 8 if (at := self._number(1)) < len(_SINGLES):
-                return _SINGLES[at]
+                return dict([self._read_pair(depth) for _ in range(self._read_number(2))])
+            case 8 if (at := self._read_number(1)) < len(_SINGLETONS):
+                return _SINGLETONS[at]
             case 9:
-                return self._placed()
-        if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
-            raise self.wrong(f"tag {tag}", "a tag that this version knows")
-        kind = _RECORDS[tag - _FIRST_RECORD]
-        made: object = kind(*[self._field(name, kinds, depth) for name, kinds in _fields(kind)])
+                return self._read_packet_bytes()
+        if not 0 <= tag - _FIRST_RECORD_TAG < len(_RECORD_TYPES):
+            raise self.error(f"tag {tag}", "a tag that this version knows")
+        kind = _RECORD_TYPES[tag - _FIRST_RECORD_TAG]
+        made: object = kind(*[self._read_field(name, kinds, depth) for name, kinds in _record_fields(kind)])
         return made
 
-    def _placed(self) -> bytes:
+    def _read_packet_bytes(self) -> bytes:
         found: list[bytes] = []
-        for _ in range(self._number(2)):
-            number, skip, left = self._number(4), self._number(4), self._number(4)
+        for _ in range(self._read_number(2)):
+            number, skip, left = self._read_number(4), self._read_number(4), self._read_number(4)
             while left and number < len(self._payloads):
                 found.append(self._payloads[number][skip : skip + left])
                 left, number, skip = left - len(found[-1]), number + 1, 0
             if left:
-                raise self.wrong(f"{left} bytes less in packets", "those of the journal")
+                raise self.error(f"{left} bytes less in packets", "those of the journal")
         return b"".join(found)
 
-    def _text(self, raw: bytes) -> str:
+    def _decode_text(self, raw: bytes) -> str:
         try:
             return raw.decode("utf-8", "surrogatepass")
         except UnicodeDecodeError:
-            raise self.wrong("bytes that are no UTF-8", "text") from None
+            raise self.error("bytes that are no UTF-8", "text") from None
 
-    def _pair(self, depth: int) -> tuple[int, str]:
-        handle, owner = self.value(depth + 1), self.value(depth + 1)
+    def _read_pair(self, depth: int) -> tuple[int, str]:
+        handle, owner = self.read_value(depth + 1), self.read_value(depth + 1)
         if type(handle) is not int or type(owner) is not str:
-            raise self.wrong("another value", "a handle and its owner")
+            raise self.error("another value", "a handle and its owner")
         return handle, owner
 
-    def _field(self, name: str, kinds: tuple[type, ...], depth: int) -> object:
-        value = self.value(depth + 1)
+    def _read_field(self, name: str, kinds: tuple[type, ...], depth: int) -> object:
+        value = self.read_value(depth + 1)
         if type(value) not in kinds:
-            raise self.wrong("a value of another type", f"what field {name} is")
+            raise self.error("a value of another type", f"what field {name} is")
         return value
 
-    def entry(self, known: list[Entry]) -> Entry:
+    def read_entry(self, known: list[Entry]) -> Entry:
         """Return the next entry; `known` are those before it."""
-        if self._block[self.at : self.at + 1] == _AGAIN_TAG:
-            return self._again(known)
-        value = self.value()
+        if self._block[self.at : self.at + 1] == _REPEATED_CALL_TAG:
+            return self._read_repeated_call(known)
+        value = self.read_value()
         match value:
             case BenchNote() | PeerSent():
                 return value
-            case WorkWaits(_, what) if what in _WORDS:
+            case WorkWaits(_, what) if what in _EVENT_KINDS:
                 return value
             case EntriesLost() | WireCall() | Secrets() | Keyframe():
                 return value
-            case RunBegins() if _is_whole(value):
+            case RunBegins() if _is_valid_header(value):
                 return value
             case (str(owner), str(call), tuple(args), answer):
-                return self._answered(Answered(owner, call, args, answer))
-        raise self.wrong("another value", "a call or a note")
+                return self._check_call(CallRecord(owner, call, args, answer))
+        raise self.error("another value", "a call or a note")
 
-    def _answered(self, made: Answered) -> Answered:
+    def _check_call(self, made: CallRecord) -> CallRecord:
         if not is_valid_answer(made):
-            raise self.wrong(f"{made.call} of {made.owner}", "an answer that this call can give")
+            raise self.error(f"{made.call} of {made.owner}", "an answer that this call can give")
         return made
 
-    def _again(self, known: list[Entry]) -> Answered:
+    def _read_repeated_call(self, known: list[Entry]) -> CallRecord:
         self.at += 1
-        first = self._number(4)
+        first = self._read_number(4)
         before = known[first] if first < len(known) else None
-        if not isinstance(before, Answered):
-            raise self.wrong(f"the question of entry {first}", "a question before it")
+        if not isinstance(before, CallRecord):
+            raise self.error(f"the question of entry {first}", "a question before it")
         owner, call, args, _ = before
-        return self._answered(Answered(owner, call, args, self.value()))
+        return self._check_call(CallRecord(owner, call, args, self.read_value()))
 
 
-def value_of(content: bytes, where: str) -> object:
+def decode_value(content: bytes, where: str) -> object:
     """Return the value of `value_bytes`; raise UserError that begins with `where`."""
-    return _Cursor(where, content, ()).value()
+    return _BlockReader(where, content, ()).read_value()
 
 
-def _is_whole(begins: RunBegins) -> bool:
+def _is_valid_header(begins: RunBegins) -> bool:
     pairs = (*((each, bytes) for each in begins.files), *((each, str) for each in begins.digests))
     return all(type(option) is str for option in begins.options) and all(
         type(pair) is tuple and [*map(type, pair)] == [str, kind] for pair, kind in pairs
     )
 
 
-_UNEQUAL: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
-_AGAIN: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
-_AGAIN_TAG: Final = bytes([_AGAIN])
-_ASKED: Final = struct.Struct("<BI")
+_NEVER_SHARED: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
+_REPEATED_CALL: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
+_REPEATED_CALL_TAG: Final = bytes([_REPEATED_CALL])
+_REPEATED_HEAD: Final = struct.Struct("<BI")
 
 
 class BlockWriter:
@@ -464,33 +466,33 @@ class BlockWriter:
 
     @property
     def is_full(self) -> bool:
-        return self.size >= MOST_BLOCK or len(self._order) >= MOST_ENTRIES
+        return self.size >= MOST_BLOCK_BYTES or len(self._order) >= MOST_BLOCK_ENTRIES
 
     def __len__(self) -> int:
         return len(self._order)
 
-    def take(self, entry: Entry) -> None:
+    def add_entry(self, entry: Entry) -> None:
         try:
             at = self._known.get(entry)
         except TypeError:  # it has a mapping in it
             at = None
         if at is None:
             at = len(self._parts)
-            if not isinstance(entry, Answered) or type(entry.answer) not in _UNEQUAL:
+            if not isinstance(entry, CallRecord) or type(entry.answer) not in _NEVER_SHARED:
                 self._known[entry] = at
-            self._parts.append(self._bytes(entry, at))
+            self._parts.append(self._encode_entry(entry, at))
             self.size += len(self._parts[-1])
         self._order.append(at)
 
-    def _bytes(self, entry: Entry, place: int) -> bytes:
-        if not isinstance(entry, Answered):
-            return value_bytes(entry)
+    def _encode_entry(self, entry: Entry, place: int) -> bytes:
+        if not isinstance(entry, CallRecord):
+            return encode_value(entry)
         first = self._asked.setdefault(entry[:3], place)
         if first == place:
-            return value_bytes(entry)
-        return _ASKED.pack(_AGAIN, first) + value_bytes(entry.answer)
+            return encode_value(entry)
+        return _REPEATED_HEAD.pack(_REPEATED_CALL, first) + encode_value(entry.answer)
 
-    def block(self, packets: int | None = None) -> bytes:
+    def encode(self, packets: int | None = None) -> bytes:
         """Return it; `packets`: the CRC-32 of those before it in a file; None: nothing checks it."""
         order = self._order[:]
         if sys.byteorder == "big":
@@ -501,47 +503,47 @@ class BlockWriter:
         return b"".join((_HEAD.pack(MAGIC, VERSION, check), *parts))
 
 
-def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
+def encode_blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
     """Return the entries as blocks: each stands for itself and bears its number."""
     number, block = 0, BlockWriter(0)
     for entry in entries:
-        if isinstance(entry, BesideJournal):
+        if isinstance(entry, NonJournalEntry):
             continue
-        block.take(entry)
+        block.add_entry(entry)
         if block.is_full:
-            yield block.block()
+            yield block.encode()
             number += 1
             block = BlockWriter(number)
-    yield block.block()
+    yield block.encode()
 
 
-def entries_of(
+def decode_entries(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Entry]:
     """Return the entries of blocks from number `first` on; raise UserError that begins with `where`.
 
     `found` brings `payloads` up to date before each block.
     """
-    return chain.from_iterable(entries_by_block(found, where, payloads, first))
+    return chain.from_iterable(decode_by_block(found, where, payloads, first))
 
 
 def check_block(block: bytes, number: int, packets: int, where: str) -> None:
     """Raise UserError for what is no block of this number, or not as written; `packets` as of BlockWriter."""
-    check, _ = _Cursor(where, block, ()).head(number)
+    check, _ = _BlockReader(where, block, ()).read_head(number)
     if zlib.crc32(block[_HEAD.size :], packets) != check:
         found, expected = f"block {number} with another checksum", "that of its packets and entries"
         raise mistake(f"{where}: journal", found, expected)
 
 
-def entries_by_block(
+def decode_by_block(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Iterator[Entry]]:
     for expected, block in enumerate(found, first):
-        cursor = _Cursor(where, block, payloads)
-        _, unlike = cursor.head(expected)
+        cursor = _BlockReader(where, block, payloads)
+        _, unlike = cursor.read_head(expected)
         if unlike > len(block):
-            raise cursor.wrong(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
+            raise cursor.error(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
         known: list[Entry] = []
         for _ in range(unlike):
-            known.append(cursor.entry(known))
-        yield map(known.__getitem__, cursor.order(unlike))
+            known.append(cursor.read_entry(known))
+        yield map(known.__getitem__, cursor.read_order(unlike))

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Final, Protocol
 from trcvtui import __version__, clock
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, unnamed
-from trcvtui.recording.files import RecordTo, Sink
+from trcvtui.recording.files import EntrySink, RecordTarget
 from trcvtui.recording.journal import (
+    FILE_READ,
     HOLDS_SECRETS,
-    READ,
     SIM_WALL_NS,
-    Answered,
+    CallRecord,
     EntriesLost,
     Entry,
     RunBegins,
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.recording.black_box import BlackBox
 
-SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
-LOOK_NS: Final = 5_000_000_000  # in so long
-MOST_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
-AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
-TLS: Final = "trcvtui.net.layers.tls"
+SAMPLE_INTERVAL_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
+COST_CHECK_NS: Final = 5_000_000_000  # in so long
+MOST_BOX_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
+MOST_WAITING_ENTRIES: Final = 10_000  # entries that wait at most where no time passes
+TLS_MODULE: Final = "trcvtui.net.layers.tls"
 
 
 class RecordedBench(Protocol):
@@ -56,14 +56,14 @@ class RecordedBench(Protocol):
     def runtime(self) -> Runtime: ...
     @property
     def containment(self) -> Containment: ...
-    def tell_outputs(self) -> None: ...
+    def record_outputs(self) -> None: ...
 
 
 class RunRecorder:
     """What is recorded of one run: note the `reads` of its project, enter it, make the bench on `seam`."""
 
     def __init__(
-        self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True, secrets: bool = True
+        self, sink: Callable[[], EntrySink], file: Path = Path(), waits: bool = True, secrets: bool = True
     ) -> None:
         self.holds_secrets = False  # of TLS sessions, which `secrets` allows
         self._may_hold = secrets
@@ -78,21 +78,21 @@ class RunRecorder:
         self._time_of = clock.now_ns  # of the gaps
         self.reads = FilesRead()
         self._new_sink = sink
-        self._sink: Sink | None = None
-        self._other: Sink | None = None
-        self._least = AT_ONCE if waits else 1
+        self._sink: EntrySink | None = None
+        self._other: EntrySink | None = None
+        self._least = MOST_WAITING_ENTRIES if waits else 1
         self._entries: list[Entry] = []
         self._sample_at = 0
         self.seam = SeamRecorder(self._entries.append)
 
-    def give_to(self, other: Sink) -> None:
+    def add_sink(self, other: EntrySink) -> None:
         """Let another sink, which has no trouble, have all entries, too, scan by scan."""
         self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
         """Open the file, when the project has been read; raise UserError where it is refused."""
         self._sink = self._new_sink()
-        if TLS in sys.modules and self._may_hold:  # a project without it has not loaded it
+        if TLS_MODULE in sys.modules and self._may_hold:  # a project without it has not loaded it
             from trcvtui.net.layers.tls import log_keys
 
             self._key_log, name = self._opened.enter_context(unnamed())
@@ -100,7 +100,7 @@ class RunRecorder:
             self._opened.callback(log_keys, "")
         return self
 
-    def begin(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
+    def add_header(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
         """Tell what the run begins with; time 0 of a live run is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
         if self.file.name:
@@ -118,7 +118,7 @@ class RunRecorder:
             tuple(read.digests.items()),
         )
         first: list[Entry] = [begins]
-        if TLS in sys.modules and not self._may_hold:
+        if TLS_MODULE in sys.modules and not self._may_hold:
             from trcvtui.net.layers.tls import TlsSettings
 
             project = bench.project
@@ -130,37 +130,39 @@ class RunRecorder:
         self._entries[:0] = first
         if is_live:
             self.seam.clock = clock.now_ns
-        read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
+        read.told = lambda name, content: self._entries.append(
+            CallRecord("files", FILE_READ, (name,), content)
+        )
 
-    def gap(self, bench: RecordedBench) -> None:
+    def finish_scan(self, bench: RecordedBench) -> None:
         """Take outputs that the scan has changed, once a second what stacks say; hand all to the sink."""
         if self.box is None:
-            self._take(bench)
+            self._collect_entries(bench)
             return
         began = self._time_of()
-        self._take(bench)
+        self._collect_entries(bench)
         self._spent += self._time_of() - began
         now = clock.now_ns()
-        if now > self._looked_at + LOOK_NS:
-            is_costly = self._looked_at and self._spent > LOOK_NS * MOST_PERCENT // 100
+        if now > self._looked_at + COST_CHECK_NS:
+            is_costly = self._looked_at and self._spent > COST_CHECK_NS * MOST_BOX_PERCENT // 100
             if is_costly and self._time_of is clock.used_ns and not self.box.is_recording:
                 self.box.give_up()
-                self.seam.end()
+                self.seam.stop_recording()
             # A gap may be long because it waited beside other programs; asking for what it used costs more.
             self._time_of = clock.used_ns if is_costly else clock.now_ns
             self._spent, self._looked_at = 0, now
 
-    def _take(self, bench: RecordedBench) -> None:
-        bench.tell_outputs()
+    def _collect_entries(self, bench: RecordedBench) -> None:
+        bench.record_outputs()
         if bench.now >= self._sample_at:
             bench.containment.attempt_unless_out(("reader", "samples"), bench.runtime.sample_stack)
-            self._sample_at = bench.now + SAMPLE_NS
+            self._sample_at = bench.now + SAMPLE_INTERVAL_NS
             with suppress(OSError):
                 self.size = os.stat(self.file).st_size
         if self._key_log >= 0:
             self._log_secrets()
         if len(self._entries) >= self._least:
-            self._hand_over()
+            self._flush_entries()
 
     def _log_secrets(self) -> None:
         size = os.fstat(self._key_log).st_size
@@ -169,22 +171,22 @@ class RunRecorder:
             os.ftruncate(self._key_log, 0)
             self.holds_secrets = True
 
-    def _without_bytes(self, entry: Entry) -> Entry:
-        if not isinstance(entry, Answered) or entry.owner not in self._hidden or entry.call != "recv":
+    def _blank_bytes(self, entry: Entry) -> Entry:
+        if not isinstance(entry, CallRecord) or entry.owner not in self._hidden or entry.call != "recv":
             return entry
         got = entry.answer[0] if isinstance(entry.answer, tuple) else 0
         return entry._replace(answer=(got, bytes(got) if isinstance(got, int) else b""))
 
-    def _hand_over(self) -> None:
+    def _flush_entries(self) -> None:
         some = self._entries[:]
         if self._hidden:
-            some = [self._without_bytes(entry) for entry in some]
+            some = [self._blank_bytes(entry) for entry in some]
         self._entries.clear()
-        self._write(lambda sink: sink.take(some))
+        self._call_sink(lambda sink: sink.add_entries(some))
         if self._other is not None:
-            self._other.take(some)
+            self._other.add_entries(some)
 
-    def _write(self, act: Callable[[Sink], None]) -> None:
+    def _call_sink(self, act: Callable[[EntrySink], None]) -> None:
         if self._sink is None:
             return
         try:
@@ -200,8 +202,8 @@ class RunRecorder:
     def close(self) -> None:
         if self._key_log >= 0:
             self._log_secrets()
-        self._hand_over()
-        self._write(lambda sink: sink.close())
+        self._flush_entries()
+        self._call_sink(lambda sink: sink.close())
         if self._other is not None:
             self._other.close()
         self._sink = self._other = None
@@ -211,24 +213,24 @@ class RunRecorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def lines(self) -> list[str]:
+    def list_remarks(self) -> list[str]:
         secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
         return [one_line(line) for line in (secrets, self.trouble) if line]
 
     @property
-    def wrong(self) -> str:
+    def last_error(self) -> str:
         """Return what went wrong last, of the run's own file or of one that was asked for; "" for nothing."""
         return self.trouble or (self.box.file_trouble if self.box is not None else "")
 
-    def text(self) -> str:
+    def describe_status(self) -> str:
         """Return the name of the file and its size, or why nothing is written any more."""
         if self.box is not None:
-            return self.trouble or self.box.text
+            return self.trouble or self.box.status_text
         secrets = ", with TLS secrets" if self.holds_secrets else ""
         return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
 
 
-def kept_recorder(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
+def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
     """Return what records a run, else a new recorder with `reads`, and a black box that has the run, too."""
     from trcvtui.recording.black_box import BlackBox
 
@@ -237,18 +239,18 @@ def kept_recorder(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRe
         recorder = RunRecorder(lambda: box, waits=False)
         recorder.reads = reads
     else:
-        recorder.give_to(box)
+        recorder.add_sink(box)
     return recorder, box
 
 
-def recorder_of(record: RecordTo, file: Path, waits: bool) -> RunRecorder:
+def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
     """Return what records a run into a file; a run that does not wait has a process that writes."""
 
-    def sink() -> Sink:
+    def make_sink() -> EntrySink:
         if waits:
-            return record.sink(file)
+            return record.make_sink(file)
         from trcvtui.recording.writer import WriterProcess
 
         return WriterProcess(file, record)
 
-    return RunRecorder(sink, file, waits, record.has_secrets)
+    return RunRecorder(make_sink, file, waits, record.has_secrets)

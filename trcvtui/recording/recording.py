@@ -23,8 +23,8 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, create, open_to_read, reason_of, unnamed
 from trcvtui.recording.journal import (
     STEP,
-    Answered,
     BlockWriter,
+    CallRecord,
     EntriesLost,
     Entry,
     Keyframe,
@@ -32,30 +32,30 @@ from trcvtui.recording.journal import (
     Secrets,
     WireCall,
     check_block,
-    entries_by_block,
-    entries_of,
+    decode_by_block,
+    decode_entries,
 )
-from trcvtui.recording.run_packets import OF_JOURNAL, RunPackets
+from trcvtui.recording.run_packets import JOURNAL_PACKET, RunPackets
 
-WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
+WIRE, JOURNAL, FIRST_LINE_ID = range(3)  # interfaces; a serial line each from the third on
 JOURNAL_NAME: Final = "trcvtui journal"
-MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
+MOST_PIECE_BYTES: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
 LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
 FLUSH_NS: Final = 500_000_000  # of the run's time, at most, between two blocks of the journal
-MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
-MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
-MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
-MOST_UNPACKED: Final = 1 << 30  # bytes of a .gz, in memory
-INDEX: Final = b"trcvtui index\n\0\0"
-KEYFRAME: Final = b"trcvtui state\n\0\0"
+MOST_SCAN_BYTES: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
+MOST_PAYLOAD_BYTES: Final = 4 << 20  # of the packets of one block
+MOST_READ_BYTES: Final = 64 << 20  # that a reader takes for one block
+MOST_UNPACKED_BYTES: Final = 1 << 30  # bytes of a .gz, in memory
+INDEX_MAGIC: Final = b"trcvtui index\n\0\0"
+KEYFRAME_MAGIC: Final = b"trcvtui state\n\0\0"
 IS_KEYFRAME: Final = (1 << 64) - 1  # in a row of the index, in place of the block of the journal
-_KEYFRAME: Final = struct.Struct("<IqIIII")  # scan, ns; scans and entries before; bytes; of the text
+_KEYFRAME_HEAD: Final = struct.Struct("<IqIIII")  # scan, ns; scans and entries before; bytes; of the text
 _ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
 _LENGTH: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<II")
-_PACKET: Final = struct.Struct("<IIII")
-_HEADERS: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
-SERIAL_HEADER: Final = 12
+_PACKET_HEAD: Final = struct.Struct("<IIII")
+_HEADER_BYTES: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
+SERIAL_HEADER_BYTES: Final = 12
 AT_DATA: Final = 28  # of a block with a packet
 
 
@@ -98,40 +98,40 @@ class RecordingWriter:
             + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
-    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+    def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         for entry in old:
-            self._keep(entry)
+            self._add_entry(entry)
         packets.wire.wall_ns, self._told = self._wall_ns, packets
         for entry in packets.begin_file():
-            self._keep(entry)
+            self._add_entry(entry)
         self.flush()
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
-            if type(entry) is Answered:
-                self._keep(self._told.take(entry))
+            if type(entry) is CallRecord:
+                self._add_entry(self._told.replace_bytes(entry))
             elif isinstance(entry, WireCall):
-                self._told.tell(entry)
+                self._told.add_wire_call(entry)
             elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
             elif isinstance(entry, Keyframe):
-                self.keyframe(entry)
+                self.add_keyframe(entry)
             else:
                 if isinstance(entry, EntriesLost) and entry.number and self._blocks + len(self._block) < 2:
                     self.lack = "no keyframe"
                 if isinstance(entry, RunBegins):
                     self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
-                self._keep(entry)
+                self._add_entry(entry)
 
-    def _keep(self, entry: Entry) -> None:
-        if type(entry) is Answered and entry[1] == STEP and isinstance(entry[3], int):
+    def _add_entry(self, entry: Entry) -> None:
+        if type(entry) is CallRecord and entry[1] == STEP and isinstance(entry[3], int):
             self._begin_scan(entry[3])
-        self._block.take(entry)
-        if self._block.size >= MOST_OF_A_SCAN:
+        self._block.add_entry(entry)
+        if self._block.size >= MOST_SCAN_BYTES:
             self.flush()
 
     def _begin_scan(self, now: int) -> None:
-        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD:
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD_BYTES:
             self.flush()
             self._flushed = now
         self._now = now
@@ -145,7 +145,7 @@ class RecordingWriter:
         self._secrets = b""
         for number, packet in enumerate(self._told.packets):
             if packet.line and packet.line not in self._lines:
-                self._lines[packet.line] = FIRST_LINE + len(self._lines)
+                self._lines[packet.line] = FIRST_LINE_ID + len(self._lines)
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
             interface = self._lines[packet.line] if packet.line else WIRE
             comments = tuple(self._told.comments.get(number, ()))
@@ -153,8 +153,8 @@ class RecordingWriter:
             check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)
             written.append(block)
         packets = b"".join(written)
-        of_journal = self._told.comments.get(OF_JOURNAL, ())
-        journal = self._journal_packets(self._block.block(check), of_journal)
+        of_journal = self._told.comments.get(JOURNAL_PACKET, ())
+        journal = self._encode_journal(self._block.encode(check), of_journal)
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
         self._index.append(row)
@@ -163,18 +163,18 @@ class RecordingWriter:
         self._block = BlockWriter(self._blocks)
         self._told.begin_block()
 
-    def keyframe(self, frame: Keyframe) -> None:
+    def add_keyframe(self, frame: Keyframe) -> None:
         """Write a keyframe of the scans that have been taken."""
         self.lack = ""
         self.flush()
         program = frame.program.encode()
-        content = _KEYFRAME.pack(*frame[1:6], len(program)) + program + frame.content
+        content = _KEYFRAME_HEAD.pack(*frame[1:6], len(program)) + program + frame.content
         row = BlockPlace(self.size, IS_KEYFRAME, frame.scan, frame.ns)
-        self._write(self._journal_packets(_with_check(KEYFRAME, content)))
+        self._write(self._encode_journal(_add_checksum(KEYFRAME_MAGIC, content)))
         self._index.append(row)
 
-    def _journal_packets(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
-        pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
+    def _encode_journal(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
+        pieces = [block[at : at + MOST_PIECE_BYTES] for at in range(0, len(block), MOST_PIECE_BYTES)]
         marks = [MORE] * (len(pieces) - 1) + [LAST]
         ns = self._wall_ns + self._now
         said = [tuple(comments), *[()] * (len(pieces) - 1)]
@@ -201,7 +201,7 @@ class RecordingWriter:
         self.flush()
         self._index.append(BlockPlace(self.size, self.size, self._scans, self._now))  # of itself
         rows = b"".join(_ROW.pack(*row) for row in self._index)
-        self._write(self._journal_packets(_with_check(INDEX, rows)))
+        self._write(self._encode_journal(_add_checksum(INDEX_MAGIC, rows)))
         self._file.close()
 
 
@@ -217,15 +217,15 @@ class Recording:
         self.stopped = ""
         self.has_secrets = False  # of TLS, as far as it has been read
         self._memory, self._unpacked, self._torn = ExitStack(), "", ""  # of a .gz; why it breaks off
-        with self._opened() as file:
+        with self._open_file() as file:
             self._check_head(file)
         self._index: list[BlockPlace] | None = None
         self._keyframes: list[BlockPlace] = []
 
-    def _opened(self) -> IO[bytes]:
+    def _open_file(self) -> IO[bytes]:
         try:
             with open_to_read(self.path) as file:
-                if not self._unpacked and os.read(file.fileno(), 2) == pcap.GZIP:
+                if not self._unpacked and os.read(file.fileno(), 2) == pcap.GZIP_MAGIC:
                     self._unpack(file)
                 return open(self._unpacked or os.dup(file.fileno()), "rb")
         except (OSError, ValueError) as failed:
@@ -233,12 +233,12 @@ class Recording:
 
     def _unpack(self, packed: IO[bytes]) -> None:
         handle, self._unpacked = self._memory.enter_context(unnamed())
-        read, size = pcap.gunzip(packed.read, pcap.GZIP), 0
+        read, size = pcap.gunzip(packed.read, pcap.GZIP_MAGIC), 0
         try:
-            while piece := read(pcap.CHUNK):
+            while piece := read(pcap.CHUNK_BYTES):
                 size += os.write(handle, piece)
-                if size > MOST_UNPACKED:
-                    expected = f"{MOST_UNPACKED} at most: unpack it with gunzip first"
+                if size > MOST_UNPACKED_BYTES:
+                    expected = f"{MOST_UNPACKED_BYTES} at most: unpack it with gunzip first"
                     raise mistake(self.path, "more bytes in the .gz", expected)
         except EOFError as failed:
             self._torn = str(failed)
@@ -246,8 +246,8 @@ class Recording:
     def _check_head(self, file: IO[bytes]) -> None:
         """Raise UserError where the interface of our journal is not there."""
         found = []
-        for kind, body, _ in self._blocks(file, 0):
-            if kind == pcap.INTERFACE:
+        for kind, body, _ in self._read_blocks(file, 0):
+            if kind == pcap.INTERFACE_BLOCK:
                 found.append(body)
             elif kind != pcap.SECTION:
                 break
@@ -259,7 +259,7 @@ class Recording:
             what = f"no recording of trcvtui: try trcvtui watch {self.path}"
             raise mistake(self.path, what, "a journal of trcvtui")
 
-    def _blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
+    def _read_blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
         """Yield type, body and place of each block from a byte on; say in `stopped` why there are no more."""
         file.seek(at)
         while head := file.read(8):
@@ -267,64 +267,64 @@ class Recording:
                 break
             kind, size = _HEAD.unpack(head)
             if size < 12 or size & 3 or size > pcap.MOST_BLOCK:
-                self._stop(at, f"a block of {size} bytes", f"{pcap.MOST_BLOCK} at most")
+                self._note_stop(at, f"a block of {size} bytes", f"{pcap.MOST_BLOCK} at most")
                 return
             body = file.read(size - 8)
             if len(body) < size - 8:
                 break
             if body[-4:] != head[4:]:
-                self._stop(at, "a block with two lengths", str(size))
+                self._note_stop(at, "a block with two lengths", str(size))
                 return
             if kind == pcap.SECTION and at:
-                self._stop(at, "a second capture after the first", "the end of the file")
+                self._note_stop(at, "a second capture after the first", "the end of the file")
                 return
             yield kind, body[:-4], at
             at += size
         if self._torn:
-            self._stop(at, self._torn, "a whole file")
+            self._note_stop(at, self._torn, "a whole file")
         elif head:
-            self._stop(at, "the end of the file", "the rest of a block")
+            self._note_stop(at, "the end of the file", "the rest of a block")
 
-    def _stop(self, at: int, found: str, expected: str) -> None:
+    def _note_stop(self, at: int, found: str, expected: str) -> None:
         self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
 
-    def blocks(self) -> Iterator[tuple[int, bytes]]:
-        with self._opened() as file:
-            for kind, body, _ in self._blocks(file, 0):
+    def read_blocks(self) -> Iterator[tuple[int, bytes]]:
+        with self._open_file() as file:
+            for kind, body, _ in self._read_blocks(file, 0):
                 yield kind, body
 
-    def damage(self) -> str:
+    def find_damage(self) -> str:
         """Read the whole file; return the first place at which it is not as it was written, "" for none."""
         found: list[int] = []
         try:
             for block, place in self._journal(0, []):
                 where = f"{self.path}: byte {place.journal_at}"
                 found.append(place.journal_at)
-                if block.startswith(KEYFRAME):
-                    _keyframe_of(block, where)
-                elif block.startswith(INDEX):
-                    rows = _rows_of(block, place.packets_at, where)
+                if block.startswith(KEYFRAME_MAGIC):
+                    _parse_keyframe(block, where)
+                elif block.startswith(INDEX_MAGIC):
+                    rows = _parse_index(block, place.packets_at, where)
                     if rows and [max(set(row[:2]) - {IS_KEYFRAME}) for row in rows] != found:
                         raise mistake(where, "an index of other blocks", "one of those before it")
         except UserError as wrong:
             return str(wrong)
         return self.stopped
 
-    def entries(self, first: int = 0) -> Iterator[Entry]:
+    def read_entries(self, first: int = 0) -> Iterator[Entry]:
         """Yield the entries of the journal from block number `first` on, as far as they can be read.
 
         Raise UserError where not even the first one can.
         """
-        return chain.from_iterable(self._in_blocks(first))
+        return chain.from_iterable(self._read_by_block(first))
 
-    def _in_blocks(self, first: int) -> Iterator[Iterator[Entry]]:
-        at = self.index()[first].packets_at if first else 0
+    def _read_by_block(self, first: int) -> Iterator[Iterator[Entry]]:
+        at = self.read_index()[first].packets_at if first else 0
         payloads: list[bytes] = []
         found = self._journal(at, payloads, first)
-        blocks = (block for block, _ in found if not block.startswith((INDEX, KEYFRAME)))
+        blocks = (block for block, _ in found if not block.startswith((INDEX_MAGIC, KEYFRAME_MAGIC)))
         number = first
         try:
-            for block in entries_by_block(blocks, self.path, payloads, first):
+            for block in decode_by_block(blocks, self.path, payloads, first):
                 number += 1
                 yield block
         except UserError as wrong:
@@ -339,64 +339,64 @@ class Recording:
         """
         pieces: list[bytes] = []
         begun, journal_at, kept, check, is_over = -1, 0, 0, 0, False
-        with self._opened() as file:
-            for kind, body, place in self._blocks(file, at):
-                self.has_secrets |= kind == pcap.SECRETS
+        with self._open_file() as file:
+            for kind, body, place in self._read_blocks(file, at):
+                self.has_secrets |= kind == pcap.SECRETS_BLOCK
                 if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8:
                     continue
-                interface, _, _, size = _PACKET.unpack_from(body)
+                interface, _, _, size = _PACKET_HEAD.unpack_from(body)
                 data = body[AT_DATA - 8 : AT_DATA - 8 + size]
                 begun = place if begun < 0 else begun
                 kept += len(data)
-                if kept > MOST_KEPT:
-                    expected = f"a block of the journal after {MOST_KEPT} bytes at most"
+                if kept > MOST_READ_BYTES:
+                    expected = f"a block of the journal after {MOST_READ_BYTES} bytes at most"
                     raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
                 if is_over or (interface == JOURNAL and data[:1] not in (LAST, MORE)):
                     expected = "the end of the file" if is_over else "a piece of the journal"
                     raise mistake(f"{self.path}: byte {place}", "another packet", expected)
                 if interface != JOURNAL:
-                    payloads.append(_payload(interface, data))
+                    payloads.append(_get_payload(interface, data))
                     check = zlib.crc32(body[: AT_DATA - 8 + size], check)
                     continue
                 journal_at = place if not pieces else journal_at
                 pieces.append(data[1:])
                 if data[:1] == LAST:
                     block = b"".join(pieces)
-                    is_over = block.startswith(INDEX)
-                    if not block.startswith((INDEX, KEYFRAME)):
+                    is_over = block.startswith(INDEX_MAGIC)
+                    if not block.startswith((INDEX_MAGIC, KEYFRAME_MAGIC)):
                         check_block(block, number, check, f"{self.path}: byte {begun}")
                         number += 1
                     yield block, BlockPlace(begun, journal_at, 0, 0)
                     payloads.clear()
                     pieces, begun, kept, check = [], -1, 0, 0
 
-    def index(self) -> list[BlockPlace]:
+    def read_index(self) -> list[BlockPlace]:
         """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
         if self._index is None:
-            with self._opened() as file:
-                rows = _written_index(file)
+            with self._open_file() as file:
+                rows = _read_written_index(file)
             if rows:
                 self._keyframes = [row for row in rows if row.journal_at == IS_KEYFRAME]
                 self._index = [row for row in rows if row.journal_at != IS_KEYFRAME]
             else:
-                self._index = self._rebuilt()
+                self._index = self._rebuild_index()
         return self._index
 
-    def _rebuilt(self) -> list[BlockPlace]:
+    def _rebuild_index(self) -> list[BlockPlace]:
         rows: list[BlockPlace] = []
         payloads: list[bytes] = []
         scans = ns = 0
         try:
             for block, row in self._journal(0, payloads):
-                if block.startswith(KEYFRAME):
+                if block.startswith(KEYFRAME_MAGIC):
                     with suppress(UserError):
-                        frame = _keyframe_of(block, self.path)
+                        frame = _parse_keyframe(block, self.path)
                         self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
-                elif not block.startswith(INDEX):
+                elif not block.startswith(INDEX_MAGIC):
                     row = row._replace(scans=scans, ns=ns)
-                    for entry in entries_of([block], self.path, payloads, len(rows)):
+                    for entry in decode_entries([block], self.path, payloads, len(rows)):
                         if (
-                            isinstance(entry, Answered)
+                            isinstance(entry, CallRecord)
                             and entry.call == STEP
                             and isinstance(entry.answer, int)
                         ):
@@ -406,66 +406,66 @@ class Recording:
             self.stopped = str(wrong)
         return rows
 
-    def keyframes(self) -> list[BlockPlace]:
+    def list_keyframes(self) -> list[BlockPlace]:
         """Return where the keyframes stand, in their order; `scans` are those of the run."""
-        self.index()
+        self.read_index()
         return self._keyframes
 
-    def keyframe(self, place: BlockPlace) -> Keyframe:
+    def read_keyframe(self, place: BlockPlace) -> Keyframe:
         """Return a keyframe; raise UserError."""
         where = f"{self.path}: byte {place.packets_at}"
         found = next(self._journal(place.packets_at, []), None)
-        if found is not None and (frame := _keyframe_of(found[0], where)).scan == place.scans:
+        if found is not None and (frame := _parse_keyframe(found[0], where)).scan == place.scans:
             return frame
         raise mistake(where, "no keyframe", "one, as the index says")
 
 
-def begin_of_run(path: FileName) -> RunBegins | None:
+def read_run_header(path: FileName) -> RunBegins | None:
     """Return what a recording begins with; None: it is none."""
     try:
-        first = next(iter(Recording(path).entries()), None)
+        first = next(iter(Recording(path).read_entries()), None)
     except UserError:
         return None
     return first if isinstance(first, RunBegins) else None
 
 
-def _with_check(magic: bytes, content: bytes) -> bytes:
+def _add_checksum(magic: bytes, content: bytes) -> bytes:
     return magic + _LENGTH.pack(zlib.crc32(content)) + content
 
 
-def _checked(magic: bytes, block: bytes, where: str) -> bytes:
+def _verify_content(magic: bytes, block: bytes, where: str) -> bytes:
     """Return the content of a keyframe or an index; raise UserError where it was changed."""
     content = block[len(magic) + _LENGTH.size :]
-    if _with_check(magic, content) != block:
+    if _add_checksum(magic, content) != block:
         raise mistake(where, "another checksum", "that of the content")
     return content
 
 
-def _keyframe_of(block: bytes, path: str) -> Keyframe:
+def _parse_keyframe(block: bytes, path: str) -> Keyframe:
     where = f"{path}: keyframe"
-    content = _checked(KEYFRAME, block, where)
-    if len(content) < _KEYFRAME.size:
+    content = _verify_content(KEYFRAME_MAGIC, block, where)
+    if len(content) < _KEYFRAME_HEAD.size:
         raise mistake(where, f"{len(content)} bytes", "a keyframe")
-    scan, ns, steps, beyond, size, length = _KEYFRAME.unpack_from(content)
-    at = _KEYFRAME.size + length
-    program = content[_KEYFRAME.size : at].decode(errors="replace")
+    scan, ns, steps, beyond, size, length = _KEYFRAME_HEAD.unpack_from(content)
+    at = _KEYFRAME_HEAD.size + length
+    program = content[_KEYFRAME_HEAD.size : at].decode(errors="replace")
     return Keyframe(program, scan, ns, steps, beyond, size, content[at:])
 
 
-def _payload(interface: int, data: bytes) -> bytes:
+def _get_payload(interface: int, data: bytes) -> bytes:
     if interface == WIRE:
-        return data[_HEADERS[data[9:10] == bytes([TCP])] :]
-    return data[SERIAL_HEADER:]
+        return data[_HEADER_BYTES[data[9:10] == bytes([TCP])] :]
+    return data[SERIAL_HEADER_BYTES:]
 
 
-def _written_index(file: IO[bytes]) -> list[BlockPlace]:
+def _read_written_index(file: IO[bytes]) -> list[BlockPlace]:
     """Return the rows of the index at the end of a file; [] where there is none that fits."""
     pieces: list[bytes] = []
     end = file.seek(0, os.SEEK_END)
-    while not (pieces and pieces[0].startswith(INDEX)):
+    while not (pieces and pieces[0].startswith(INDEX_MAGIC)):
         file.seek(max(0, end - _LENGTH.size))
         (size,) = _LENGTH.unpack(file.read(_LENGTH.size).ljust(_LENGTH.size, b"\0"))
-        if not AT_DATA < size <= min(end, 2 * MOST_PIECE):
+        if not AT_DATA < size <= min(end, 2 * MOST_PIECE_BYTES):
             return []
         end -= size
         file.seek(end)
@@ -477,13 +477,13 @@ def _written_index(file: IO[bytes]) -> list[BlockPlace]:
             return []
         pieces.insert(0, block[AT_DATA + 1 : AT_DATA + kept])
     with suppress(UserError):
-        return _rows_of(b"".join(pieces), end, "")[:-1]
+        return _parse_index(b"".join(pieces), end, "")[:-1]
     return []
 
 
-def _rows_of(block: bytes, at: int, where: str) -> list[BlockPlace]:
+def _parse_index(block: bytes, at: int, where: str) -> list[BlockPlace]:
     """Return the rows of an index; [] where it stands elsewhere than it was written. Raise UserError."""
-    content = _checked(INDEX, block, f"{where}: index")
+    content = _verify_content(INDEX_MAGIC, block, f"{where}: index")
     if len(content) % _ROW.size:
         raise mistake(f"{where}: index", f"{len(content)} bytes", f"rows of {_ROW.size} bytes")
     rows = [BlockPlace(*row) for row in _ROW.iter_unpack(content)]

@@ -16,29 +16,29 @@ from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, RecordedException
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.recording.journal import (
     ENDED_HERE,
-    GAP,
-    READ,
+    FILE_READ,
+    IN_GAP,
     STEP,
-    Answered,
-    BesideJournal,
+    CallRecord,
     EntriesLost,
     Entry,
-    Note,
+    LedgerNote,
+    NonJournalEntry,
     RunBegins,
 )
 
 T = TypeVar("T")
-NEW: Final = "set_broadcast"  # an older version did not ask it: it had no broadcasts
-BY_SWITCHES: Final = {"set_options": 1, "set_user_timeout": 1}  # what comes after it differs with a default
+ADDED_CALL: Final = "set_broadcast"  # an older version did not ask it: it had no broadcasts
+COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # what comes after it differs with a default
 
 
-class Replay:
+class ReplaySeam:
     """Answers from entries that `can_answer` let in; `tell` writes what a call had told into the ledger.
 
     `begins` is the first entry, where it is one of a run; `files` are what was read up to here.
     """
 
-    answers = True
+    has_answers = True
     is_busy = True
     is_off = False
 
@@ -46,7 +46,7 @@ class Replay:
         self.entries = entries
         self.where = where
         self.scan = self._now = 0
-        self.tell: Callable[[Note], None] = _drop_note
+        self.write_note: Callable[[LedgerNote], None] = _drop_note
         self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
         self.front = next(entries, None)  # None: the journal is at its end
         self.begins: RunBegins | None = None
@@ -63,34 +63,34 @@ class Replay:
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return what was answered; raise UserError where something else was asked then."""
         if not self.is_busy:
-            return cast(T, self._known_in_gap(owner, call, args))
+            return cast(T, self._answer_in_gap(owner, call, args))
         if call == STEP:
             self.scan += 1
         entry = self.front
-        if type(entry) is not Answered or entry[1] != call or entry[0] != owner or entry[2] != args:
-            coming = self.coming() if call == NEW else None
-            if call == NEW and (coming is None or coming.call != NEW):
-                return cast(T, Fault(NEW, "ENOSYS"))
-            entry = self._found(owner, call, args)
+        if type(entry) is not CallRecord or entry[1] != call or entry[0] != owner or entry[2] != args:
+            coming = self.peek_call() if call == ADDED_CALL else None
+            if call == ADDED_CALL and (coming is None or coming.call != ADDED_CALL):
+                return cast(T, Fault(ADDED_CALL, "ENOSYS"))
+            entry = self._find_entry(owner, call, args)
         answer = entry[3]
         if call == STEP:
             if cast(int, answer) < self._now:
-                raise self._wrong(_words(owner, call, args), "a time that does not go back")
+                raise self._make_error(_describe_call(owner, call, args), "a time that does not go back")
             self._now = cast(int, answer)
         self.front = next(self.entries, None)
         return cast(T, answer)
 
-    def call(
+    def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
         """Return what asks this call: `ask` in one step, where the journal goes on with it."""
         nothing = cast(Callable[[], T], None)
 
-        def asked(handle: Handle, *args: object) -> T:
+        def answer_call(handle: Handle, *args: object) -> T:
             owner, given, entry = owners.get(handle, label), (handle, *args), self.front
             if (
                 not self.is_busy
-                or type(entry) is not Answered
+                or type(entry) is not CallRecord
                 or entry[1] != name
                 or entry[0] != owner
                 or entry[2] != given
@@ -99,72 +99,72 @@ class Replay:
             self.front = next(self.entries, None)
             return cast(T, entry[3])
 
-        return asked
+        return answer_call
 
-    def _found(self, owner: str, call: str, args: tuple[object, ...]) -> Answered:
+    def _find_entry(self, owner: str, call: str, args: tuple[object, ...]) -> CallRecord:
         """Return the entry of a question, after notes and gaps; raise UserError for another question.
 
         Where the recorded run has had an exception instead, raise RecordedException.
         """
         entry = self.front
-        while not isinstance(entry, Answered) or entry.call.startswith(GAP):
+        while not isinstance(entry, CallRecord) or entry.call.startswith(IN_GAP):
             if entry is None or isinstance(entry, RunBegins | EntriesLost):
-                self._differs(entry, _words(owner, call, args))
-            self._pass(entry)
+                self._raise_difference(entry, _describe_call(owner, call, args))
+            self._skip_entry(entry)
             entry = self.front
         if entry.call == EXCEPTION != call:
             was = f"an internal error of {entry.owner}, which was recorded"
-            raise RecordedException(self._wrong(_words(owner, call, args), was).problems)
-        most = BY_SWITCHES.get(call)
+            raise RecordedException(self._make_error(_describe_call(owner, call, args), was).problems)
+        most = COMPARED_ARGS.get(call)
         if entry[:2] != (owner, call) or entry.args[:most] != args[:most]:
-            self._differs(entry, _words(owner, call, args))
+            self._raise_difference(entry, _describe_call(owner, call, args))
         return entry
 
-    def _pass(self, entry: Answered | Note | BesideJournal) -> None:
+    def _skip_entry(self, entry: CallRecord | LedgerNote | NonJournalEntry) -> None:
         self.front = next(self.entries, None)
-        if isinstance(entry, BesideJournal):
+        if isinstance(entry, NonJournalEntry):
             return
-        if not isinstance(entry, Answered):
-            self.tell(entry)
+        if not isinstance(entry, CallRecord):
+            self.write_note(entry)
             return
         owner, call, args, answer = entry
-        if call == READ:
+        if call == FILE_READ:
             self.files.take(cast(str, args[0]), cast(bytes | str, answer))
-        elif call == GAP + EXCEPTION:
-            self.tell(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
-        elif call == GAP + "path" and [*map(type, args)] == [int]:
+        elif call == IN_GAP + EXCEPTION:
+            self.write_note(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
+        elif call == IN_GAP + "path" and [*map(type, args)] == [int]:
             self._known[owner, "path", args] = answer
 
-    def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
+    def _answer_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
         """Return what was told in this gap or the newest before; None: it was not asked then."""
-        while isinstance(self.front, Answered) and self.front.call.startswith(GAP):
-            found = self.front[:3] == (owner, GAP + call, args)
-            self._pass(self.front)
+        while isinstance(self.front, CallRecord) and self.front.call.startswith(IN_GAP):
+            found = self.front[:3] == (owner, IN_GAP + call, args)
+            self._skip_entry(self.front)
             if found:
                 break
         return self._known.get((owner, call, args))
 
     def has_failed(self, part: RunPart) -> bool:
-        return type(self.front) is Answered and self.front[:3] == (part[1], EXCEPTION, part[:1])
+        return type(self.front) is CallRecord and self.front[:3] == (part[1], EXCEPTION, part[:1])
 
-    def told(self, note: Note) -> None:
+    def handle_ledger_note(self, note: LedgerNote) -> None:
         """Do nothing: only the PLC and the bench tell anything here, and it is not kept."""
 
-    def wire(
+    def note_wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Do nothing: no wire is there."""
 
-    def coming(self) -> Answered | None:
+    def peek_call(self) -> CallRecord | None:
         """Return what the bench was told next, or asked; None: the journal is at its end."""
         while (entry := self.front) is not None and not isinstance(entry, RunBegins | EntriesLost):
-            if isinstance(entry, Answered) and not entry.call.startswith(GAP):
+            if isinstance(entry, CallRecord) and not entry.call.startswith(IN_GAP):
                 return entry
-            self._pass(entry)
+            self._skip_entry(entry)
         return None
 
     @property
-    def lost(self) -> str:
+    def gap_text(self) -> str:
         """Return what was not recorded here, "" where the journal goes on or has ended."""
         return str(self.front) if isinstance(self.front, EntriesLost) else ""
 
@@ -178,30 +178,30 @@ class Replay:
         """Return whether the recording was ended here, while the run went on."""
         return isinstance(self.front, EntriesLost) and self.front.why == ENDED_HERE
 
-    def scans_left(self) -> int:
+    def count_scans_left(self) -> int:
         """Return how many scans come after a gap, to which nothing leads; the entries are gone then."""
-        return sum([type(entry) is Answered and entry.call == STEP for entry in self.entries])
+        return sum([type(entry) is CallRecord and entry.call == STEP for entry in self.entries])
 
-    def end(self) -> None:
-        entry = self.coming() or self.front
+    def check_end(self) -> None:
+        entry = self.peek_call() or self.front
         if entry is not None:
-            self._differs(entry, "nothing more")
+            self._raise_difference(entry, "nothing more")
 
-    def _differs(self, recorded: Entry | None, now: str) -> NoReturn:
+    def _raise_difference(self, recorded: Entry | None, now: str) -> NoReturn:
         match recorded:
-            case Answered():
-                was = f"{_words(*recorded[:3])}, which was recorded"
+            case CallRecord():
+                was = f"{_describe_call(*recorded[:3])}, which was recorded"
             case EntriesLost(number, why):
                 was = f"{number} entries that were not recorded: {why}"
             case _:
                 was = "the end of the journal, which was recorded"
-        raise self._wrong(now, was)
+        raise self._make_error(now, was)
 
-    def _wrong(self, now: str, was: str) -> UserError:
+    def _make_error(self, now: str, was: str) -> UserError:
         return mistake(f"{self.where}: scan {self.scan}", now, was)
 
 
-def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:
+def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
     """Return what is said of a journal that ends before its run, or has a gap after a scan.
 
     Keyframes are made of the journal: after a gap there are none, and `left` scans cannot run again.
@@ -212,13 +212,13 @@ def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:
     )
 
 
-def _drop_note(note: Note) -> None:
+def _drop_note(note: LedgerNote) -> None:
     """Do nothing: there is no ledger yet."""
 
 
-def _words(owner: str, call: str, args: tuple[object, ...]) -> str:
-    return f"{call} {_shown(args)} of {owner}"
+def _describe_call(owner: str, call: str, args: tuple[object, ...]) -> str:
+    return f"{call} {_format_args(args)} of {owner}"
 
 
-def _shown(args: tuple[object, ...]) -> str:
+def _format_args(args: tuple[object, ...]) -> str:
     return "(" + ", ".join(str(each) for each in args)[:200] + ")"

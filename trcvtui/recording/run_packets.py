@@ -14,11 +14,11 @@ from typing import Final
 
 from trcvtui.net.results import Datagram, Fault
 from trcvtui.recording.arrivals import ARRIVED, ENDED, MESSAGE
-from trcvtui.recording.journal import GAP, RECV, SHOWS, STEP, Answered, Entry, InPackets, WireCall
+from trcvtui.recording.journal import IN_GAP, RECV, SHOWS, STEP, CallRecord, Entry, PacketRuns, WireCall
 from trcvtui.recording.wire import NO_FLOWS, RST, Flow, WirePacket, WirePackets
 
 LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
-OF_JOURNAL: Final = -1  # in place of a packet's number: the block's own packet
+JOURNAL_PACKET: Final = -1  # in place of a packet's number: the block's own packet
 
 
 class RunPackets:
@@ -31,16 +31,16 @@ class RunPackets:
         self._jobs: dict[str, int] = {}
         self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
         self._coming: WireCall | None = None  # its bytes stand in the next entry
-        self._at: dict[str, Callable[[Answered], Answered | None]] = {
-            STEP: self._step,
-            SHOWS: self._shows,
-            "set_options": self._option,
-            **dict.fromkeys((RECV, "recv_from"), self._read),
-            **dict.fromkeys((GAP + ARRIVED, GAP + MESSAGE), self._arrived),
-            **dict.fromkeys(("send", "send_to"), self._sent),
-            "probe": self._probed,
-            "discard": self._discarded,
-            **dict.fromkeys(("close", "abort"), self._freed),
+        self._at: dict[str, Callable[[CallRecord], CallRecord | None]] = {
+            STEP: self._handle_step,
+            SHOWS: self._comment_job_end,
+            "set_options": self._handle_options,
+            **dict.fromkeys((RECV, "recv_from"), self._handle_read),
+            **dict.fromkeys((IN_GAP + ARRIVED, IN_GAP + MESSAGE), self._handle_arrival),
+            **dict.fromkeys(("send", "send_to"), self._handle_send),
+            "probe": self._handle_probe,
+            "discard": self._handle_discard,
+            **dict.fromkeys(("close", "abort"), self._handle_close),
         }
         self.begin_block()
 
@@ -51,13 +51,13 @@ class RunPackets:
         self._numbers: dict[Flow, tuple[list[int], list[int]]] = {}  # places of packets, their numbers
         self._scan_from = 0  # number of the first packet of this scan
 
-    def tell(self, call: WireCall) -> None:
+    def add_wire_call(self, call: WireCall) -> None:
         if call.call == RECV and not call.data and call.answer and isinstance(call.answer, int):
             self._coming = call
         else:
-            self._add(self.wire.of(call))
+            self._add_packets(self.wire.make_packets(call))
 
-    def _add(self, made: Iterator[WirePacket]) -> None:
+    def _add_packets(self, made: Iterator[WirePacket]) -> None:
         for packet in made:
             number = len(self.packets)
             self.packets.append(packet)
@@ -69,32 +69,32 @@ class RunPackets:
                 places.append(packet.at)
                 numbers.append(number)
 
-    def take(self, entry: Answered) -> Answered:
+    def replace_bytes(self, entry: CallRecord) -> CallRecord:
         """Take an entry of the journal; return it with a pointer in place of bytes that packets carry."""
         made = self._at.get(entry[1])
         return (made(entry) if made else None) or entry
 
-    def _step(self, entry: Answered) -> None:
+    def _handle_step(self, entry: CallRecord) -> None:
         if isinstance(entry.answer, int):
             self._now = entry.answer
             self.wire.scan += 1
             self._scan_from = len(self.packets)
 
-    def _option(self, entry: Answered) -> None:
+    def _handle_options(self, entry: CallRecord) -> None:
         if entry.args[-1]:
-            self._layered.add(_handle_of(entry))
+            self._layered.add(_get_handle(entry))
 
-    def _freed(self, entry: Answered) -> None:
-        self._layered.discard(_handle_of(entry))
+    def _handle_close(self, entry: CallRecord) -> None:
+        self._layered.discard(_get_handle(entry))
 
-    def _read(self, entry: Answered) -> Answered:
+    def _handle_read(self, entry: CallRecord) -> CallRecord:
         if not isinstance(entry.answer, tuple):
             return entry
         got, data = entry.answer
         coming, self._coming = self._coming, None
-        if coming is not None and coming.handle == _handle_of(entry):
-            self._add(self.wire.of(coming._replace(data=data)))
-        flows = self.wire.flows.get(_handle_of(entry))
+        if coming is not None and coming.handle == _get_handle(entry):
+            self._add_packets(self.wire.make_packets(coming._replace(data=data)))
+        flows = self.wire.flows.get(_get_handle(entry))
         if flows is None or not (data or isinstance(got, Datagram)):
             return entry
         flow = flows[1]
@@ -104,19 +104,19 @@ class RunPackets:
             at = flow.read[-1].at
             end = at + max(1, flow.read[-1].payload)
         elif isinstance(got, Datagram):
-            end = flow.tsdu_end()
+            end = flow.find_tsdu_end()
         flow.ends.append((self.wire.scan, end))
-        return Answered(entry.owner, entry.call, entry.args, (got, self._place(flow, at, data)))
+        return CallRecord(entry.owner, entry.call, entry.args, (got, self._find_packets(flow, at, data)))
 
-    def _arrived(self, entry: Answered) -> Answered:
-        flows, data = self.wire.flows.get(_handle_of(entry)), entry.answer
+    def _handle_arrival(self, entry: CallRecord) -> CallRecord:
+        flows, data = self.wire.flows.get(_get_handle(entry)), entry.answer
         if flows is None or not isinstance(data, bytes):
             return entry
-        at = flows[1].told - len(data) - (entry.call == GAP + MESSAGE)
-        return entry._replace(answer=self._place(flows[1], at, data))
+        at = flows[1].told - len(data) - (entry.call == IN_GAP + MESSAGE)
+        return entry._replace(answer=self._find_packets(flows[1], at, data))
 
-    def _sent(self, entry: Answered) -> None:
-        flows = self.wire.flows.get(_handle_of(entry))
+    def _handle_send(self, entry: CallRecord) -> None:
+        flows = self.wire.flows.get(_get_handle(entry))
         if flows is not None and isinstance(entry.answer, int):
             flow, is_whole = flows[0], entry.answer == entry.args[1]
             if is_whole:
@@ -124,20 +124,20 @@ class RunPackets:
                 flow.ends.append((self.wire.scan + (not flow.is_part), end))
             flow.is_part = not is_whole
 
-    def _probed(self, entry: Answered) -> None:
+    def _handle_probe(self, entry: CallRecord) -> None:
         """Take that a probe failed as `shutdown` would: the partner's RST was quicker than ours."""
-        call = WireCall(self._now, entry.owner, "shutdown", _handle_of(entry), (), entry.answer, b"")
-        self._add(self.wire.of(call) if isinstance(entry.answer, Fault) else iter(()))
+        call = WireCall(self._now, entry.owner, "shutdown", _get_handle(entry), (), entry.answer, b"")
+        self._add_packets(self.wire.make_packets(call) if isinstance(entry.answer, Fault) else iter(()))
 
-    def _discarded(self, entry: Answered) -> None:
-        flows = self.wire.flows.get(_handle_of(entry))
-        if flows is not None and isinstance(entry.answer, int) and _handle_of(entry) not in self._layered:
+    def _handle_discard(self, entry: CallRecord) -> None:
+        flows = self.wire.flows.get(_get_handle(entry))
+        if flows is not None and isinstance(entry.answer, int) and _get_handle(entry) not in self._layered:
             flows[1].taken += entry.answer
             flows[1].whole = max(flows[1].whole, flows[1].taken)
 
     # -- what points to packets -------------------------------------------------------------------------
 
-    def _place(self, flow: Flow, at: int, data: bytes) -> bytes | InPackets:
+    def _find_packets(self, flow: Flow, at: int, data: bytes) -> bytes | PacketRuns:
         """Return where bytes stand in packets of this block; the bytes, where not all of them do."""
         places, numbers = self._numbers.get(flow, ([], []))
         runs: list[tuple[int, int, int]] = []
@@ -154,11 +154,11 @@ class RunPackets:
             else:
                 runs.append((number, skip, size))
             done, before = done + size, number
-        return InPackets(tuple(runs)) if 0 < done == len(data) else data
+        return PacketRuns(tuple(runs)) if 0 < done == len(data) else data
 
     # -- comments ---------------------------------------------------------------------------------------
 
-    def _shows(self, shows: Answered) -> None:
+    def _comment_job_end(self, shows: CallRecord) -> None:
         connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
         ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
         readers = self._readers.setdefault(str(connect), set())
@@ -166,7 +166,7 @@ class RunPackets:
             readers.add(shows.owner)
         if not (done or error) or not isinstance(status, int):
             if not busy and readers == {shows.owner}:  # its job was given up
-                theirs.give_up(self.wire.scan)
+                theirs.find_failed_job_end(self.wire.scan)
             return
         job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
         size = "" if length is None or error else f" {length} B"
@@ -175,55 +175,55 @@ class RunPackets:
         flow, scan = ours if length is None else theirs, self.wire.scan
         if done:
             expected = flow.job + length if isinstance(length, int) and len(readers) > 1 else 0
-            place = flow.job_end(scan, expected, flow is ours) - 1
+            place = flow.find_job_end(scan, expected, flow is ours) - 1
         else:
-            place = flow.give_up(scan) - 1
+            place = flow.find_failed_job_end(scan) - 1
             if theirs.ended_in >= scan - LOSS_SCANS:
                 flow, place = theirs, theirs.told
         if place >= 0:
-            self._comment(text, flow, place, theirs if flow is ours else ours)
+            self._add_comment(text, flow, place, theirs if flow is ours else ours)
         else:
             numbers = range(self._scan_from, len(self.packets))
             of_it = [number for number in numbers if connect in self.packets[number].owners]
-            self.comments.setdefault(max(of_it, default=OF_JOURNAL), []).append(text)
+            self.comments.setdefault(max(of_it, default=JOURNAL_PACKET), []).append(text)
 
-    def _comment(self, text: str, flow: Flow, at: int, back: Flow) -> None:
+    def _add_comment(self, text: str, flow: Flow, at: int, back: Flow) -> None:
         places, numbers = self._numbers.get(flow, ([], []))
         found = bisect_right(places, at) - 1
-        number = numbers[found] if found >= 0 else OF_JOURNAL
+        number = numbers[found] if found >= 0 else JOURNAL_PACKET
         if found < 0 or at >= places[found] + max(1, self.packets[number].payload):
             byte = f", sequence number {at + 1}" if flow.is_stream else ""
             text += f", in a packet {'before' if at <= flow.told else 'to come'}{byte}"
-            number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=OF_JOURNAL)
+            number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=JOURNAL_PACKET)
         self.comments.setdefault(number, []).append(text)
 
     # -- files that go on -------------------------------------------------------------------------------
 
-    def pass_by(self, entries: Iterable[Entry]) -> None:
+    def skip_entries(self, entries: Iterable[Entry]) -> None:
         """Pass entries that stand in no file, so that the next one knows what stands."""
         for entry in entries:
-            if isinstance(entry, Answered):
-                self.take(entry)
+            if isinstance(entry, CallRecord):
+                self.replace_bytes(entry)
             elif isinstance(entry, WireCall):
-                self.tell(entry)
+                self.add_wire_call(entry)
         self.begin_block()
 
-    def begin_file(self) -> list[Answered]:
+    def begin_file(self) -> list[CallRecord]:
         """Begin a file in which goes on what stands; return entries that tell what is unread."""
         self.begin_block()
-        self._add(self.wire.begin_file(self._now))
-        told: list[Answered] = []
-        for owner, handle, flow, end in self.wire.standing():
+        self._add_packets(self.wire.begin_file(self._now))
+        told: list[CallRecord] = []
+        for owner, handle, flow, end in self.wire.list_open_streams():
             if handle not in self._layered:
                 unread = bytes(flow.tail[len(flow.tail) - max(0, flow.told - flow.taken) :])
-                place = self._place(flow, flow.told - len(unread), unread)
+                place = self._find_packets(flow, flow.told - len(unread), unread)
                 args = handle, flow.whole, flow.whole - flow.taken, 0
-                told.append(Answered(owner, GAP + ARRIVED, args, place))
+                told.append(CallRecord(owner, IN_GAP + ARRIVED, args, place))
                 if end:
-                    told.append(Answered(owner, GAP + ENDED, (handle, 0), "rst" if end & RST else "fin"))
+                    told.append(CallRecord(owner, IN_GAP + ENDED, (handle, 0), "rst" if end & RST else "fin"))
         return told
 
 
-def _handle_of(entry: Answered) -> int:
+def _get_handle(entry: CallRecord) -> int:
     handle = entry.args[0] if entry.args else None
     return handle if isinstance(handle, int) else -1

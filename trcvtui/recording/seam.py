@@ -17,8 +17,8 @@ from trcvtui.net.kernel import Handle, Kernel, LocalAddress, NewClient, SocketOp
 from trcvtui.net.layers.layer_kernel import ReadyKernel, unknown_ready_handles
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import LineErrors, PortOpening, SerialPort
-from trcvtui.recording.arrivals import THROWN, Arrivals
-from trcvtui.recording.journal import GAP, STEP, WITH_BYTES, Answered, Entry, Note, WireCall
+from trcvtui.recording.arrivals import DISCARD_FLAG, ArrivalRecorder
+from trcvtui.recording.journal import BUFFER_CALLS, IN_GAP, STEP, CallRecord, Entry, LedgerNote, WireCall
 
 T = TypeVar("T")
 
@@ -27,47 +27,47 @@ class Seam(Protocol):
     """Where a bench asks what is not its own: a recorder does it and keeps the answer, a replay answers."""
 
     @property
-    def answers(self) -> bool:
+    def has_answers(self) -> bool:
         """Return whether the answers come from a record, so that nothing is really asked."""
 
-    tell: Callable[[Note], None]  # writes a note into the ledger
+    write_note: Callable[[LedgerNote], None]  # writes a note into the ledger
     is_busy: bool  # False in the gaps between what the bench is told to do
     is_off: bool  # nothing is kept any more
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T: ...
 
-    def call(
+    def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
         """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
 
-    def told(self, note: Note) -> None:
+    def handle_ledger_note(self, note: LedgerNote) -> None:
         """Take what has just been written into the ledger."""
 
-    def wire(
+    def note_wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Take a call of the PLC's at the wire."""
 
 
-_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
+_NEW_TUPLE: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
 
 
 class SeamRecorder:
     """Does what is asked and hands each entry to `keep`; a live run has a `clock`, in ns."""
 
-    answers = False
+    has_answers = False
     is_busy = True
 
     def __init__(self, keep: Callable[[Entry], None]) -> None:
         self._keep = keep
         self.clock: Callable[[], int] = int
         self._step = self._stepped = 0
-        self.tell: Callable[[Note], None] = lambda note: None
+        self.write_note: Callable[[LedgerNote], None] = lambda note: None
         self._is_inside = False
         self.is_off = False
 
-    def end(self) -> None:
+    def stop_recording(self) -> None:
         self.is_off = self._is_inside = True
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -80,16 +80,16 @@ class SeamRecorder:
             self._is_inside = False
         if call == STEP and isinstance(answer, int):
             self._step, self._stepped = answer, self.clock()
-        self._keep(_NEW(Answered, (owner, call if self.is_busy else GAP + call, args, answer)))
+        self._keep(_NEW_TUPLE(CallRecord, (owner, call if self.is_busy else IN_GAP + call, args, answer)))
         return answer
 
-    def call(
+    def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
         assert do is not None
-        keep, in_gap = self._keep, GAP + name
+        keep, in_gap = self._keep, IN_GAP + name
 
-        def recorded(handle: Handle, *args: object) -> T:
+        def record_call(handle: Handle, *args: object) -> T:
             if self._is_inside:
                 return do(handle, *args)
             self._is_inside = True
@@ -98,17 +98,17 @@ class SeamRecorder:
             finally:
                 self._is_inside = False
             asked = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
-            keep(_NEW(Answered, asked))
+            keep(_NEW_TUPLE(CallRecord, asked))
             return answer
 
-        return recorded
+        return record_call
 
-    def arrived(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
+    def note_arrival(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
         """Keep what lies unread: a replay passes over it."""
         if not self.is_off:
-            self._keep(_NEW(Answered, (owner, GAP + call, args, answer)))
+            self._keep(_NEW_TUPLE(CallRecord, (owner, IN_GAP + call, args, answer)))
 
-    def wire(
+    def note_wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         if self.is_off:
@@ -116,12 +116,12 @@ class SeamRecorder:
         at = self._step + self.clock() - self._stepped
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
-    def told(self, note: Note) -> None:
+    def handle_ledger_note(self, note: LedgerNote) -> None:
         """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
         if self._is_inside and not self.is_off:
             self._keep(note)
 
-    def note(self, note: Note) -> None:
+    def add_outside_note(self, note: LedgerNote) -> None:
         """Keep what comes from outside the bench, where the next entry stands."""
         self._keep(note)
 
@@ -129,17 +129,17 @@ class SeamRecorder:
 # -- what asks ---------------------------------------------------------------------------------------------
 
 
-def _real_or_none(make: Callable[[], T], answers: bool) -> T:
+def _make_unless_replay(make: Callable[[], T], answers: bool) -> T:
     return cast(T, None) if answers else make()
 
 
-def _owned(owners: dict[Handle, str], owner: str, made: Handle | Fault) -> Handle | Fault:
+def _note_owner(owners: dict[Handle, str], owner: str, made: Handle | Fault) -> Handle | Fault:
     if not isinstance(made, Fault):
         owners[made] = owner
     return made
 
 
-PLAIN: Final = (  # calls whose arguments and answers are kept as they are
+PLAIN_CALLS: Final = (  # calls whose arguments and answers are kept as they are
     *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
     *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
     *("set_user_timeout", "set_broadcast"),
@@ -153,25 +153,25 @@ class _SeamKernel:
         self._seam, self._label = seam, label
         self._inner = cast(Kernel, inner)
         self._owners: dict[Handle, str] = {}
-        self._begin()
+        self._bind_calls()
 
-    def _begin(self) -> None:
-        for name in PLAIN:
-            setattr(self, name, self._plain(name))
+    def _bind_calls(self) -> None:
+        for name in PLAIN_CALLS:
+            setattr(self, name, self._bind_plain_call(name))
         self._buffer = memoryview(b"")  # of the call under way: what is kept has its size alone
-        self._accept = self._plain("accept")
-        self._recv = self._seam.call("recv", self._do_recv, self._owners, self._label)
-        self._send = self._seam.call("send", self._do_send, self._owners, self._label)
+        self._accept = self._bind_plain_call("accept")
+        self._recv = self._seam.bind_call("recv", self._do_recv, self._owners, self._label)
+        self._send = self._seam.bind_call("send", self._do_send, self._owners, self._label)
 
     def __getstate__(self) -> dict[str, object]:
         return {name: self.__dict__[name] for name in ("_seam", "_label", "_inner", "_owners")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._begin()
+        self._bind_calls()
 
-    def _plain(self, name: str) -> Callable[..., Any]:
-        return self._seam.call(name, getattr(self._inner, name, None), self._owners, self._label)
+    def _bind_plain_call(self, name: str) -> Callable[..., Any]:
+        return self._seam.bind_call(name, getattr(self._inner, name, None), self._owners, self._label)
 
     def _owner(self, handle: Handle) -> str:
         return self._owners.get(handle, self._label)
@@ -186,19 +186,19 @@ class _SeamKernel:
         self._seam.ask(self._label, "poll", (), lambda: self._inner.poll())
 
     def ready_handles(self) -> dict[Handle, str] | None:
-        def do() -> dict[Handle, str] | None:
+        def get_ready() -> dict[Handle, str] | None:
             seen = getattr(self._inner, "ready_handles", unknown_ready_handles)()
             return None if seen is None else dict(seen)
 
-        return self._seam.ask(self._label, "ready_handles", (), do)
+        return self._seam.ask(self._label, "ready_handles", (), get_ready)
 
     def socket(self, owner: str) -> Handle | Fault:
         made = self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner))
-        return _owned(self._owners, owner, made)
+        return _note_owner(self._owners, owner, made)
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         do = lambda: self._inner.datagram_socket(owner)  # noqa: E731
-        return _owned(self._owners, owner, self._seam.ask(owner, "datagram_socket", (), do))
+        return _note_owner(self._owners, owner, self._seam.ask(owner, "datagram_socket", (), do))
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         asked = options.nodelay, options.keep_alive_s, options.user_timeout_ms, options.small_buffers
@@ -216,7 +216,7 @@ class _SeamKernel:
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         self._buffer = into
         got, data = self._recv(handle, len(into))
-        if data and self._seam.answers:
+        if data and self._seam.has_answers:
             into[: len(data)] = data
         return got
 
@@ -227,11 +227,11 @@ class _SeamKernel:
         return got, b""
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
+        def receive() -> tuple[Datagram | WouldBlock | Fault, bytes]:
             got = self._do_recv_from(handle, into)
             return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
 
-        got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), do)
+        got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), receive)
         into[: len(data)] = data
         return got
 
@@ -268,98 +268,98 @@ class _SeamKernel:
         return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
 
 
-_landing: Final = memoryview(bytearray(1 << 16))  # no datagram is larger
+_datagram_buffer: Final = memoryview(bytearray(1 << 16))  # no datagram is larger
 
 
-class _NotedKernel(_SeamKernel):
+class _RecordedKernel(_SeamKernel):
     """The kernel of a PLC that is recorded: what has arrived and lies unread is noted, too."""
 
     def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
         super().__init__(seam, label, inner)
-        self._arrivals = Arrivals(seam, inner, self._owners, label)
+        self._arrivals = ArrivalRecorder(seam, inner, self._owners, label)
         calls = ("listen", "connect_result", "readable", "renew", "discard", "poll_del")
         self._asked = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
 
     def note_arrivals(self) -> None:
         if not self._seam.is_off:
-            self._arrivals.note_all()
+            self._arrivals.note_all_unread()
 
     def ready_handles(self) -> dict[Handle, str] | None:
         seen = super().ready_handles()
-        self._arrivals.poll(seen)
+        self._arrivals.note_poll(seen)
         return seen
 
     def readable(self, handle: Handle) -> bool:
         if is_readable := bool(self._asked["readable"](handle)):
-            self._arrivals.look(handle)
+            self._arrivals.note_ready(handle)
         return is_readable
 
     def renew(self, handle: Handle) -> bool:
-        self._arrivals.look(handle)
+        self._arrivals.note_ready(handle)
         return bool(self._asked["renew"](handle))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         failed: Fault | None = self._asked["listen"](handle, backlog)
         if failed is None:
-            self._arrivals.listen(handle)
+            self._arrivals.add_listener(handle)
         return failed
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        self._arrivals.note(handle)  # afterwards the kernel knows no end
+        self._arrivals.note_unread(handle)  # afterwards the kernel knows no end
         failed: Fault | None = self._asked["poll_del"](handle)
         return failed
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         got = super().accept(handle)
         if isinstance(got, NewClient):
-            self._arrivals.begin(got.handle)
+            self._arrivals.add_handle(got.handle)
         elif isinstance(got, WouldBlock):
-            self._arrivals.empty(handle)
+            self._arrivals.note_empty(handle)
         return got
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         answer: WouldBlock | Fault | None = self._asked["connect_result"](handle)
         if answer is None:
-            self._arrivals.begin(handle)
+            self._arrivals.add_handle(handle)
         return answer
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         made = super().datagram_socket(owner)
         if not isinstance(made, Fault):
-            self._arrivals.begin(made, is_udp=True)
+            self._arrivals.add_handle(made, is_udp=True)
         return made
 
     def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
         got, data = super()._do_recv(handle, size)
         if isinstance(got, int) or got is WOULD_BLOCK:
-            self._arrivals.read(handle, got if isinstance(got, int) else 0, size)
+            self._arrivals.note_read(handle, got if isinstance(got, int) else 0, size)
         return got, data
 
     def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        got = self._inner.recv_from(handle, _landing)
+        got = self._inner.recv_from(handle, _datagram_buffer)
         if not isinstance(got, Datagram):
             if got is WOULD_BLOCK:
-                self._arrivals.empty(handle)
+                self._arrivals.note_empty(handle)
             return got
-        self._arrivals.read_message(handle, got.source, bytes(_landing[: got.size]), got.whole)
+        self._arrivals.note_message_read(handle, got.source, bytes(_datagram_buffer[: got.size]), got.whole)
         size = min(got.size, len(into))
-        into[:size] = _landing[:size]
+        into[:size] = _datagram_buffer[:size]
         return Datagram(size, got.source, got.whole)
 
     def discard(self, handle: Handle, most: int) -> int:
-        self._arrivals.note(handle, THROWN)
+        self._arrivals.note_unread(handle, DISCARD_FLAG)
         gone: int = self._asked["discard"](handle, most)
-        self._arrivals.read(handle, gone, gone)
+        self._arrivals.note_read(handle, gone, gone)
         return gone
 
     def abort(self, handle: Handle) -> Fault | None:
-        return self._free(handle, super().abort)
+        return self._note_and_free(handle, super().abort)
 
     def close(self, handle: Handle) -> Fault | None:
-        return self._free(handle, super().close)
+        return self._note_and_free(handle, super().close)
 
-    def _free(self, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
-        self._arrivals.note(handle, THROWN)
+    def _note_and_free(self, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
+        self._arrivals.note_unread(handle, DISCARD_FLAG)
         self._arrivals.forget(handle)
         return free(handle)
 
@@ -369,14 +369,14 @@ class SeamKernel(ReadyKernel, Protocol):
         """Note what lies unread after a scan, where the run is recorded."""
 
 
-def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
     """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay.
 
     `is_noted`: of a PLC, whose arrivals stand in the recording.
     """
     if is_noted and isinstance(seam, SeamRecorder):
-        return cast(SeamKernel, _NotedKernel(seam, label, make()))
-    return cast(SeamKernel, _SeamKernel(seam, label, _real_or_none(make, seam.answers)))
+        return cast(SeamKernel, _RecordedKernel(seam, label, make()))
+    return cast(SeamKernel, _SeamKernel(seam, label, _make_unless_replay(make, seam.has_answers)))
 
 
 class SeamPort:
@@ -384,21 +384,21 @@ class SeamPort:
 
     def __init__(self, seam: Seam, owner: str, make: Callable[[], SerialPort]) -> None:
         self._seam, self._owner = seam, owner
-        self._inner = _real_or_none(make, seam.answers)
+        self._inner = _make_unless_replay(make, seam.has_answers)
 
     def open(self) -> Fault | PortOpening | None:
         return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
 
     def read(self, most: int) -> bytes | Fault:
         got = self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
-        self._seam.wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
+        self._seam.note_wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
         return got
 
     def write(self, payload: bytes) -> int | Fault:
         args = len(payload), zlib.crc32(payload)
         taken = self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
         data = payload[:taken] if isinstance(taken, int) else b""
-        self._seam.wire(self._owner, "port write", 0, (), None, data)
+        self._seam.note_wire(self._owner, "port write", 0, (), None, data)
         return taken
 
     def close(self) -> None:
@@ -410,11 +410,11 @@ class SeamPort:
 
     def line_errors(self) -> LineErrors | None:
         counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
-        self._seam.wire(self._owner, "port errors", 0, (), counted, b"")
+        self._seam.note_wire(self._owner, "port errors", 0, (), counted, b"")
         return counted
 
 
-class SeamWork(ScanBudget):
+class SeamBudget(ScanBudget):
     """The bound of a scan's work, of which handshakes and records below the seam take their part, too."""
 
     def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
@@ -434,7 +434,7 @@ class SeamWork(ScanBudget):
 
 
 # Calls that tell of the wire.
-TAPPED: Final = (
+WIRE_CALLS: Final = (
     *("bind", "local_end", "connect", "connect_result", "accept", "recv", "recv_from", "send", "send_to"),
     *("shutdown", "close", "abort", "loss"),
 )
@@ -449,29 +449,29 @@ class _WireKernel:
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
         self._seam, self._inner, self._is_next = seam, inner, is_next
         self._owners: dict[Handle, str] = {}
-        for name in TAPPED:
-            setattr(self, name, self._tapped(name))
+        for name in WIRE_CALLS:
+            setattr(self, name, self._wrap_call(name))
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._inner, name)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         found = self._inner.local_addresses()
-        self._seam.wire("", "local_addresses", 0, (), found, b"")
+        self._seam.note_wire("", "local_addresses", 0, (), found, b"")
         return found
 
     def socket(self, owner: str) -> Handle | Fault:
-        return _owned(self._owners, owner, self._inner.socket(owner))
+        return _note_owner(self._owners, owner, self._inner.socket(owner))
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        return _owned(self._owners, owner, self._inner.datagram_socket(owner))
+        return _note_owner(self._owners, owner, self._inner.datagram_socket(owner))
 
-    def _tapped(self, name: str) -> Callable[..., object]:
-        call, wire, owners = getattr(self._inner, name), self._seam.wire, self._owners
-        has_bytes, is_last = name in WITH_BYTES, name in ("close", "abort")
+    def _wrap_call(self, name: str) -> Callable[..., object]:
+        call, wire, owners = getattr(self._inner, name), self._seam.note_wire, self._owners
+        has_bytes, is_last = name in BUFFER_CALLS, name in ("close", "abort")
         is_told = self._is_next and name in ("recv", "recv_from")
 
-        def tapped(handle: Handle, *args: object) -> object:
+        def call_and_note(handle: Handle, *args: object) -> object:
             unread = (self._inner.unread(handle),) if name == "close" else ()
             answer = call(handle, *args)
             if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
@@ -489,9 +489,9 @@ class _WireKernel:
             wire(owner, name, handle, args + unread, answer, data)
             return answer
 
-        return tapped
+        return call_and_note
 
 
-def wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
+def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
     """Return a kernel that tells the wire to its seam; `is_next`: the seam asks it, no layer is between."""
     return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))

@@ -13,24 +13,24 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.capture import pcap
-from trcvtui.capture.packets import TCP, UDP, IpPayload, carried_by
+from trcvtui.capture.packets import TCP, UDP, IpPayload, parse_packet
 from trcvtui.errors import mistake
 from trcvtui.files import replacing
 from trcvtui.net.results import is_loopback
-from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER, WIRE, Recording
+from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER_BYTES, WIRE, Recording
 from trcvtui.recording.wire import checksum
 
-DISSECTOR: Final = "journal.lua"  # beside this file
-_PACKET_HEAD: Final = 20
-LEFT_OUT: Final = "the journal, left out"
-PLAIN: Final = "begins in the middle", "repeated: "  # how comments begin that have no names
-_IP_HEADER: Final = 20  # ours have no options
-_HEADERS: Final = {TCP: 20, UDP: 8}
-_SUM_AT: Final = {TCP: 16, UDP: 6}  # byte of the checksum in the header
+DISSECTOR_FILE: Final = "journal.lua"  # beside this file
+_PACKET_HEAD_BYTES: Final = 20
+REMOVED_JOURNAL_NAME: Final = "the journal, left out"
+NAMELESS_COMMENTS: Final = "begins in the middle", "repeated: "  # how comments begin that have no names
+_IP_HEADER_BYTES: Final = 20  # ours have no options
+_HEADER_BYTES: Final = {TCP: 20, UDP: 8}
+_CHECKSUM_OFFSETS: Final = {TCP: 16, UDP: 6}  # byte of the checksum in the header
 
 
 @dataclass(frozen=True, slots=True)
-class LeaveOut:
+class StripOptions:
     """What a copy is to have no more of."""
 
     payload: bool
@@ -38,20 +38,20 @@ class LeaveOut:
     names: bool
 
 
-def dissector() -> str:
-    return Path(__file__).with_name(DISSECTOR).read_text(encoding="utf-8")
+def read_dissector() -> str:
+    return Path(__file__).with_name(DISSECTOR_FILE).read_text(encoding="utf-8")
 
 
-def strip(source: str, target: str, out: LeaveOut) -> Iterator[str]:
+def strip_recording(source: str, target: str, out: StripOptions) -> Iterator[str]:
     """Write the copy; yield what is said of it. Raise UserError for a file that is no recording."""
     recording = Recording(source)
     if not (out.payload or out.secrets or out.names):
         raise mistake("recording strip", "nothing to leave out", "--no-payload, --no-secrets or --anonymise")
     keeps_journal = not (
-        out.payload or out.names or any(kind == pcap.SECRETS for kind, _ in recording.blocks())
+        out.payload or out.names or any(kind == pcap.SECRETS_BLOCK for kind, _ in recording.read_blocks())
     )
     with replacing(target, target, is_new=True, mode=0o600) as file:
-        for block in _Copy(out, keeps_journal).of(recording.blocks()):
+        for block in _StrippedCopy(out, keeps_journal).strip_blocks(recording.read_blocks()):
             file.write(block)
     if recording.stopped:
         yield recording.stopped
@@ -61,88 +61,88 @@ def strip(source: str, target: str, out: LeaveOut) -> Iterator[str]:
         yield f"{target}: it has all payload, with names and addresses in it; --no-payload leaves that out"
 
 
-class _Copy:
-    def __init__(self, out: LeaveOut, keeps_journal: bool) -> None:
+class _StrippedCopy:
+    def __init__(self, out: StripOptions, keeps_journal: bool) -> None:
         self._out, self._keeps_journal = out, keeps_journal
         self._interfaces = 0
         self._addresses: dict[bytes, bytes] = {}
         self._names: dict[str, str] = {}
 
-    def of(self, blocks: Iterator[tuple[int, bytes]]) -> Iterator[bytes]:
+    def strip_blocks(self, blocks: Iterator[tuple[int, bytes]]) -> Iterator[bytes]:
         for kind, body in blocks:
-            if kind == pcap.INTERFACE:
-                yield self._interface(body)
+            if kind == pcap.INTERFACE_BLOCK:
+                yield self._strip_interface(body)
                 self._interfaces += 1
             elif kind == pcap.ENHANCED_PACKET:
-                yield from self._packet(body)
+                yield from self._strip_packet(body)
             elif kind == pcap.SECTION and self._out.names:
                 yield pcap.section_block("trcvtui")
             elif kind == pcap.SECTION or not (self._out.secrets or self._out.payload or self._out.names):
-                yield pcap.block(kind, body)
+                yield pcap.make_block(kind, body)
 
-    def _interface(self, body: bytes) -> bytes:
+    def _strip_interface(self, body: bytes) -> bytes:
         if self._interfaces == JOURNAL and not self._keeps_journal:
-            return pcap.interface_block(pcap.USER0, LEFT_OUT)
+            return pcap.interface_block(pcap.USER0, REMOVED_JOURNAL_NAME)
         if self._interfaces > JOURNAL and self._out.names:
             return pcap.interface_block(pcap.RTAC_SERIAL, f"line {self._interfaces - JOURNAL}")
-        return pcap.block(pcap.INTERFACE, body)
+        return pcap.make_block(pcap.INTERFACE_BLOCK, body)
 
-    def _packet(self, body: bytes) -> Iterator[bytes]:
+    def _strip_packet(self, body: bytes) -> Iterator[bytes]:
         if (
-            len(body) < _PACKET_HEAD
-            or (size := int.from_bytes(body[12:16], "little")) > len(body) - _PACKET_HEAD
+            len(body) < _PACKET_HEAD_BYTES
+            or (size := int.from_bytes(body[12:16], "little")) > len(body) - _PACKET_HEAD_BYTES
         ):
             return  # unknown what is in it
         interface, high, low = struct.unpack_from("<III", body)
         if interface == JOURNAL and not self._keeps_journal:
             return
         if interface == JOURNAL or not (self._out.payload or self._out.names):
-            yield pcap.block(pcap.ENHANCED_PACKET, body)
+            yield pcap.make_block(pcap.ENHANCED_PACKET, body)
             return
-        data = bytearray(body[_PACKET_HEAD : _PACKET_HEAD + size])
+        data = bytearray(body[_PACKET_HEAD_BYTES : _PACKET_HEAD_BYTES + size])
         if interface == WIRE:
             self._clear_ip(data)
         elif self._out.payload:
-            data[SERIAL_HEADER:] = bytes(max(0, len(data) - SERIAL_HEADER))
-        options = [*pcap.options_of(body, _PACKET_HEAD + size + (-size & 3), len(body), "<")]
+            data[SERIAL_HEADER_BYTES:] = bytes(max(0, len(data) - SERIAL_HEADER_BYTES))
+        options = [*pcap.parse_options(body, _PACKET_HEAD_BYTES + size + (-size & 3), len(body), "<")]
         comments = [value.decode("utf-8", "replace") for code, value in options if code == pcap.COMMENT]
-        sent = pcap.is_sent(dict(options).get(pcap.FLAGS), "<")
-        said = tuple(filter(None, map(self._nameless, comments)) if self._out.names else comments)
+        sent = pcap.parse_sent_flag(dict(options).get(pcap.FLAGS_OPTION), "<")
+        said = tuple(filter(None, map(self._anonymise_comment, comments)) if self._out.names else comments)
         yield pcap.packet_block(interface, high << 32 | low, bytes(data), said, sent=sent)
 
     def _clear_ip(self, data: bytearray) -> None:
-        found = carried_by(pcap.RAW_IP, bytes(data), len(data))
-        if not isinstance(found, IpPayload) or not _is_ours(found, data):
+        found = parse_packet(pcap.RAW_IP, bytes(data), len(data))
+        if not isinstance(found, IpPayload) or not _has_own_header(found, data):
             data[:] = bytes(len(data))  # unknown what is in it
             return
         if self._out.payload:
-            head = (data[_IP_HEADER + 12] >> 4) * 4 if found.protocol == TCP else _HEADERS[UDP]
-            start = min(_IP_HEADER + max(head, _HEADERS[found.protocol]), len(data))
+            head = (data[_IP_HEADER_BYTES + 12] >> 4) * 4 if found.protocol == TCP else _HEADER_BYTES[UDP]
+            start = min(_IP_HEADER_BYTES + max(head, _HEADER_BYTES[found.protocol]), len(data))
             data[start:] = bytes(len(data) - start)
         if self._out.names:
             for at in (12, 16):
-                data[at : at + 4] = self._address(bytes(data[at : at + 4]))
+                data[at : at + 4] = self._anonymise_address(bytes(data[at : at + 4]))
         data[10:12] = bytes(2)
-        data[10:12] = checksum(bytes(data[:_IP_HEADER])).to_bytes(2, "big")
-        at = _IP_HEADER + _SUM_AT[found.protocol]
+        data[10:12] = checksum(bytes(data[:_IP_HEADER_BYTES])).to_bytes(2, "big")
+        at = _IP_HEADER_BYTES + _CHECKSUM_OFFSETS[found.protocol]
         data[at : at + 2] = bytes(2)
-        inner = bytes(data[_IP_HEADER:])
+        inner = bytes(data[_IP_HEADER_BYTES:])
         pseudo = bytes(data[12:20]) + bytes((0, found.protocol)) + len(inner).to_bytes(2, "big")
         total = checksum(pseudo + inner)
         data[at : at + 2] = (total or (0xFFFF if found.protocol == UDP else 0)).to_bytes(2, "big")
 
-    def _address(self, address: bytes) -> bytes:
+    def _anonymise_address(self, address: bytes) -> bytes:
         if is_loopback(".".join(map(str, address))):
             return address
         number = len(self._addresses) + 1
         return self._addresses.setdefault(address, bytes((10, 0, number >> 8 & 255, number & 255)))
 
-    def _nameless(self, comment: str) -> str:
+    def _anonymise_comment(self, comment: str) -> str:
         name, colon, rest = comment.partition(": 16#")
         if not colon:  # one of a file that begins in the middle; else it is unknown what is in it
-            return comment if comment.startswith(PLAIN) else ""
+            return comment if comment.startswith(NAMELESS_COMMENTS) else ""
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 
 
-def _is_ours(found: IpPayload, data: bytearray) -> bool:
-    return data[0] == 0x45 and len(data) >= _IP_HEADER + _HEADERS[found.protocol]
+def _has_own_header(found: IpPayload, data: bytearray) -> bool:
+    return data[0] == 0x45 and len(data) >= _IP_HEADER_BYTES + _HEADER_BYTES[found.protocol]

@@ -19,22 +19,22 @@ from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, parse
 from trcvtui.recording.journal import WireCall
 
 MOST_PAYLOAD: Final = 1460
-MOST_DATAGRAM: Final = 65_507
-FIRST_PORT: Final = 49_152  # of a call whose own port nobody asked for
+MOST_DATAGRAM_BYTES: Final = 65_507
+FIRST_MADE_UP_PORT: Final = 49_152  # of a call whose own port nobody asked for
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
-WINDOW: Final = 65_535
+FULL_WINDOW: Final = 65_535
 SERIAL_SENT, SERIAL_RECEIVED = 1, 2  # events of RTAC serial: DATA_TX_START, DATA_RX_START
 SERIAL_ERRORS: Final = 7, 8, 9, 10  # FRAMING_ERROR, PARITY_ERROR, SERIAL_BREAK, SERIAL_OVERFLOW
 MOST_ERRORS: Final = 16  # events of a kind and a second
-MOST_TAIL: Final = 320 << 10  # bytes of a direction that the next file may need again
+MOST_TAIL_BYTES: Final = 320 << 10  # bytes of a direction that the next file may need again
 MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of reads, that are remembered
 DATA_TPDU: Final = 0xF0
 GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # a stream without an end at the wire
-RESETS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
-_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
-_TCP: Final = struct.Struct(">HHIIBBHHH").pack
-_UDP: Final = struct.Struct(">HHHH").pack
-_SERIAL: Final = struct.Struct(">IIBBH").pack
+RESET_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
+_PACK_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
+_PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack
+_PACK_UDP: Final = struct.Struct(">HHHH").pack
+_PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
@@ -64,7 +64,7 @@ class Flow:
     def __init__(self, is_stream: bool = False) -> None:
         self.is_stream = is_stream
         self.told = self.whole = self.taken = 0  # what has a packet, what has come, what of it was read
-        self.tail = bytearray()  # of a stream: what was told since `job`, the newest MOST_TAIL bytes
+        self.tail = bytearray()  # of a stream: what was told since `job`, the newest MOST_TAIL_BYTES bytes
         self.job = 0  # where the last job has ended
         self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: since scan, place
         self.unread: deque[WirePacket] = deque(maxlen=MOST_MESSAGES)  # datagrams
@@ -72,13 +72,13 @@ class Flow:
         self.is_part = False  # the newest call has sent a part of a job
         self.ended_in = -9  # the scan of its FIN or RST
 
-    def tell(self, data: bytes) -> None:
+    def add_bytes(self, data: bytes) -> None:
         self.told += len(data)
         self.whole = max(self.whole, self.told)
         self.tail += data
-        del self.tail[: max(0, len(self.tail) - MOST_TAIL)]
+        del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
-    def job_end(self, scan: int, expected: int, is_sent: bool) -> int:
+    def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
         """Return where the job has ended that shows DONE in a scan, 0 where that is not known.
 
         That is the first end of what was sent, of what was read the last one, or the one that is expected.
@@ -89,7 +89,7 @@ class Flow:
         self._end_job(expected if expected in places else places[0 if is_sent else -1])
         return self.job
 
-    def give_up(self, scan: int) -> int:
+    def find_failed_job_end(self, scan: int) -> int:
         """Return where the bytes end that a job with ERROR took in this scan or the one before, or 0."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)
@@ -102,7 +102,7 @@ class Flow:
         self.read.clear()
         del self.tail[: max(0, len(self.tail) - (self.told - self.job))]
 
-    def tsdu_end(self) -> int:
+    def find_tsdu_end(self) -> int:
         """Return where the next message of ISO-on-TCP ends, after the last one that was read."""
         begin = self.ends[-1][1] if self.ends else self.job
         first = self.told - len(self.tail)
@@ -141,48 +141,48 @@ class WirePackets:
         self._bound: dict[int, Endpoint] = {}
         self._streams: dict[int, _TcpStream] = {}
         self._address = "127.0.0.1"  # where only 0.0.0.0 was told
-        self._port = FIRST_PORT
+        self._port = FIRST_MADE_UP_PORT
         self._number = 0  # of IP packets
         self._counted: dict[str, tuple[int, ...]] = {}  # errors of each serial line
         self._at: dict[str, Callable[[WireCall], Iterator[WirePacket] | None]] = {
-            "local_addresses": self._addresses,
-            "bind": self._bind,
-            "local_end": self._local_end,
-            "accept": self._accept,
-            "connect": self._connect,
-            "connect_result": self._connected,
-            "recv": self._received,
-            "arrived": self._arrived,
-            "ended": self._ended,
-            "message": self._message,
-            "send": self._sent,
-            "send_to": self._datagram_out,
-            "shutdown": self._shut,
-            "close": self._closed,
-            "abort": self._aborted,
-            "loss": self._lost,
-            "port read": self._serial,
-            "port write": self._serial,
-            "port errors": self._line_errors,
+            "local_addresses": self._note_addresses,
+            "bind": self._note_bind,
+            "local_end": self._note_local_end,
+            "accept": self._handle_accept,
+            "connect": self._handle_connect,
+            "connect_result": self._handle_connect_result,
+            "recv": self._handle_recv,
+            "arrived": self._handle_arrival,
+            "ended": self._handle_partner_end,
+            "message": self._handle_message,
+            "send": self._handle_send,
+            "send_to": self._handle_send_to,
+            "shutdown": self._handle_shutdown,
+            "close": self._handle_close,
+            "abort": self._handle_abort,
+            "loss": self._handle_loss,
+            "port read": self._handle_serial_bytes,
+            "port write": self._handle_serial_bytes,
+            "port errors": self._handle_line_errors,
         }
 
-    def of(self, call: WireCall) -> Iterator[WirePacket]:
+    def make_packets(self, call: WireCall) -> Iterator[WirePacket]:
         made = self._at.get(call.call)
         return (made(call) if made else None) or iter(())
 
     # -- who is where -----------------------------------------------------------------------------------
 
-    def _addresses(self, call: WireCall) -> None:
+    def _note_addresses(self, call: WireCall) -> None:
         found = call.answer if isinstance(call.answer, tuple) else ()
         own = [each.address for each in found if isinstance(each, LocalAddress) and not each.loopback]
         self._address = next((address for address in own if parse_octets(address)), self._address)
 
-    def _bind(self, call: WireCall) -> None:
+    def _note_bind(self, call: WireCall) -> None:
         end = call.args[0] if call.args else None
         if isinstance(end, Endpoint) and call.answer is None:
             self._bound[call.handle] = end
 
-    def _local_end(self, call: WireCall) -> None:
+    def _note_local_end(self, call: WireCall) -> None:
         if isinstance(call.answer, Endpoint):
             self._bound[call.handle] = call.answer
 
@@ -194,67 +194,67 @@ class WirePackets:
         end = self._bound.get(handle, Endpoint(ANY_ADDRESS, 0))
         port = end.port
         if not port:
-            port, self._port = self._port, FIRST_PORT + (self._port - FIRST_PORT + 1) % 16_384
+            port, self._port = self._port, FIRST_MADE_UP_PORT + (self._port - FIRST_MADE_UP_PORT + 1) % 16_384
         usual = "127.0.0.1" if is_loopback(other.address) else self._address
         return Endpoint(usual if end.address == ANY_ADDRESS else end.address, port)
 
     # -- TCP --------------------------------------------------------------------------------------------
 
-    def _accept(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_accept(self, call: WireCall) -> Iterator[WirePacket]:
         if isinstance(call.answer, NewClient):
             peer = call.answer.peer
             stream = _TcpStream(call.owner, self._own_end(call.handle, peer), peer)
             caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
             if caller is not None:  # a CONNECT of this PLC, whose calls tell the same packets
                 caller.owners += stream.owners
-                self._keep(call.owner, call.answer.handle, caller.flows[::-1])
+                self._add_flows(call.owner, call.answer.handle, caller.flows[::-1])
                 return
             self._streams[call.answer.handle] = stream
-            self._keep(call.owner, call.answer.handle, stream.flows)
-            yield self._segment(call, stream, 1, SYN)
-            yield from self._answered(call, stream, 0)
+            self._add_flows(call.owner, call.answer.handle, stream.flows)
+            yield self._make_segment(call, stream, 1, SYN)
+            yield from self._establish(call, stream, 0)
 
-    def _connect(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_connect(self, call: WireCall) -> Iterator[WirePacket]:
         there = call.args[0] if call.args else None
         if isinstance(there, Endpoint) and parse_octets(there.address):
             stream = _TcpStream(call.owner, self._own_end(call.handle, there), there)
             stream.is_own = self._is_own(there)
             self._streams[call.handle] = stream
-            self._keep(call.owner, call.handle, stream.flows)
+            self._add_flows(call.owner, call.handle, stream.flows)
             if call.answer is None or _is_reset(call.answer):  # else nothing was sent
-                yield self._segment(call, stream, 0, SYN)
-            yield from self._refused(call, stream, call.answer)
+                yield self._make_segment(call, stream, 0, SYN)
+            yield from self._handle_fault(call, stream, call.answer)
 
-    def _keep(self, owner: str, handle: int, flows: tuple[Flow, Flow]) -> tuple[Flow, Flow]:
+    def _add_flows(self, owner: str, handle: int, flows: tuple[Flow, Flow]) -> tuple[Flow, Flow]:
         self.newest[owner] = self.flows[handle] = flows
         return flows
 
-    def _connected(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_connect_result(self, call: WireCall) -> Iterator[WirePacket]:
         stream, answer = self._streams.get(call.handle), call.answer
         if stream is None:
             return
         # The stack calls an RST in place of the partner's SYN ECONNREFUSED: it stood before this one.
         is_reset = isinstance(answer, Fault) and answer.error == "ECONNRESET" and not answer.injected
         if not stream.stands and (answer is None or is_reset):
-            yield from self._answered(call, stream, 1)
-        yield from self._refused(call, stream, answer)
+            yield from self._establish(call, stream, 1)
+        yield from self._handle_fault(call, stream, answer)
 
-    def _answered(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
+    def _establish(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
         stream.stands = True
-        yield self._segment(call, stream, who, SYN | ACK)
-        yield self._segment(call, stream, 1 - who, ACK)
+        yield self._make_segment(call, stream, who, SYN | ACK)
+        yield self._make_segment(call, stream, 1 - who, ACK)
 
-    def _refused(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
+    def _handle_fault(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
         if isinstance(answer, Fault) and not answer.injected:
             stream.stands &= answer.error not in GONE
         if _is_reset(answer):
-            yield from self._end_comes(call, stream, RST | ACK)
+            yield from self._note_partner_end(call, stream, RST | ACK)
 
-    def _end_comes(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
+    def _note_partner_end(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
         stream.coming_end = max(stream.coming_end, flags)
-        yield from self._news(call, stream, stream.flows[1].told)
+        yield from self._add_partner_bytes(call, stream, stream.flows[1].told)
 
-    def _received(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_recv(self, call: WireCall) -> Iterator[WirePacket]:
         stream, count = self._streams.get(call.handle), call.answer
         if isinstance(count, int) and call.handle in self.flows:
             flow = self.flows[call.handle][1]
@@ -263,77 +263,77 @@ class WirePackets:
         if stream is None:
             return
         if isinstance(count, Fault):
-            yield from self._refused(call, stream, count)
+            yield from self._handle_fault(call, stream, count)
         elif isinstance(count, int) and count:
-            yield from self._news(call, stream, stream.flows[1].taken - count)
+            yield from self._add_partner_bytes(call, stream, stream.flows[1].taken - count)
         elif isinstance(count, int) and call.args != (0,):
-            yield from self._end_comes(call, stream, FIN | ACK)
+            yield from self._note_partner_end(call, stream, FIN | ACK)
 
-    def _arrived(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_arrival(self, call: WireCall) -> Iterator[WirePacket]:
         stream, whole = self._streams.get(call.handle), call.args[0]
         if stream is not None and isinstance(whole, int):
             flow = stream.flows[1]
             flow.whole = max(flow.whole, whole)
-            yield from self._news(call, stream, max(flow.told, flow.taken))
+            yield from self._add_partner_bytes(call, stream, max(flow.told, flow.taken))
 
-    def _ended(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_partner_end(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
         if stream is not None:
-            yield from self._end_comes(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
+            yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
-    def _news(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
+    def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
         """Yield what is new of the partner's bytes, which begin at a place; and its end, if it is due."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.told - at) :] if call.data else b""
         if new:
             flow.told = max(flow.told, at)  # what was read away unseen is missing
-            yield from self._data(call, stream, 1, new)
+            yield from self._add_data(call, stream, 1, new)
         if stream.coming_end and flow.told >= flow.whole:
-            yield from self._end(call, stream, 1, stream.coming_end)
+            yield from self._make_end(call, stream, 1, stream.coming_end)
 
-    def _sent(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_send(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
         if stream is None:
             if call.handle in self.flows:  # a CONNECT of this PLC reads them
                 self.flows[call.handle][0].whole += len(call.data)
         elif call.data:
-            yield from self._data(call, stream, 0, call.data)
+            yield from self._add_data(call, stream, 0, call.data)
         elif not stream.has_ended[0]:
-            yield from self._refused(call, stream, call.answer)
+            yield from self._handle_fault(call, stream, call.answer)
 
-    def _data(self, call: WireCall, stream: _TcpStream, who: int, data: bytes) -> Iterator[WirePacket]:
+    def _add_data(self, call: WireCall, stream: _TcpStream, who: int, data: bytes) -> Iterator[WirePacket]:
         flow, at = stream.flows[who], stream.flows[who].told
         if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello
             stream.is_tls = True
-        flow.tell(data)
-        return self._pieces(call, stream, who, at, data)
+        flow.add_bytes(data)
+        return self._split_data(call, stream, who, at, data)
 
-    def _pieces(
+    def _split_data(
         self, call: WireCall, stream: _TcpStream, who: int, at: int, data: bytes, remark: str = ""
     ) -> Iterator[WirePacket]:
         for skip in range(0, len(data), MOST_PAYLOAD):
             part = data[skip : skip + MOST_PAYLOAD]
             last = PSH if skip + MOST_PAYLOAD >= len(data) else 0
-            yield self._segment(call, stream, who, ACK | last, part, at + skip, remark)
+            yield self._make_segment(call, stream, who, ACK | last, part, at + skip, remark)
             remark = ""
 
-    def _shut(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_shutdown(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
         if stream is not None and call.answer is None:
-            yield from self._end(call, stream, 0, FIN | ACK)
+            yield from self._make_end(call, stream, 0, FIN | ACK)
         elif stream is not None:
-            yield from self._refused(call, stream, call.answer)
+            yield from self._handle_fault(call, stream, call.answer)
 
-    def _closed(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_close(self, call: WireCall) -> Iterator[WirePacket]:
         """Yield our end: a stack that still has bytes for us, as it says or as is known here, sends RST."""
         flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
-        yield from self._freed(call, (RST if unread else FIN) | ACK)
+        yield from self._end_stream(call, (RST if unread else FIN) | ACK)
 
-    def _aborted(self, call: WireCall) -> Iterator[WirePacket]:
-        yield from self._freed(call, RST | ACK)
+    def _handle_abort(self, call: WireCall) -> Iterator[WirePacket]:
+        yield from self._end_stream(call, RST | ACK)
 
-    def _freed(self, call: WireCall, flags: int) -> Iterator[WirePacket]:
+    def _end_stream(self, call: WireCall, flags: int) -> Iterator[WirePacket]:
         self._bound.pop(call.handle, None)
         self.flows.pop(call.handle, None)
         stream = self._streams.pop(call.handle, None)
@@ -345,25 +345,25 @@ class WirePackets:
             remark = ""
         if stream.coming_end:
             flow.told = flow.whole
-            yield from self._end(call, stream, 1, stream.coming_end, remark)
+            yield from self._make_end(call, stream, 1, stream.coming_end, remark)
             remark = ""
-        yield from self._end(call, stream, 0, flags, remark)
+        yield from self._make_end(call, stream, 0, flags, remark)
 
-    def _lost(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_loss(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
         if stream is not None and isinstance(call.answer, KernelLoss):
             loss, flow = call.answer, stream.flows[1]
             flow.whole = max(flow.whole, flow.taken + loss.unread)
             if loss.fault is None:
-                yield from self._end_comes(call, stream, FIN | ACK)
-            yield from self._refused(call, stream, loss.fault)
+                yield from self._note_partner_end(call, stream, FIN | ACK)
+            yield from self._handle_fault(call, stream, loss.fault)
 
-    def _end(
+    def _make_end(
         self, call: WireCall, stream: _TcpStream, who: int, flags: int, remark: str = ""
     ) -> Iterator[WirePacket]:
         if all(stream.has_ended) or (stream.has_ended[who] and not flags & RST):
             return
-        yield self._segment(call, stream, who, flags, remark=remark)
+        yield self._make_segment(call, stream, who, flags, remark=remark)
         stream.flows[who].ended_in = self.scan
         stream.has_ended = (
             [True, True]
@@ -371,7 +371,7 @@ class WirePackets:
             else [stream.has_ended[0] or who == 0, stream.has_ended[1] or who == 1]
         )
 
-    def _segment(
+    def _make_segment(
         self,
         call: WireCall,
         stream: _TcpStream,
@@ -388,21 +388,21 @@ class WirePackets:
         sequence = at + (1 if payload else stream.controls[who]) & 0xFFFFFFFF
         seen = other.told + stream.controls[1 - who] & 0xFFFFFFFF
         stream.controls[who] += 1 if flags & (SYN | FIN) else 0
-        window = WINDOW if who else max(0, WINDOW - (other.whole - other.taken))
-        head = _TCP(
+        window = FULL_WINDOW if who else max(0, FULL_WINDOW - (other.whole - other.taken))
+        head = _PACK_TCP(
             source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, window, 0, 0
         )
         sent = None if stream.is_own else who == 0
         if stream.begun_before:
             remark = "; ".join(filter(None, (stream.begun_before, remark)))
             stream.begun_before = ""
-        data = self._ip(TCP, source, target, head, 16, payload)
+        data = self._make_ip_packet(TCP, source, target, head, 16, payload)
         ns = self.wall_ns + call.at
         return WirePacket(stream.owners, "", ns, data, len(payload), sent, flow, at, remark)
 
     # -- files that go on -------------------------------------------------------------------------------
 
-    def standing(self) -> Iterator[tuple[str, int, Flow, int]]:
+    def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
         """Yield owner, handle, bytes to the PLC and the partner's end, if any, of each stream that stands."""
         for handle, stream in self._streams.items():
             if stream.stands:
@@ -430,7 +430,7 @@ class WirePackets:
                 remark += f", {unread} of them unread" if unread else ""
                 remark += f", {missing} before them are missing" if missing else ""
                 flow.told = at
-                yield from self._pieces(call, stream, who, at, again[who], remark)
+                yield from self._split_data(call, stream, who, at, again[who], remark)
                 flow.told += len(again[who])
         for _, flow in self.flows.values():
             for packet in (*flow.read, *flow.unread):
@@ -438,36 +438,36 @@ class WirePackets:
 
     # -- UDP --------------------------------------------------------------------------------------------
 
-    def _message(self, call: WireCall) -> Iterator[WirePacket]:
-        source, flow = call.args[0], self._ends_of(call)[1]
+    def _handle_message(self, call: WireCall) -> Iterator[WirePacket]:
+        source, flow = call.args[0], self._get_flows(call)[1]
         if isinstance(source, Endpoint):
             sent = None if self._is_own(source) else False
             flow.unread.append(self._datagram(call, source, self._own_end(call.handle, source), sent, flow))
             yield flow.unread[-1]
 
-    def _datagram_out(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_send_to(self, call: WireCall) -> Iterator[WirePacket]:
         target = call.args[-1] if call.args else None
         if isinstance(target, Endpoint) and parse_octets(target.address) and isinstance(call.answer, int):
-            sent, flow = None if self._is_own(target) else True, self._ends_of(call)[0]
+            sent, flow = None if self._is_own(target) else True, self._get_flows(call)[0]
             yield self._datagram(call, self._own_end(call.handle, target), target, sent, flow)
 
-    def _ends_of(self, call: WireCall) -> tuple[Flow, Flow]:
-        return self.flows.get(call.handle) or self._keep(call.owner, call.handle, (Flow(), Flow()))
+    def _get_flows(self, call: WireCall) -> tuple[Flow, Flow]:
+        return self.flows.get(call.handle) or self._add_flows(call.owner, call.handle, (Flow(), Flow()))
 
     def _datagram(
         self, call: WireCall, source: Endpoint, target: Endpoint, sent: bool | None, flow: Flow
     ) -> WirePacket:
-        payload = call.data[:MOST_DATAGRAM]
-        head = _UDP(source.port, target.port, 8 + len(payload), 0)
-        data = self._ip(UDP, source, target, head, 6, payload)
+        payload = call.data[:MOST_DATAGRAM_BYTES]
+        head = _PACK_UDP(source.port, target.port, 8 + len(payload), 0)
+        data = self._make_ip_packet(UDP, source, target, head, 6, payload)
         at, flow.told = flow.told, flow.told + len(payload) + 1
         return WirePacket((call.owner,), "", self.wall_ns + call.at, data, len(payload), sent, flow, at)
 
-    def _ip(
+    def _make_ip_packet(
         self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
     ) -> bytes:
         """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
-        ends = _octets(source.address) + _octets(target.address)
+        ends = _pack_address(source.address) + _pack_address(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
         if protocol == UDP and not inner:
@@ -475,12 +475,12 @@ class WirePackets:
         head = head[:sum_at] + inner.to_bytes(2, "big") + head[sum_at + 2 :]
         self._number = self._number + 1 & 0xFFFF
         fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
-        outer = checksum(_IP(*fields, 0, ends[:4], ends[4:]))
-        return _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
+        outer = checksum(_PACK_IP(*fields, 0, ends[:4], ends[4:]))
+        return _PACK_IP(*fields, outer, ends[:4], ends[4:]) + head + payload
 
     # -- serial lines -----------------------------------------------------------------------------------
 
-    def _line_errors(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_line_errors(self, call: WireCall) -> Iterator[WirePacket]:
         counted = (
             call.answer if isinstance(call.answer, tuple) and len(call.answer) == len(SERIAL_ERRORS) else None
         )
@@ -489,32 +489,32 @@ class WirePackets:
             return
         self._counted[call.owner] = counted
         for event, had, has in zip(SERIAL_ERRORS, before, counted, strict=True):
-            head = _serial_head(ns, event)
+            head = _make_serial_head(ns, event)
             for _ in range(min(has - had, MOST_ERRORS)):
                 yield WirePacket((call.owner,), call.owner, ns, head, 0)
 
-    def _serial(self, call: WireCall) -> Iterator[WirePacket]:
+    def _handle_serial_bytes(self, call: WireCall) -> Iterator[WirePacket]:
         if call.data:
             ns, comes = self.wall_ns + call.at, call.call == "port read"
             flow = self.newest.setdefault(call.owner, (Flow(), Flow()))[comes]
             at, flow.told = flow.told, flow.told + len(call.data)
             flow.ends.append((self.scan, flow.told))
-            head = _serial_head(ns, SERIAL_RECEIVED if comes else SERIAL_SENT)
+            head = _make_serial_head(ns, SERIAL_RECEIVED if comes else SERIAL_SENT)
             size = len(call.data)
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)
 
 
-def _serial_head(ns: int, event: int) -> bytes:
-    return _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
+def _make_serial_head(ns: int, event: int) -> bytes:
+    return _PACK_SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
 
 
 @lru_cache(1024)
-def _octets(address: str) -> bytes:
+def _pack_address(address: str) -> bytes:
     return bytes(parse_octets(address) or (0, 0, 0, 0))
 
 
 def _is_reset(answer: object) -> bool:
-    return isinstance(answer, Fault) and not answer.injected and answer.error in RESETS
+    return isinstance(answer, Fault) and not answer.injected and answer.error in RESET_ERRORS
 
 
 def checksum(data: bytes) -> int:

@@ -7,11 +7,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from trcvtui.files import unnamed
-from trcvtui.recording.files import RecordTo
+from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.writer import WriterProcess
 
 
-class AnswerOnItsWay:
+class PendingAnswer:
     """A process that makes something of what is put into it: an answer, when it is over."""
 
     def __init__(self, main: tuple[str, str]) -> None:
@@ -19,11 +19,11 @@ class AnswerOnItsWay:
         self._opened = ExitStack()
         self._file, name = self._opened.enter_context(unnamed())
         path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
-        self.process = WriterProcess(path, RecordTo(path), waits=False, main=main)
+        self.process = WriterProcess(path, RecordTarget(path), waits=False, main=main)
 
-    def go_on(self) -> bytes | None:
+    def advance(self) -> bytes | None:
         """Let what waits cross; return the answer when the process is over, None before."""
-        self.process.go_on()
+        self.process.advance()
         if not (self.process.is_over or self.process.trouble):
             told, line_end, _ = os.pread(self._file, 1024, 0).partition(b"\n")
             self.progress = told.decode(errors="replace") if line_end else self.progress

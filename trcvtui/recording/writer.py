@@ -20,30 +20,30 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui import clock
 from trcvtui.errors import UserError, mistake, one_line
-from trcvtui.recording.files import FileLimits, RecordTo
+from trcvtui.recording.files import FileLimits, RecordTarget
 from trcvtui.recording.journal import BlockWriter, EntriesLost, Entry
 from trcvtui.signals import OF_A_GROUP, leave
 
 if TYPE_CHECKING:
     from subprocess import Popen
 
-LENGTH: Final = struct.Struct("<I")  # before each message; its bytes
-MOST_WAITING: Final = 64 << 20  # bytes
+LENGTH_PREFIX: Final = struct.Struct("<I")  # before each message; its bytes
+MOST_WAITING_BYTES: Final = 64 << 20  # bytes
 PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
 READ_BYTES: Final = 1 << 20
-NICE: Final = 5  # the scans come first; 10 would starve it beside other programs
-SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
-POST_NS: Final = 200_000_000  # between two blocks that cross
-START: Final = "import sys; from trcvtui.replay.{} import {} as main; main(*sys.argv[1:])"
+WRITER_NICENESS: Final = 5  # the scans come first; 10 would starve it beside other programs
+WORK_SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
+POST_INTERVAL_NS: Final = 200_000_000  # between two blocks that cross
+START_CODE: Final = "import sys; from trcvtui.replay.{} import {} as main; main(*sys.argv[1:])"
 # What such a process does.
-WRITER, STATE = ("follower", "writer_main"), ("follower", "state_main")
+WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main")
 
 
 class WriterProcess:
     """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
 
     def __init__(
-        self, path: Path, record: RecordTo, waits: bool = True, main: tuple[str, str] = WRITER
+        self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
     ) -> None:
         self.trouble = ""
         self.path = path
@@ -53,17 +53,17 @@ class WriterProcess:
         self._waiting: deque[memoryview] = deque()
         self._waiting_bytes = self._lost = self._left_out = 0
         self._posted_at = clock.now_ns()
-        self._process = _started(path, record, main)
+        self._process = _start_process(path, record, main)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
         self._is_told = True  # the process has said whether it can write
         refused = self._answers.readline() if waits else b"\n"
         if refused != b"\n":
-            self._end()
-            raise _refusal(refused, path)
+            self._end_process()
+            raise _parse_refusal(refused, path)
         self._is_told = waits
         self._pipe = self._stdin.fileno()
-        _enlarge(self._pipe)
+        _enlarge_pipe(self._pipe)
         if sys.platform != "win32":
             os.set_blocking(self._pipe, False)
 
@@ -75,60 +75,60 @@ class WriterProcess:
     def is_behind(self) -> bool:
         return bool(self._waiting)
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; write as much as the pipe takes at once."""
         if self.trouble:
             return
-        if self._waiting_bytes > MOST_WAITING:
+        if self._waiting_bytes > MOST_WAITING_BYTES:
             self._lost += len(list(entries))
         else:
             self._note_lost()
             for entry in entries:
-                self._block.take(entry)
-        self.go_on()
+                self._block.add_entry(entry)
+        self.advance()
 
-    def put(self, block: bytes, entries: int = 0) -> None:
+    def add_block(self, block: bytes, entries: int = 0) -> None:
         """Take a block that is made already, of so many entries; leave it out where too much waits."""
         if self.trouble:
             return
-        if self._waiting_bytes > 2 * MOST_WAITING:
+        if self._waiting_bytes > 2 * MOST_WAITING_BYTES:
             self._lost += entries
             return
         if self._note_lost():
-            self.post()
-        self._append(block)
+            self.post_block()
+        self._queue_block(block)
 
     def _note_lost(self) -> bool:
         lost, self._lost = self._lost, 0
         self._left_out += lost
         if lost:
-            self._block.take(EntriesLost(lost, "the writer could not follow"))
+            self._block.add_entry(EntriesLost(lost, "the writer could not follow"))
         return lost > 0
 
-    def _append(self, block: bytes) -> None:
-        self._waiting += memoryview(LENGTH.pack(len(block))), memoryview(block)
-        self._waiting_bytes += LENGTH.size + len(block)
+    def _queue_block(self, block: bytes) -> None:
+        self._waiting += memoryview(LENGTH_PREFIX.pack(len(block))), memoryview(block)
+        self._waiting_bytes += LENGTH_PREFIX.size + len(block)
 
     def finish(self) -> None:
         """Let the file end as soon as all has crossed; `go_on` finds out when it has."""
         self._is_finishing = True
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         """Write what waits, as much as the pipe takes."""
         now = clock.now_ns()
-        if not self._is_finishing and (now > self._posted_at + POST_NS or self._block.is_full):
+        if not self._is_finishing and (now > self._posted_at + POST_INTERVAL_NS or self._block.is_full):
             self._posted_at = now
-            self.post()
-        self._cross()
+            self.post_block()
+        self._write_pipe()
         if self._is_finishing and not self._waiting and not self.is_over:
             with suppress(OSError):
                 self._stdin.close()
             if self._process.poll() is not None:
                 self.is_over = True
-                said = self._end()
-                self.trouble = self.trouble or ("" if said == b"\n" else str(_refusal(said, self.path)))
+                said = self._end_process()
+                self.trouble = self.trouble or ("" if said == b"\n" else str(_parse_refusal(said, self.path)))
 
-    def _cross(self) -> None:
+    def _write_pipe(self) -> None:
         try:
             while self._waiting:
                 first = self._waiting[0]
@@ -141,17 +141,17 @@ class WriterProcess:
         except BlockingIOError:
             return
         except OSError:
-            self._lose_writer()
+            self._handle_writer_end()
 
-    def post(self) -> None:
-        block, self._block = self._block.block(), BlockWriter(0)
-        self._append(block)
+    def post_block(self) -> None:
+        block, self._block = self._block.encode(), BlockWriter(0)
+        self._queue_block(block)
 
-    def _lose_writer(self) -> None:
+    def _handle_writer_end(self) -> None:
         self._waiting.clear()
         self._waiting_bytes = 0
-        said = self._said()  # the process has closed both pipes
-        why = str(_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
+        said = self._read_answer()  # the process has closed both pipes
+        why = str(_parse_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
         self.trouble = f"{why}; nothing more is recorded"
 
     def close(self) -> None:
@@ -160,44 +160,44 @@ class WriterProcess:
         if not self.trouble and not self._stdin.closed:
             os.set_blocking(self._pipe, True)
             self._posted_at = 0
-            self.go_on()
-        said = self._end()
+            self.advance()
+        said = self._end_process()
         if not self.trouble and said != b"\n":
-            self.trouble = str(_refusal(said, self.path))
+            self.trouble = str(_parse_refusal(said, self.path))
         if not self.trouble and (lost := self._left_out + self._lost):
             self.trouble = f"{self.path}: {lost} entries are not recorded: the writer could not follow"
 
     def kill(self) -> None:
         self._process.kill()
         if not self._answers.closed:
-            self._end()
+            self._end_process()
 
-    def _end(self) -> bytes:
+    def _end_process(self) -> bytes:
         with suppress(OSError):
             self._stdin.close()
         with self._answers:
-            said = self._said()
+            said = self._read_answer()
         self._process.wait()
         return said
 
-    def _said(self) -> bytes:
+    def _read_answer(self) -> bytes:
         said = self._answers.readline()
         if not self._is_told and said == b"\n":
             said = self._answers.readline()
         return said
 
 
-def _started(path: Path, record: RecordTo, main: tuple[str, str]) -> Popen[bytes]:
+def _start_process(path: Path, record: RecordTarget, main: tuple[str, str]) -> Popen[bytes]:
     import subprocess  # a run without a recording waits for none of it
 
     asked = str(record.target), record.overwrite, record.has_secrets, record.limits
-    words = [sys.executable, "-P", "-c", START.format(*main), str(path), json.dumps(asked)]
+    words = [sys.executable, "-P", "-c", START_CODE.format(*main), str(path), json.dumps(asked)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
 
 
-def _enlarge(pipe: int) -> None:
+def _enlarge_pipe(pipe: int) -> None:
     try:
         import fcntl
 
@@ -206,7 +206,7 @@ def _enlarge(pipe: int) -> None:
         return  # not every system has it; a user may have only so much
 
 
-def _refusal(line: bytes, path: Path) -> UserError:
+def _parse_refusal(line: bytes, path: Path) -> UserError:
     where, found, expected = (*line.decode(errors="replace").rstrip("\n").split("\t"), "", "")[:3]
     if not found:
         return mistake(str(path), "no writer", "a process that writes the recording")
@@ -219,7 +219,7 @@ def _refusal(line: bytes, path: Path) -> UserError:
 class BlockSink(Protocol):
     """A sink of whole blocks, with work of its own while nothing comes."""
 
-    def take_block(self, block: bytes) -> None: ...
+    def add_block(self, block: bytes) -> None: ...
 
     def go_on(self, until: int) -> bool:
         """Work until this moment of the clock; return whether there is more to do."""
@@ -227,68 +227,68 @@ class BlockSink(Protocol):
     def close(self) -> None: ...
 
 
-def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> None:
+def run_writer(asked: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
     """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
     leave(OF_A_GROUP)  # they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(asked)
     with suppress(AttributeError, OSError):
-        os.nice(NICE)
+        os.nice(WRITER_NICENESS)
     try:
-        record = RecordTo(Path(target), overwrite, has_secrets, FileLimits(*limits) if limits else None)
+        record = RecordTarget(Path(target), overwrite, has_secrets, FileLimits(*limits) if limits else None)
         writer = sink(record)
-        _say("")
+        _write_answer("")
         try:
-            for message in _messages(writer.go_on):
-                writer.take_block(message)
+            for message in _read_messages(writer.go_on):
+                writer.add_block(message)
         finally:
             writer.close()
-        _say("")
+        _write_answer("")
     except UserError as wrong:
         problem = wrong.problems[0]
-        _say("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
+        _write_answer("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
     except OSError as failed:
-        _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
+        _write_answer(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
     except Exception as wrong:
-        _say(f"{one_line(path)}\t{one_line(fault_of(wrong))}\ta recording")
+        _write_answer(f"{one_line(path)}\t{one_line(describe_program_error(wrong))}\ta recording")
 
 
-def fault_of(wrong: Exception) -> str:
+def describe_program_error(wrong: Exception) -> str:
     return f"{type(wrong).__name__}: {wrong} (an error of trcvtui)"
 
 
-def _read(idle: Callable[[int], bool]) -> bytes:
+def _read_input(idle: Callable[[int], bool]) -> bytes:
     if sys.platform == "win32":  # a pipe of it always makes us wait
-        idle(clock.now_ns() + SLICE_NS)
+        idle(clock.now_ns() + WORK_SLICE_NS)
         return os.read(0, READ_BYTES)
     os.set_blocking(0, False)
     try:
         while True:
             with suppress(BlockingIOError):
                 return os.read(0, READ_BYTES)
-            if not idle(clock.now_ns() + SLICE_NS):
+            if not idle(clock.now_ns() + WORK_SLICE_NS):
                 break
     finally:
         os.set_blocking(0, True)
     return os.read(0, READ_BYTES)
 
 
-def _say(line: str) -> None:
+def _write_answer(line: str) -> None:
     try:
         os.write(1, f"{line}\n".encode())
     except OSError:
         return  # the bench is gone
 
 
-def _messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
+def _read_messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
     """Yield what comes; while nothing does, `idle` works until a moment of the clock, if it has work."""
     waiting = bytearray()
-    while read := _read(idle):
+    while read := _read_input(idle):
         waiting += read
         at = 0
-        while len(waiting) >= at + LENGTH.size:
-            end = at + LENGTH.size + LENGTH.unpack_from(waiting, at)[0]
+        while len(waiting) >= at + LENGTH_PREFIX.size:
+            end = at + LENGTH_PREFIX.size + LENGTH_PREFIX.unpack_from(waiting, at)[0]
             if len(waiting) < end:
                 break
-            yield bytes(waiting[at + LENGTH.size : end])
+            yield bytes(waiting[at + LENGTH_PREFIX.size : end])
             at = end
         del waiting[:at]

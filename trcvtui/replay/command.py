@@ -46,7 +46,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
         (*scenario.start, *scenario.steps)
     )
     bench.close()
-    run.replay.end()
+    run.replay.check_end()
     report.verdict(verdict)
     return verdict.passed
 
@@ -72,7 +72,7 @@ def what_if_file(
         else:
             run.play()
             sys.stdout.writelines(f"{line}\n" for line in run.summary())
-    damage = recording.damage()
+    damage = recording.find_damage()
     if damage or run.trouble:
         sys.stderr.write(f"{damage or run.trouble}\n")
     return DIFFERS if damage else SAME
@@ -94,7 +94,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
         sys.stdout.write(f"{told}\n")
         return DIFFERS
     if is_check:
-        wrong = recording.damage() or check(run)
+        wrong = recording.find_damage() or check(run)
         scans = f"{run.bench.runtime.scans} scans"
         if keyframes.first:
             scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
@@ -107,6 +107,6 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
             result, wrong = SAME if print_jsonl(run, sys.stdout.write) else DIFFERS, ""
     except UserError as told:
         result, wrong = DIFFERS, str(told)
-    if wrong := recording.damage() or wrong:
+    if wrong := recording.find_damage() or wrong:
         sys.stderr.write(f"{wrong}\n")
     return DIFFERS if wrong else result

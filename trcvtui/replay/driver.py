@@ -39,17 +39,17 @@ def replay_main(channel: Channel, path: Path, at: str | None) -> None:
 
 def opened(path: Path, at: str | None) -> TimeLine:
     """Return the replay at `at`; raise UserError where the recording has no such scan."""
-    from trcvtui.recording.journal import STEP, Answered
+    from trcvtui.recording.journal import STEP, CallRecord
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.time_line import TimeLine  # the screen's side needs none of it
 
     recording, to = Recording(path), FIRST if at is None else read_at(at, "--at")
     line = TimeLine(recording, str(path), to)
-    if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.index():
+    if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.read_index():
         return line
-    last, ns = line.survey.passed + recording.index()[-1].scans, recording.index()[-1].ns
-    for entry in recording.entries(len(recording.index()) - 1):
-        if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
+    last, ns = line.survey.passed + recording.read_index()[-1].scans, recording.read_index()[-1].ns
+    for entry in recording.read_entries(len(recording.read_index()) - 1):
+        if isinstance(entry, CallRecord) and entry.call == STEP and isinstance(entry.answer, int):
             last, ns = last + 1, entry.answer
     first = line.survey.first + 1
     if first <= to <= last if isinstance(to, int) else to[1] <= ns:

@@ -19,16 +19,16 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.recording.files import FileSink
 from trcvtui.recording.journal import (
     STEP,
-    Answered,
-    BesideJournal,
+    CallRecord,
     Entry,
     Keyframe,
+    NonJournalEntry,
     RunBegins,
-    entries_of,
-    value_bytes,
+    decode_entries,
+    encode_value,
 )
-from trcvtui.recording.state import Shared, state_of
-from trcvtui.recording.writer import fault_of, write_all
+from trcvtui.recording.state import SharedObjects, encode_state
+from trcvtui.recording.writer import describe_program_error, run_writer
 from trcvtui.replay.keyframes import PlaceInJournal, restored
 from trcvtui.replay.run_again import ReplayRun
 
@@ -54,13 +54,13 @@ class _ComingEntries(PlaceInJournal):
                 self.frame = entry
                 self._waiting.clear()
                 self.beyond = 0
-            elif isinstance(entry, BesideJournal) or self._is_before_frame(entry):
+            elif isinstance(entry, NonJournalEntry) or self._is_before_frame(entry):
                 continue
             else:
                 if isinstance(entry, RunBegins):
                     self.begins = entry
                 self._waiting.append(entry)
-                if type(entry) is Answered and entry.call == STEP and isinstance(entry.answer, int):
+                if type(entry) is CallRecord and entry.call == STEP and isinstance(entry.answer, int):
                     self.steps_ahead += 1
                     self.now = entry.answer
 
@@ -98,7 +98,7 @@ class FollowedRun:
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
         self._run: ReplayRun | None = None
-        self._shared: Shared | None = None
+        self._shared: SharedObjects | None = None
         self._is_off = self._has_all = self._no_secrets = False  # the last: as was asked
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
@@ -107,21 +107,21 @@ class FollowedRun:
         """Return why nothing more is written, or ""."""
         return self._sink.trouble
 
-    def take_block(self, block: bytes) -> None:
+    def add_block(self, block: bytes) -> None:
         """Write the entries of a block; the run takes them when it comes to them."""
-        self._sink.take(entries_of([block], self._where))
+        self._sink.add_entries(decode_entries([block], self._where))
         if not self._is_off:
             self._blocks.append(block)
             self._waiting += len(block)
             if self._waiting > MOST_WAITING:
                 self._give_up("the run beside was more than 64 MiB late")
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
         some = [*entries]
-        steps = [at for at, one in enumerate(some) if type(one) is Answered and one.call == STEP]
+        steps = [at for at, one in enumerate(some) if type(one) is CallRecord and one.call == STEP]
         for begin, end in pairwise([0, *steps, len(some)]):  # a file that ends among them has its keyframe
-            self._sink.take(some[begin:end])
+            self._sink.add_entries(some[begin:end])
             if not self._is_off:
                 self._coming.put(some[begin:end])
                 if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
@@ -152,7 +152,7 @@ class FollowedRun:
                     return False
                 block = self._blocks.popleft()
                 self._waiting -= len(block)
-                self._coming.put(entries_of([block], self._where))
+                self._coming.put(decode_entries([block], self._where))
                 continue
             self._follow()
             if until < NEVER and clock.now_ns() >= until:
@@ -163,21 +163,21 @@ class FollowedRun:
         try:
             run = self._run or self._begun()
             if not run.scan():
-                self._no_secrets = bool(run.replay.lost) and not run.replay.is_in_the_middle
-                self._give_up(run.replay.lost or "the run beside has ended")
+                self._no_secrets = bool(run.replay.gap_text) and not run.replay.is_in_the_middle
+                self._give_up(run.replay.gap_text or "the run beside has ended")
                 return
             self._keep(run)
         except UserError as wrong:  # a replay of the file says what it is
             self._give_up(str(wrong))
         except Exception as wrong:
-            self._fault = fault_of(wrong)
+            self._fault = describe_program_error(wrong)
             self._give_up(self._fault)
 
     def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
         if frame is None or begins is None:
             self._run = ReplayRun(self._coming, self._where)
-            self._shared = Shared(self._run.roots)
+            self._shared = SharedObjects(self._run.roots)
         else:
             self._run, self._shared = restored(frame, begins, self._where)
             self._run.replay.entries = self._coming
@@ -188,7 +188,7 @@ class FollowedRun:
         is_new = first != self._file
         if scan < first or not (is_new or ns >= self._kept_at + SPACING_NS):
             return
-        run.replay.coming()
+        run.replay.peek_call()
         if scan == first and self._coming.beyond:  # what comes next stands in the file before
             return
         self._kept_at, self._file = ns, first
@@ -197,8 +197,8 @@ class FollowedRun:
     def _write_state(self, run: ReplayRun) -> None:
         assert self._shared is not None
         place = self._coming.steps, self._coming.beyond
-        state = state_of(run, self._shared)
-        self._sink.keyframe(Keyframe.of(run.bench.runtime.scans, run.bench.now, *place, state))
+        state = encode_state(run, self._shared)
+        self._sink.add_keyframe(Keyframe.make(run.bench.runtime.scans, run.bench.now, *place, state))
 
 
 class LastKeyframe:
@@ -211,16 +211,16 @@ class LastKeyframe:
         self._path = path
         self._frame: Keyframe | None = None
 
-    def take(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         """Do nothing: the run beside it takes them."""
 
-    def keyframe(self, frame: Keyframe) -> None:
+    def add_keyframe(self, frame: Keyframe) -> None:
         self._frame = frame
 
     def close(self) -> None:
         if self._frame is not None:
             with open(self._path, "wb") as file:
-                file.write(value_bytes(self._frame))
+                file.write(encode_value(self._frame))
 
 
 class _WholeRun(FollowedRun):
@@ -235,8 +235,8 @@ class _WholeRun(FollowedRun):
 
 def writer_main(path: str, asked: str) -> None:
     """Be the process that writes a recording (recording/writer.py)."""
-    write_all(asked, lambda record: FollowedRun(record.file_sink(Path(path)), path), path)
+    run_writer(asked, lambda record: FollowedRun(record.make_file_sink(Path(path)), path), path)
 
 
 def state_main(path: str, asked: str) -> None:
-    write_all(asked, lambda _: _WholeRun(LastKeyframe(path), path), path)
+    run_writer(asked, lambda _: _WholeRun(LastKeyframe(path), path), path)

@@ -26,9 +26,9 @@ from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.recording.arrivals import ARRIVED
-from trcvtui.recording.journal import GAP, STEP, Answered, Entry
+from trcvtui.recording.journal import IN_GAP, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
-from trcvtui.recording.writer import write_all
+from trcvtui.recording.writer import run_writer
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf
@@ -37,7 +37,7 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
 LARGER: Final = "larger than LEN or DATA"
-HAS_ARRIVED, PATH = GAP + ARRIVED, GAP + "path"
+HAS_ARRIVED, PATH = IN_GAP + ARRIVED, IN_GAP + "path"
 SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
 RECENT_S: Final = 10
@@ -80,24 +80,24 @@ class _Stack:
 
     def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
         for entry in entries:
-            if isinstance(entry, Answered):
+            if isinstance(entry, CallRecord):
                 self._count(entry)
-            if isinstance(entry, Answered) and entry.call == PATH and isinstance(entry.answer, PathInfo):
+            if isinstance(entry, CallRecord) and entry.call == PATH and isinstance(entry.answer, PathInfo):
                 second = self._run.bench.now // SECOND
                 self._paths.setdefault(entry.owner, []).append((second, entry.answer))
             yield entry
 
-    def _count(self, entry: Answered) -> None:
+    def _count(self, entry: CallRecord) -> None:
         match entry:
-            case Answered(_, call, _, int(now)) if call == STEP:
+            case CallRecord(_, call, _, int(now)) if call == STEP:
                 for owner, unread in self._unread.values():
                     known = self._least.setdefault(owner, {})
                     known[now // SECOND] = min(known.get(now // SECOND, unread), unread)
-            case Answered(owner, call, (int(handle), _, int(unread), _)) if call == HAS_ARRIVED:
+            case CallRecord(owner, call, (int(handle), _, int(unread), _)) if call == HAS_ARRIVED:
                 self._unread[handle] = owner, unread
-            case Answered(owner, "recv", (int(handle), *_), (_, bytes(data))):
+            case CallRecord(owner, "recv", (int(handle), *_), (_, bytes(data))):
                 self._unread[handle] = owner, max(0, self._unread.get(handle, (owner, 0))[1] - len(data))
-            case Answered(_, "close" | "abort", (int(handle),)):
+            case CallRecord(_, "close" | "abort", (int(handle),)):
                 self._unread.pop(handle, None)
 
     def read(self, connect: str, t_ns: int) -> None:
@@ -170,7 +170,7 @@ def recorded_facts(
         return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
     try:
         run = keyframes.begin()
-        last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
+        last = keyframes.offset + max([place.scans for place in recording.read_index()], default=0)
         scan = run.scan if tell is None else partial(_scan, run, last, tell)
         with restored_state(run.is_restored, path):
             return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
@@ -180,7 +180,7 @@ def recorded_facts(
 
 def judge_main(path: str, asked: str) -> None:
     """Be the process of the doctor (diagnosis/judges.py)."""
-    write_all(asked, lambda _: DoctorInput(path, recorded_facts, load_bench), path)
+    run_writer(asked, lambda _: DoctorInput(path, recorded_facts, load_bench), path)
 
 
 def _scan(run: ReplayRun, last: int, tell: TellScan) -> bool:

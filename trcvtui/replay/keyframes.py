@@ -13,10 +13,10 @@ from typing import Final, Protocol, TypeVar, cast
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
 from trcvtui.project.project import Project
-from trcvtui.recording.journal import STEP, Answered, Entry, Keyframe, RunBegins
+from trcvtui.recording.journal import STEP, CallRecord, Entry, Keyframe, RunBegins
 from trcvtui.recording.recording import BlockPlace
-from trcvtui.recording.replay import Replay
-from trcvtui.recording.state import NOTHING_ELSE, Instead, Shared, from_state, state_of
+from trcvtui.recording.replay import ReplaySeam
+from trcvtui.recording.state import NO_STAND_INS, SharedObjects, StandIns, decode_state, encode_state
 from trcvtui.replay.run_again import ReplayRun, declared
 
 OtherRun = TypeVar("OtherRun", bound=ReplayRun)
@@ -27,13 +27,13 @@ MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one i
 class Journal(Protocol):
     """What a run is made of: its entries from a block on, and where its blocks stand."""
 
-    def entries(self, first: int = 0) -> Iterator[Entry]: ...
+    def read_entries(self, first: int = 0) -> Iterator[Entry]: ...
 
-    def index(self) -> Sequence[BlockPlace]: ...
+    def read_index(self) -> Sequence[BlockPlace]: ...
 
-    def keyframes(self) -> Sequence[BlockPlace]: ...
+    def list_keyframes(self) -> Sequence[BlockPlace]: ...
 
-    def keyframe(self, place: BlockPlace) -> Keyframe: ...
+    def read_keyframe(self, place: BlockPlace) -> Keyframe: ...
 
 
 class PlaceInJournal:
@@ -44,7 +44,7 @@ class PlaceInJournal:
 
     def pass_entry(self, entry: Entry) -> bool:
         """Go past an entry; return whether it begins a scan."""
-        if type(entry) is Answered and entry.call == STEP:
+        if type(entry) is CallRecord and entry.call == STEP:
             self.steps, self.beyond = self.steps + 1, 0
             return True
         self.beyond += 1
@@ -58,10 +58,10 @@ class EntriesFrom(PlaceInJournal):
         super().__init__()
         first = 0
         if steps:  # the last block before that scan begins
-            before = bisect_right(journal.index(), steps - 1, key=lambda row: row.scans)
+            before = bisect_right(journal.read_index(), steps - 1, key=lambda row: row.scans)
             first = max(0, before - 1)
-            self.steps = journal.index()[first].scans if first else 0
-        self._entries = journal.entries(first)
+            self.steps = journal.read_index()[first].scans if first else 0
+        self._entries = journal.read_entries(first)
         while self.steps < steps or self.beyond < beyond:
             next(self)
 
@@ -79,20 +79,20 @@ class Keyframes:
 
     def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
         self._journal, self._where = journal, where
-        first = Replay(journal.entries(), where)
+        first = ReplaySeam(journal.read_entries(), where)
         if first.begins is None:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.roots = declared(first.begins, first.files) if project is None else (first.begins, None, project)
-        self._shared = Shared(self.roots)
+        self._shared = SharedObjects(self.roots)
         self._scans: list[int] = []
         self._kept: list[Keyframe] = []
         self._size = 0
         self._spacing = SPACING
-        self._places = [*journal.keyframes()]
+        self._places = [*journal.list_keyframes()]
         self.first = 0  # the last scan that cannot run: no keyframe is before it
         self.offset = 0  # the last scan of the run before the journal begins
         if first.is_in_the_middle and self._places:
-            frame = journal.keyframe(self._places[0])
+            frame = journal.read_keyframe(self._places[0])
             self.first = frame.scan
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
 
@@ -100,15 +100,15 @@ class Keyframes:
         """Return the run before its first scan, or at the first keyframe of a file without that."""
         return self.run_at(self.first)
 
-    def beside(self, kind: type[OtherRun], seam: Replay) -> OtherRun:
+    def beside(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
         """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
-        frame = self._journal.keyframe(self._places[0])
-        instead: Instead = {ReplayRun: lambda: kind.__new__(kind), Replay: lambda: seam}
+        frame = self._journal.read_keyframe(self._places[0])
+        instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
         return cast(OtherRun, _run_of(frame, self._shared, self._where, instead))
 
     def entries(self) -> Iterator[Entry]:
         if not self.first:
-            return self._journal.entries()
+            return self._journal.read_entries()
         replay = self.begin().replay
         return chain(() if replay.front is None else (replay.front,), replay.entries)
 
@@ -121,8 +121,8 @@ class Keyframes:
     def _keep(self, scan: int, run: ReplayRun) -> None:
         entries = run.replay.entries
         assert isinstance(entries, EntriesFrom)
-        state = state_of(run, self._shared)
-        frame = Keyframe.of(scan, run.bench.now, entries.steps, entries.beyond, state)
+        state = encode_state(run, self._shared)
+        frame = Keyframe.make(scan, run.bench.now, entries.steps, entries.beyond, state)
         at = bisect_right(self._scans, scan)
         self._scans.insert(at, scan)
         self._kept.insert(at, frame)
@@ -150,7 +150,7 @@ class Keyframes:
             return self._run_from(self._kept[self._scans.index(scan)])
         at = [place.scans for place in self._places].index(scan)
         try:
-            return self._run_from(self._journal.keyframe(self._places[at]))
+            return self._run_from(self._journal.read_keyframe(self._places[at]))
         except UserError:
             if scan <= self.first:
                 raise
@@ -167,16 +167,18 @@ class Keyframes:
         return run
 
 
-def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> ReplayRun:
-    run = from_state(frame.state(where), shared, where, instead)
+def _run_of(
+    frame: Keyframe, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS
+) -> ReplayRun:
+    run = decode_state(frame.decompress_state(where), shared, where, instead)
     if not isinstance(run, ReplayRun) or run.bench.runtime.scans != frame.scan:
         raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
     run.is_restored, run.where, run.replay.where = True, where, where
     return run
 
 
-def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, Shared]:
+def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, SharedObjects]:
     """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
-    shared = Shared(declared(begins, files))
+    shared = SharedObjects(declared(begins, files))
     return _run_of(frame, shared, where), shared

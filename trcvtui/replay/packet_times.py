@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.capture.command import in_time_order
+from trcvtui.capture.command import merge_packets
 from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
 
@@ -18,7 +18,7 @@ class PacketTimes:
     """The packets of connections that begin in a file; `now_ns`: how far its run is, UTC."""
 
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
-        self._packets = in_time_order([path], [])
+        self._packets = merge_packets([path], [])
         self._found = Conversations(self._take)
         self._talks: dict[tuple[str, str], list[WireDirection]] = {}  # by partner and PLC end
         self._said: dict[WireDirection, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
@@ -42,8 +42,8 @@ class PacketTimes:
         found = next(self._packets, None) if self._reached_ns < self._now_ns() + AHEAD_NS else None
         if found is not None:
             packet, reader = found
-            self._found.names = reader.name_of
-            self._found.take(packet, reader.link_types[packet.interface])
+            self._found.names = reader.interface_name
+            self._found.add_packet(packet, reader.link_types[packet.interface])
             self._reached_ns = packet.ns
         return found is not None
 

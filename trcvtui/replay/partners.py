@@ -17,8 +17,8 @@ from typing import Final, TypeVar, cast
 from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import Handle, KernelLoss, LocalAddress, NewClient, PathInfo
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.recording.journal import STEP, Answered
-from trcvtui.recording.replay import Replay
+from trcvtui.recording.journal import STEP, CallRecord
+from trcvtui.recording.replay import ReplaySeam
 from trcvtui.replay.recorded_run import (
     CLOSED,
     MOST_UNREAD,
@@ -63,7 +63,7 @@ class _Socket:
         self.read = self.sent = 0
 
 
-class ReplayedPartners(Replay):
+class ReplayedPartners(ReplaySeam):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
     `told` goes on with the recorded run, which passes first. `intervals_ns`: of the bench that asks and of
@@ -134,7 +134,7 @@ class ReplayedPartners(Replay):
         finally:
             self._is_between = False
 
-    def call(
+    def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
         nothing = cast(Callable[[], T], None)
@@ -243,11 +243,11 @@ class ReplayedPartners(Replay):
         is_of_once = call not in STAYS or (isinstance(newest, Fault) and newest.injected)
         return newest if at == now or not is_of_once else None
 
-    def coming(self) -> Answered | None:
+    def peek_call(self) -> CallRecord | None:
         """Return nothing: what tells this bench what to do has read the journal itself."""
         return None
 
-    def end(self) -> None:
+    def check_end(self) -> None:
         """Do nothing: no journal has to come to its end."""
 
     # -- calls of a kernel -----------------------------------------------------------------------------

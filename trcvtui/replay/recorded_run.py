@@ -16,7 +16,7 @@ from trcvtui.net.kernel import KernelLoss, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.plc.containment import EXCEPTION
 from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
-from trcvtui.recording.journal import CLOSE, DO, GAP, REST, SKIP, STEP, Answered, Entry, RunBegins
+from trcvtui.recording.journal import CLOSE, DO, IN_GAP, REST, SKIP, STEP, CallRecord, Entry, RunBegins
 
 MOST_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
@@ -223,7 +223,7 @@ class RecordedRun:
 
     def _take_to(self, calls: tuple[str, ...]) -> None:
         while (entry := self._next) is not None:
-            if isinstance(entry, Answered) and entry.owner == BENCH and entry.call in calls:
+            if isinstance(entry, CallRecord) and entry.owner == BENCH and entry.call in calls:
                 return
             self._take_one(entry)
 
@@ -234,13 +234,13 @@ class RecordedRun:
     def take(self, entry: Entry) -> None:
         if isinstance(entry, RunBegins):
             self.begins = entry
-        elif isinstance(entry, Answered) and not self.is_broken:
+        elif isinstance(entry, CallRecord) and not self.is_broken:
             try:
                 self._take_call(entry)
             except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
                 self.is_broken = True
 
-    def _take_call(self, entry: Answered) -> None:
+    def _take_call(self, entry: CallRecord) -> None:
         owner, call, args, answer = entry
         if call == STEP:
             self.scan += 1
@@ -252,7 +252,7 @@ class RecordedRun:
         if owner in self._peers and call != "local_end":
             return
         handle = cast(int, args[0]) if args else 0
-        is_arrival = call.startswith(GAP)
+        is_arrival = call.startswith(IN_GAP)
         self._calls += not is_arrival and call not in TRANSPARENT
         if call == EXCEPTION:
             self.failures.setdefault(self.scan, owner)
@@ -524,11 +524,11 @@ class RecordedRun:
 
 Note = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
 _NOTES: Final[dict[str, Note]] = {
-    GAP + ARRIVED: RecordedRun._arrived,
-    GAP + MESSAGE: RecordedRun._message_came,
-    GAP + ENDED: RecordedRun._has_ended,
-    GAP + WAITING: RecordedRun._client_waits,
-    GAP + DROPPED: RecordedRun._datagrams_gone,
+    IN_GAP + ARRIVED: RecordedRun._arrived,
+    IN_GAP + MESSAGE: RecordedRun._message_came,
+    IN_GAP + ENDED: RecordedRun._has_ended,
+    IN_GAP + WAITING: RecordedRun._client_waits,
+    IN_GAP + DROPPED: RecordedRun._datagrams_gone,
     "ready_handles": RecordedRun._ready,
     "readable": RecordedRun._readable,
     "local_addresses": RecordedRun._know_broadcasts,

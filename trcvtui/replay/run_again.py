@@ -20,7 +20,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.project.project import Project
 from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
-from trcvtui.recording.replay import Replay, ends_early
+from trcvtui.recording.replay import ReplaySeam, make_early_end_error
 from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
 
 Roots = tuple[RunBegins, Scenario | None, Project]
@@ -61,9 +61,13 @@ class ReplayRun:
     """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
 
     def __init__(
-        self, entries: Iterator[Entry], where: str, replay: Replay | None = None, roots: Roots | None = None
+        self,
+        entries: Iterator[Entry],
+        where: str,
+        replay: ReplaySeam | None = None,
+        roots: Roots | None = None,
     ) -> None:
-        self.replay = replay or Replay(entries, where)
+        self.replay = replay or ReplaySeam(entries, where)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
         self.is_whole = self.is_restored = False
         self.limit = NO_LIMIT  # the scan after which no scan is counted that was not run
@@ -96,7 +100,7 @@ class ReplayRun:
             return self._scan()
 
     def _scan(self) -> bool:
-        while (entry := self.replay.coming()) is not None:
+        while (entry := self.replay.peek_call()) is not None:
             if entry.call == DO and len(entry.args) == 1:
                 self._lines.append(str(entry.args[0]))
                 self._do(self._lines[-1])
@@ -109,7 +113,7 @@ class ReplayRun:
             elif entry.call == CLOSE:
                 self.before_close()
                 self.bench.close()
-                self.replay.end()
+                self.replay.check_end()
                 self.is_whole = True
                 return False
             else:
@@ -157,5 +161,5 @@ class ReplayRun:
 
     def differs(self) -> UserError:
         """Return what is said of a journal that ends before its run."""
-        left = self.replay.scans_left() if self.replay.lost else 0
-        return ends_early(self.where, self.replay.lost, self.bench.runtime.scans, left)
+        left = self.replay.count_scans_left() if self.replay.gap_text else 0
+        return make_early_end_error(self.where, self.replay.gap_text, self.bench.runtime.scans, left)

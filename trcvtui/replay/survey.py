@@ -11,8 +11,8 @@ from typing import Final, cast
 from trcvtui import clock
 from trcvtui.errors import mistake
 from trcvtui.project.tables import quote
-from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, Answered, EntriesLost, Entry
-from trcvtui.recording.replay import ends_early
+from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, CallRecord, EntriesLost, Entry
+from trcvtui.recording.replay import make_early_end_error
 from trcvtui.udt.literals import parse_time
 
 END: Final = 1 << 62  # a scan that no recording has
@@ -110,7 +110,7 @@ class Survey:
 
     def _take(self, entry: Entry) -> bool:
         if self._lost:
-            self._left += isinstance(entry, Answered) and entry.call == STEP
+            self._left += isinstance(entry, CallRecord) and entry.call == STEP
             return False
         if isinstance(entry, EntriesLost) and (self.times or not self.first):
             self._is_whole = entry.why == ENDED_HERE
@@ -119,7 +119,7 @@ class Survey:
                 return False
             self._end()
             return True
-        if not isinstance(entry, Answered):
+        if not isinstance(entry, CallRecord):
             return False
         if entry.call == STEP and isinstance(entry.answer, int):
             self._step(entry.answer)
@@ -147,7 +147,7 @@ class Survey:
     def _end(self) -> None:
         self.is_over = True
         if not self._is_whole:
-            self.trouble = str(ends_early(self._where, self._lost, self.last, self._left))
+            self.trouble = str(make_early_end_error(self._where, self._lost, self.last, self._left))
 
     def cut(self, scan: int, why: str) -> None:
         """Let the run end after a scan: it cannot go on."""

@@ -184,7 +184,7 @@ class TimeLine:
     ) -> None:
         self._journal, self.where, self._capture = journal, where, capture
         self._keyframes = keyframes = Keyframes(journal, where, capture.project if capture else None)
-        self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
+        self.survey = Survey(journal.read_entries(), where, keyframes.first, keyframes.offset)
         judge = FilesJudge(lambda: (journal.path,)) if isinstance(journal, Recording) else None
         self._judge = judge = capture.judge if capture is not None else judge
         self._wants_findings, self.survey.is_judged = False, judge is None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.capture.command import capture_notes, conversation_row
-from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
+from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.history.records import ScanStamp
 from trcvtui.line.capture_player import MISSING, CapturePlayer, ShadowLines, plan_capture
@@ -49,7 +49,7 @@ def capture_page(
     notes.end()
     player.close()
     project, plc, _ = shadows
-    known = NOTHING_KNOWN if project is None else known_ends(plan.project)
+    known = NO_KNOWN_ENDS if project is None else known_ends(plan.project)
     given = None if plc is None else parse_plc(plc)
     source = ReportSource(
         path.name,

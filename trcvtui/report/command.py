@@ -19,7 +19,7 @@ from trcvtui.diagnosis.lint import receivers_of
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
 from trcvtui.history.records import ScanStamp
-from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, Answered, Entry
+from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
@@ -44,7 +44,7 @@ class _NotedScans:
         self._run, self._notes = run, notes
 
     def next_scan(self, bench: Bench) -> None:
-        if self._run.replay.coming() is None:
+        if self._run.replay.peek_call() is None:
             raise self._run.differs()
         bench.step()
         self._notes.scanned()
@@ -60,7 +60,7 @@ class _CommandNotes:
 
     def __iter__(self) -> Iterator[Entry]:
         for entry in self._entries:
-            if isinstance(entry, Answered):
+            if isinstance(entry, CallRecord):
                 if entry.call == STEP and isinstance(entry.answer, int):
                     self._at = ScanStamp(self._at.scan + 1, entry.answer)
                 elif entry.call == DO and len(entry.args) == 1:
@@ -69,7 +69,7 @@ class _CommandNotes:
 
     def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
         for entry in chain((front,), self):
-            if isinstance(entry, Answered) and entry.call == SHOWS:
+            if isinstance(entry, CallRecord) and entry.call == SHOWS:
                 notes.shown(self._at, entry.owner, entry.args)
         notes.end_of_rest(self._at)
 
@@ -85,7 +85,7 @@ def look_at(
             heard = _CommandNotes(run.replay.entries, keyframes.first + 1)
             run.replay.entries = iter(heard)
         else:
-            heard = _CommandNotes(journal.entries())
+            heard = _CommandNotes(journal.read_entries())
             run = ReplayRun(iter(heard), where)
         notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
         run.before_close = notes.end
@@ -96,7 +96,7 @@ def look_at(
                 verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
                 notes.end()
                 run.bench.close()
-                run.replay.end()
+                run.replay.check_end()
             else:
                 while run.scan():
                     notes.scanned()
@@ -106,7 +106,7 @@ def look_at(
             stopped = str(told)
             run.replay.is_busy = False  # the last look is one in a gap
             notes.end()
-            heard.tell_rest(notes, run.replay.coming())
+            heard.tell_rest(notes, run.replay.peek_call())
         return run, notes, verdict, stopped
 
 
@@ -159,7 +159,7 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
         source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
     else:
         run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
-        lines, folders = [recording.damage() or stopped], _folders(run.replay.files, run.begins.path)
+        lines, folders = [recording.find_damage() or stopped], _folders(run.replay.files, run.begins.path)
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets

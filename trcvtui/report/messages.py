@@ -11,8 +11,8 @@ from typing import Final, NamedTuple, TextIO
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.capture.command import take_captures
-from trcvtui.capture.plc_end import NOTHING_KNOWN, fits_nothing, guess_plc, parse_plc
+from trcvtui.capture.command import read_captures
+from trcvtui.capture.plc_end import NO_KNOWN_ENDS, guess_plc, make_no_match_error, parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, WireDirection
 from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
 from trcvtui.engine.controller import fresh_bench
@@ -27,7 +27,7 @@ from trcvtui.plc.ledger import PeerSent
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.project.tables import expected_name, quote
 from trcvtui.recording.journal import SIM_WALL_NS
-from trcvtui.recording.recording import Recording, begin_of_run
+from trcvtui.recording.recording import Recording, read_run_header
 from trcvtui.report.message_table import (
     OF_A_CONVERSATION,
     OF_AN_INSTANCE,
@@ -80,7 +80,7 @@ def messages(asked: MessagesQuestion) -> int:
                 _run(rows, asked.kernel, asked.time_ns)
             elif asked.project is not None:
                 _play(rows, asked.project)
-            elif asked.layout is None and asked.plc is None and all(map(begin_of_run, asked.files)):
+            elif asked.layout is None and asked.plc is None and all(map(read_run_header, asked.files)):
                 for path in asked.files:
                     _run_again(rows, path)
             else:
@@ -267,7 +267,7 @@ def _run_again(rows: _Rows, path: str) -> None:
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
     """Return the time at which t_s is 0: where a run of ours began, else that of the first packet."""
-    begins = begin_of_run(paths[0])
+    begins = read_run_header(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
 
@@ -325,23 +325,23 @@ class _CaptureMessages:
 
     def take_all(self) -> None:
         found, rows, troubles = self._found, self._rows, list[Problem]()
-        take_captures(rows.asked.files, found, troubles)
+        read_captures(rows.asked.files, found, troubles)
         if troubles and not found.packets:
             raise UserError(troubles)
         if rows.table is None:
             rows.begin(None, 0)
         self._cutters.end(max([each.last_ns for each in found.all], default=0))
         if self._given is not None and found.all and not self._cutters.are_any:
-            raise fits_nothing("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
+            raise make_no_match_error("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
         for each in found.all if rows.asked.layout is not None else ():
-            guess = guess_plc(each, self._given, NOTHING_KNOWN)
+            guess = guess_plc(each, self._given, NO_KNOWN_ENDS)
             if guess.confidence < UNSURE:
                 _say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
         _end_capture(found, troubles)
 
     def _made(self, direction: WireDirection) -> MessageCutter | None:
         """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
-        guess = guess_plc(direction.conversation, self._given, NOTHING_KNOWN)
+        guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
             return None
         way = FROM_PLC if guess.says is direction else TO_PLC

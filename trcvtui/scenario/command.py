@@ -20,7 +20,7 @@ from trcvtui.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge
-    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.files import RecordTarget
     from trcvtui.recording.recorder import RunRecorder
 
 
@@ -50,7 +50,7 @@ class RecordedPace:
 
     def next_scan(self, bench: Bench) -> None:
         self._inner.next_scan(bench)
-        self._recorder.gap(bench)
+        self._recorder.finish_scan(bench)
 
 
 HELD, FAILED, WRONG_FILE = 0, 1, 2
@@ -63,7 +63,7 @@ def run_files(
     out: Path | None,
     overrides: Sequence[str],
     netns: bool = False,
-    record: RecordTo | None = None,
+    record: RecordTarget | None = None,
     dialects: Sequence[str] = (),
 ) -> int:
     """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
@@ -88,20 +88,20 @@ def _run_all(
     kernel: str,
     form: str,
     overrides: Sequence[str],
-    record: RecordTo | None,
+    record: RecordTarget | None,
     dialects: Sequence[str],
     write: Callable[[str], object],
     loaded: Callable[[], None],
 ) -> int:
     report = _report_of(form, dialects, write)
     worst = HELD
-    files = record.files(paths) if record is not None else ()
+    files = record.make_paths(paths) if record is not None else ()
     for number, path in enumerate(paths):
         recorder, reads = None, FilesRead()
         if record is not None:
-            from trcvtui.recording.recorder import recorder_of
+            from trcvtui.recording.recorder import make_recorder
 
-            recorder = recorder_of(record, files[number], waits=kernel == "sim")
+            recorder = make_recorder(record, files[number], waits=kernel == "sim")
         try:
             with noting_reads(recorder.reads if recorder is not None else reads):
                 scenario = load_scenario(path, overrides)
@@ -114,9 +114,9 @@ def _run_all(
             judge = None
             if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
                 from trcvtui.diagnosis.judges import RunJudge
-                from trcvtui.recording.recorder import kept_recorder
+                from trcvtui.recording.recorder import attach_black_box
 
-                recorder, box = kept_recorder(recorder, reads)
+                recorder, box = attach_black_box(recorder, reads)
                 judge = RunJudge(box)
             for one in each:
                 held = _run_one(path, one, kernel, report, overrides, recorder, judge)
@@ -168,14 +168,14 @@ def _run_one(
         report.begin(path, scenario, bench)
         pace: Pace = LivePace() if kernel == "live" else VirtualPace()
         if recorder is not None:
-            recorder.begin(bench, path, overrides, is_scenario=True)
+            recorder.add_header(bench, path, overrides, is_scenario=True)
             pace = RecordedPace(pace, recorder)
         try:
             runner = Runner(bench, scenario.name, pace, report.scan, judge)
             verdict = runner.play((*scenario.start, *scenario.steps))
         finally:
             bench.close()
-    for line in recorder.lines() if recorder is not None else ():
+    for line in recorder.list_remarks() if recorder is not None else ():
         sys.stderr.write(f"{line}\n")
     report.verdict(verdict)
     return verdict.passed

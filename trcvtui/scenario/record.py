@@ -18,8 +18,8 @@ from trcvtui.commands.table import parse_line
 from trcvtui.errors import mistake
 from trcvtui.files import folder_for, noting_reads
 from trcvtui.project.project import Project
-from trcvtui.recording.files import SUFFIX, TRIGGER, FileLimits, FileSink, RecordTo, Sink
-from trcvtui.recording.recorder import recorder_of
+from trcvtui.recording.files import FILE_SUFFIX, TRIGGER_WORD, EntrySink, FileLimits, FileSink, RecordTarget
+from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.runner import Pace, VirtualPace
 from trcvtui.scenario.scenario import load_bench, start_steps
@@ -65,7 +65,7 @@ def record(
     on: str | None,
     duration: str | None,
     has_secrets: bool,
-    follow: Callable[[FileSink, str], Sink],
+    follow: Callable[[FileSink, str], EntrySink],
     is_kept: bool = True,
 ) -> int:
     """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written.
@@ -73,8 +73,8 @@ def record(
     `is_kept` False: the folder goes again, so that no report of an internal error may stand there.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
-    asked = RecordTo(out, False, has_secrets, limits, follow)
-    recorder = recorder_of(asked, out / path.stem, waits=kernel == "sim")
+    asked = RecordTarget(out, False, has_secrets, limits, follow)
+    recorder = make_recorder(asked, out / path.stem, waits=kernel == "sim")
     with ExitStack() as opened:
         opened.enter_context(folder_for(out, "--out"))
         opened.enter_context(noting_reads(recorder.reads))
@@ -89,12 +89,12 @@ def record(
         opened.callback(bench.close)
         for step in start_steps(project):
             bench.do(step.command)
-        recorder.begin(bench, path, (), is_scenario=False)
+        recorder.add_header(bench, path, (), is_scenario=False)
         bench.reports = bench.reports if is_kept else None
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
     told = bench.containment.take_messages()
-    lines = recorder.lines() if is_kept else [recorder.trouble] * bool(recorder.trouble)
+    lines = recorder.list_remarks() if is_kept else [recorder.trouble] * bool(recorder.trouble)
     _say("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
     return 1 if recorder.trouble else 0
 
@@ -130,11 +130,11 @@ def _run(
             holds_now = holds(bench, condition)
             if holds_now and not held:
                 triggers += 1
-                bench.told(f"{TRIGGER} {on}")
+                bench.told(f"{TRIGGER_WORD} {on}")
             held = holds_now
         if shows and clock.now_ns() > told + PROGRESS_NS:
             told = clock.now_ns()
-            size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(SUFFIX))
+            size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(FILE_SUFFIX))
             seconds = bench.now // clock.NS_PER_S
             elapsed = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
             _say(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")

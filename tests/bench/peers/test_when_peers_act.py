@@ -12,7 +12,7 @@ from tests.bench.bench_lines import do
 from tests.replay.journals import again, jsonl, recorded
 from trcvtui.bench.bench import Bench
 from trcvtui.project.file import read_project
-from trcvtui.recording.journal import REST, Answered
+from trcvtui.recording.journal import REST, CallRecord
 from trcvtui.replay.command import check
 
 MS: Final = 1_000_000
@@ -108,7 +108,7 @@ def test_what_peers_did_between_scans_is_recorded_and_runs_again(tmp_path: Path)
     steps = "set X EN_R=1 LEN=10\\nrun T#4s"
     file.write_text(f'project = "b.toml"\n[scenario]\nname = "s"\nsteps = "{steps}"\n')
     text, entries = recorded(file)
-    acted = [entry.args for entry in entries if isinstance(entry, Answered) and entry.call == REST]
+    acted = [entry.args for entry in entries if isinstance(entry, CallRecord) and entry.call == REST]
     assert acted[:6] == [(at * MS,) for at in (7, 10, 14, 17, 70, 77)]
     assert check(again(entries)) == ""
     assert jsonl(entries) == text

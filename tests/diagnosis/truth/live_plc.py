@@ -14,8 +14,8 @@ from typing import Any
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.files import noting_reads
 from trcvtui.project.file import load_project
-from trcvtui.recording.files import RecordTo
-from trcvtui.recording.recorder import recorder_of
+from trcvtui.recording.files import RecordTarget
+from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.report import JsonLines
 
@@ -29,12 +29,14 @@ class LivePlc:
         path, self.recording = folder / "plc.toml", folder / "plc.pcapng"
         path.write_text(text)
         self.dialect, self.lines = text.split('"')[1], list[dict[str, Any]]()
-        self._recorder = recorder_of(RecordTo(self.recording, overwrite=True), self.recording, waits=True)
+        self._recorder = make_recorder(
+            RecordTarget(self.recording, overwrite=True), self.recording, waits=True
+        )
         with noting_reads(self._recorder.reads):
             project = load_project(path)
         self._recorder.__enter__()
         self.bench = fresh_bench(project, "live", self._recorder.seam)
-        self._recorder.begin(self.bench, path, (), is_scenario=False)
+        self._recorder.add_header(self.bench, path, (), is_scenario=False)
         self._report = JsonLines(lambda line: self.lines.append(json.loads(line)), 0)
         self._pace = RecordedPace(LivePace(), self._recorder)
         self._passed, self._is_over = Condition(), False

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from trcvtui.cli.main import main
-from trcvtui.recording.files import RecordTo
+from trcvtui.recording.files import RecordTarget
 from trcvtui.scenario.command import run_files
 
 Line = dict[str, Any]  # of jsonl
@@ -71,7 +71,7 @@ def _here(call: Callable[[], int]) -> tuple[int, str, str]:
 
 def run(path: Path, *sets: str, record: Path | None = None) -> str:
     """Run a scenario, on record where a file is named; return its jsonl."""
-    to = None if record is None else RecordTo(record, overwrite=True)
+    to = None if record is None else RecordTarget(record, overwrite=True)
     code, out, err = _here(lambda: run_files([path], "sim", "jsonl", None, sets, record=to))
     assert code == 0 and (not err or "holds TLS secrets" in err), (sets, err, out[-400:])
     return out

@@ -203,7 +203,7 @@ def _simulated_day(scans: int) -> dict[str, float]:
         for _ in range(scans // HOURS // SCANS_A_PICTURE):
             driver.scan(SCANS_A_PICTURE)
             driver.request(UpdateRequest(since_seq=seq))
-            picture = driver.picture()
+            picture = driver.poll_picture()
             assert picture is not None
             seq = picture.lines[-1].seq if picture.lines else seq
         marks.append(_mb())

@@ -20,8 +20,8 @@ from benchmarks.figures import Effort, Figure, percentile
 from benchmarks.key_paint import KEYS_A_ROUND, PAUSE_S, WATCHED
 from benchmarks.terminal import Terminal
 from benchmarks.traffic import project, traffic
-from trcvtui.history.messages import ROWS, MessageRow, MessagesDelta
-from trcvtui.history.records import NOW
+from trcvtui.history.messages import MOST_INSTANCE_ROWS, MessageRow, MessagesDelta
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.project.file import load_project
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.member_numbers import MemberNumbers
@@ -52,7 +52,7 @@ def _curve(effort: Effort) -> Iterator[Figure]:
         layout = load_project(file).data[0].layout
     known, numbers, took = KnownMessages(), MemberNumbers(layout, layout.leaf(1)), list[float]()
     known.asked("X")
-    _bring(known, ROWS)
+    _bring(known, MOST_INSTANCE_ROWS)
     numbers.follow(known, known.stop)
     for _ in range(effort.rounds * PICTURES):
         _bring(known, 1)
@@ -72,7 +72,7 @@ def _bring(known: KnownMessages, count: int) -> None:
         content = struct.pack("<3f", 0, random.random(), 0)
         row = MessageRow(number, number, number * 10**9, 10**9, MESSAGE, 0x7008, "C", 0, "", MESSAGE, content)
         rows.append(row)
-    known.take(MessagesDelta("X", known.stop, known.stop + count, tuple(rows)), NOW)
+    known.take(MessagesDelta("X", known.stop, known.stop + count, tuple(rows)), MAX_SCAN)
 
 
 def _table(effort: Effort) -> Iterator[Figure]:
@@ -84,7 +84,7 @@ def _table(effort: Effort) -> Iterator[Figure]:
         ) as terminal:
             terminal.wait_for(("16#70", "▸ TRCV_C_0"))
             terminal.type("5D")
-            _wait_until(terminal, ROWS)
+            _wait_until(terminal, MOST_INSTANCE_ROWS)
             keys = list[float]()
             for _ in range(effort.rounds):
                 terminal.type(UP)
@@ -101,7 +101,10 @@ def _table(effort: Effort) -> Iterator[Figure]:
                     keys.append(1000 * (time.perf_counter() - began))
             terminal.end("q")
     for share in (0.50, 0.99):
-        ms, note = percentile(keys, share), f"{len(keys)} keys, latest {max(keys):.0f} ms; {ROWS} rows"
+        ms, note = (
+            percentile(keys, share),
+            f"{len(keys)} keys, latest {max(keys):.0f} ms; {MOST_INSTANCE_ROWS} rows",
+        )
         yield Figure(f"key to paint in the table p{100 * share:.0f}", f"{ms:.1f} ms", ms, note)
 
 

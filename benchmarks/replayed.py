@@ -21,9 +21,9 @@ from trcvtui import clock
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check
-from trcvtui.replay.driver import SLICE_NS
-from trcvtui.replay.follower import FollowedRun
+from trcvtui.replay.command import check_replay
+from trcvtui.replay.driver import WORK_SLICE_NS
+from trcvtui.replay.follower import RecordedRunWriter
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.scenario.command import run_files
@@ -75,7 +75,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
         path = recorded(Path(folder))
 
         def again() -> None:
-            assert check(ReplayRun(Recording(path).read_entries(), str(path))) == ""
+            assert check_replay(ReplayRun(Recording(path).read_entries(), str(path))) == ""
 
         pairs = alternate(
             lambda: _cost(lambda: _run(Path(folder), None)), lambda: _cost(again), min(effort.pairs, 5)
@@ -87,7 +87,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
 def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
     path = folder / "frames.pcapng"
-    _run(folder, RecordTarget(path, follow=FollowedRun))
+    _run(folder, RecordTarget(path, follow=RecordedRunWriter))
     return path
 
 
@@ -104,22 +104,22 @@ def _run(folder: Path, record: RecordTarget | None) -> None:
 
 def _opened(path: Path) -> TimeLine:
     line = TimeLine(Recording(path), str(path))
-    while not line.controller.at:
-        line.work(clock.now_ns() + SLICE_NS)
-    line.picture(UpdateRequest())
+    while not line.controller.scans:
+        line.advance(clock.now_ns() + WORK_SLICE_NS)
+    line.make_picture(UpdateRequest())
     return line
 
 
 def _work(line: TimeLine) -> None:
-    while line.work(clock.now_ns() + SLICE_NS):
+    while line.advance(clock.now_ns() + WORK_SLICE_NS):
         pass
 
 
 def _go(line: TimeLine, scan: int) -> None:
-    line.take(1, f"at {scan}")
+    line.handle_line(1, f"at {scan}")
     _work(line)
-    line.picture(UpdateRequest())
-    assert line.controller.at == scan
+    line.make_picture(UpdateRequest())
+    assert line.controller.scans == scan
 
 
 def _cost(act: Callable[[], None]) -> float:

@@ -20,7 +20,7 @@ def wait_for(driver: ProcessDriver, seen: Callable[[BenchUpdate], bool]) -> Benc
     for _ in range(MOST_PICTURES):
         driver.request(request)
         driver.wait(1.0)
-        picture = driver.picture()
+        picture = driver.poll_picture()
         if picture is not None:
             if seen(picture):
                 return picture
@@ -79,17 +79,17 @@ class LocalDriver:
     def request(self, request: UpdateRequest) -> None:
         self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         picture, self._picture = self._picture, None
         return picture
 
     def shown(self, request: UpdateRequest | None = None) -> BenchUpdate:
         self.request(request or UpdateRequest())
-        picture = self.picture()
+        picture = self.poll_picture()
         assert picture is not None
         return picture
 
-    def cuts(self) -> str:
+    def describe_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:

@@ -203,7 +203,7 @@ def test_a_reader_of_the_ledger_that_raises_leaves_the_scans_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "four.toml").write_text(four("baosky"))
-    raising(monkeypatch, StreamIndex, "_bytes_received", lambda index: True)
+    raising(monkeypatch, StreamIndex, "_handle_received", lambda index: True)
     console = Controller(fresh_bench(load_project(tmp_path / "four.toml"), "sim"))
     for _ in range(200):
         console.scan()

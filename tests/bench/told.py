@@ -10,7 +10,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.history.link_statistics import facts_while
+from trcvtui.history.link_statistics import past_facts
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.file import read_project
@@ -155,5 +155,5 @@ class Told:
         project = self.driver.console.bench.project
         decl = project.instance(instance)
         assert decl is not None
-        facts, until = facts_while(self.lines, line, edge, decl.connect)
+        facts, until = past_facts(self.lines, line, edge, decl.connect)
         return advice_on(evidence_then(line, edge, facts, until, project, 10_000_000))

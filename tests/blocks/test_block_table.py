@@ -126,15 +126,15 @@ def test_it_is_called_and_its_waves_have_its_pins(project: Project) -> None:
         console.scan()
     picture = console.picture(UpdateRequest(waves=(("B1", 0),)), EngineTiming(), 0)
     shelf = WaveformCache()
-    shelf.take(picture.waves, picture.snapshot.interval_ns)
-    wave = shelf.of("B1")
+    shelf.add_deltas(picture.waves, picture.snapshot.interval_ns)
+    wave = shelf.get_wave("B1")
     assert {"REQ", "SEEN", "LIT", "STATUS"} <= set(row_names(wave))
     assert _levels(wave, "SEEN") == [0, 0, 0, 1, 0, 0]
     assert _levels(wave, "LIT") == [1, 1, 1, 0, 0, 0]
 
 
 def _levels(wave: Waveform, pin: str) -> list[int | None]:
-    return [wave.lanes[pin].at(scan) for scan in range(1, 7)]
+    return [wave.lanes[pin].value_at(scan) for scan in range(1, 7)]
 
 
 def test_its_status_words_are_explained(capsys: pytest.CaptureFixture[str]) -> None:

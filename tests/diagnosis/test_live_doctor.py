@@ -29,8 +29,8 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recorder import make_recorder
 from trcvtui.recording.worker_process import PendingAnswer
-from trcvtui.replay.driver import SLICE_NS, opened
-from trcvtui.replay.job_facts import recorded_facts
+from trcvtui.replay.driver import WORK_SLICE_NS, open_time_line
+from trcvtui.replay.job_facts import collect_recorded_facts
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.snapshots.doctor import DoctorSnapshot
 from trcvtui.udt.layout.values import decode
@@ -169,7 +169,7 @@ def after_ten_seconds(
                 values[decl.name] = dict(zip(paths, shown, strict=True))
         recorder.close()  # as a box has it: the run goes on
         bench.close()
-    return found_in_run(str(file), recorded_facts)
+    return found_in_run(str(file), collect_recorded_facts)
 
 
 def _pass(bench: Bench, recorder: Any, scans: int) -> None:
@@ -385,7 +385,7 @@ def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
 
         def picture() -> BenchUpdate | None:
             driver.request(UpdateRequest())
-            return driver.picture()
+            return driver.poll_picture()
 
         told = told_by(lambda _: driver.submit("doctor R"), picture, "frame-short (95% sure), R")
         assert "have 8 bytes, a job wants 12" in told
@@ -396,14 +396,14 @@ def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
 def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp_path: Path) -> None:
     file = tmp_path / "run.pcapng"
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
-    line = opened(file, None)
+    line = open_time_line(file, None)
 
     def picture() -> BenchUpdate | None:
-        line.work(clock.now_ns() + SLICE_NS)
-        return line.picture(UpdateRequest())
+        line.advance(clock.now_ns() + WORK_SLICE_NS)
+        return line.make_picture(UpdateRequest())
 
     for name, cause in (("R", "frame-short"), ("C1", "frame-short"), ("", "frame-short")):
-        told = told_by(lambda number, name=name: line.take(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]
+        told = told_by(lambda number, name=name: line.handle_line(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]
         assert told.startswith("frame-short (95% sure), R\n")
     assert line.controller._doctor.snapshot.looks == 1
     [scan] = line.survey.findings
@@ -412,17 +412,21 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
             ("", line.survey.errors[0], line.survey.trouble),
             ("at error +1", scan, "finding: frame-short (J)"),
             ("at error +1", scan, "no later ERROR, no finding"),
-            ("at end", line.survey.last, line.survey.trouble),
+            ("at end", line.survey.last_scan, line.survey.trouble),
             ("at error -1", scan, "finding: frame-short (J)"),
         )
     ):
         if asked:
-            line.take(number, asked)
-        while line.work(clock.now_ns() + SLICE_NS):
+            line.handle_line(number, asked)
+        while line.advance(clock.now_ns() + WORK_SLICE_NS):
             pass
         seen = picture()
         assert seen is not None and seen.position is not None
-        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (there, note, line.survey.last)
+        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (
+            there,
+            note,
+            line.survey.last_scan,
+        )
     line.close()
 
 
@@ -439,7 +443,7 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     told: list[str] = []
     monkeypatch.setattr(DoctorInput, "_tell", lambda _, text, at_once=False: told.append(text))
-    judged = DoctorInput(str(tmp_path / "answer"), recorded_facts, load_bench)
+    judged = DoctorInput(str(tmp_path / "answer"), collect_recorded_facts, load_bench)
     judged.add_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
     assert told[0].startswith("runs it again, scan 0 of ")

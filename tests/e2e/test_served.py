@@ -260,7 +260,7 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
         while len(answers) < 2:
             driver.request(UpdateRequest())
             driver.wait(1)
-            picture = driver.picture()
+            picture = driver.poll_picture()
             answers += picture.answers if picture else ()
     finally:
         driver.close()

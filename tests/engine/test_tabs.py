@@ -19,7 +19,7 @@ from trcvtui.engine.screens import MOST_ECHO, MOST_MESSAGE
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.picture.protocol import MOST_TABS, REFUSED, EngineStopped
+from trcvtui.picture.protocol import MOST_TABS, READ_ONLY, EngineStopped
 from trcvtui.snapshots.bench import LineAnswer
 
 PASSIVE = CONFIGS / "passive.toml"
@@ -56,7 +56,7 @@ def answers(tab: ProcessDriver, most: int) -> list[LineAnswer]:
 
 def asked(tab: AttachedDriver, request: UpdateRequest) -> BenchUpdate:
     tab.request(request)
-    while (picture := tab.picture()) is None:
+    while (picture := tab.poll_picture()) is None:
         tab.wait(1)
     return picture
 
@@ -179,7 +179,7 @@ def test_a_tab_that_looks_on_is_answered_and_nothing_is_carried_out() -> None:
             lines = ("hold", "set TRCV_C_1 EN_R=1", "scenario stop", "save project x.toml", "mark")
             for line in (*lines, "expect TRCV_C_1 EN_R=0"):
                 tab.submit(line)
-            assert [answer.error for answer in answers(tab, 6)] == [*[REFUSED] * len(lines), ""]
+            assert [answer.error for answer in answers(tab, 6)] == [*[READ_ONLY] * len(lines), ""]
             wait_for(tab, lambda picture: picture.snapshot.scan > 5 and not picture.holding)
 
 

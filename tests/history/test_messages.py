@@ -10,8 +10,8 @@ from tests.history.test_received import ADDED_AGAIN, frames
 from tests.history.test_received import talking as reading
 from tests.properties.test_history import Generator
 from trcvtui.history import messages
-from trcvtui.history.messages import KeptRows, MessageRow, MessageRows
-from trcvtui.history.records import NOW
+from trcvtui.history.messages import MessageRow, MessageRows, NewestRows
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.plc.ledger import KEPT_LINES, BenchNote
 from trcvtui.tui.view_model.known_messages import KnownMessages
@@ -22,10 +22,10 @@ def talking() -> tuple[Generator, MessageRows]:
     return told, MessageRows(told.bench, told.ledger, reader.streams)
 
 
-def crossed(rows: KeptRows, known: KnownMessages, until: int = NOW) -> int:
+def crossed(rows: NewestRows, known: KnownMessages, until: int = MAX_SCAN) -> int:
     """Let the screen ask until nothing is new; return how many pictures that took."""
     for pictures in range(1, 1000):
-        known.take(rows.news(*known.asked("X"), until), until)
+        known.take(rows.make_delta(*known.asked("X"), until), until)
         if not known.is_behind:
             return pictures
     raise AssertionError("never here")
@@ -84,19 +84,19 @@ def test_a_frozen_view_has_the_rows_up_to_its_scan_and_keeps_their_bytes() -> No
 
 
 def test_rows_are_bounded_for_an_instance_and_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(messages, "ROWS", 20)
+    monkeypatch.setattr(messages, "MOST_INSTANCE_ROWS", 20)
     told, rows = talking()
     known = KnownMessages()
     frames(told, 5)
     crossed(rows, known)
     frames(told, 40)
-    delta = rows.news("X", 0)
+    delta = rows.make_delta("X", 0)
     assert (delta.first, delta.count, len(delta.rows)) == (25, 45, 20)
     crossed(rows, known)
     assert (known.first, known.left_out, len(known.rows)) == (35, 30, 10)
     monkeypatch.setattr(messages, "MOST_ROWS", 10)
     frames(told, 1)
-    assert len(rows.news("X", 0).rows) == 20, "one goes for each that comes"
+    assert len(rows.make_delta("X", 0).rows) == 20, "one goes for each that comes"
 
 
 def test_a_job_that_is_cut_says_by_what_and_an_instance_added_again_goes_on() -> None:
@@ -112,7 +112,7 @@ def test_a_job_that_is_cut_says_by_what_and_an_instance_added_again_goes_on() ->
     told.do("peer P1 connect")
     told.scan(4)
     frames(told, 1)
-    found = rows.news("X", 0).rows
+    found = rows.make_delta("X", 0).rows
     assert [(row.number, row.size, row.reason) for row in found] == [(1, 24, ""), (2, 5, "FIN"), (1, 24, "")]
 
 
@@ -124,14 +124,14 @@ def test_after_lines_were_overwritten_no_row_and_no_gap_is_guessed() -> None:
     told.bench.runtime.ledger.write_all([BenchNote("note", "", "")] * (KEPT_LINES + 1))
     told.scan(3)
     frames(told, 1)
-    assert [(row.number, row.gap_ns) for row in rows.news("X", 0).rows] == [(1, None), (3, None)]
+    assert [(row.number, row.gap_ns) for row in rows.make_delta("X", 0).rows] == [(1, None), (3, None)]
 
 
 def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
     rings, known = ReceivedRings(), KnownMessages()
-    rows = KeptRows(rings.get)
+    rows = NewestRows(rings.get)
     for number, size in enumerate((0, 3, 0), 1):
-        rows.add(
+        rows.add_row(
             "X",
             number,
             number,
@@ -151,11 +151,14 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
 
 def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in_a_row() -> None:
     rings, known, numbers, here = ReceivedRings(), KnownMessages(), count(1), list[int]()
-    rows = KeptRows(rings.get)
+    rows = NewestRows(rings.get)
     for _ in range(100):
         for number in islice(numbers, 2 * messages.ROWS_A_PICTURE):
-            rows.add("X", number, number, number, 1, "C", [(rings.open_ring("C").append(b"1"), 1)], "", 1)
-        known.take(rows.news(*known.asked("X")), NOW)
+            rows.add_row("X", number, number, number, 1, "C", [(rings.open_ring("C").append(b"1"), 1)], "", 1)
+        known.take(rows.make_delta(*known.asked("X")), MAX_SCAN)
         here.append(len(known.rows))
-    assert max(here[50:]) > messages.ROWS // 3 and sum(each == messages.ROWS_A_PICTURE for each in here) <= 5
+    assert (
+        max(here[50:]) > messages.MOST_INSTANCE_ROWS // 3
+        and sum(each == messages.ROWS_A_PICTURE for each in here) <= 5
+    )
     assert [row.number for row in known.rows] == [*range(known.first + 1, known.stop + 1)]

@@ -9,7 +9,7 @@ import pytest
 from tests.properties.test_history import Generator, all_of, history_bench, labels
 from trcvtui.history import received_streams, stream_reader
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.history.records import HistoryRequest, HistoryWindow, SeekRequest
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import ConnectionChanged, EventKind
@@ -47,11 +47,13 @@ def frames(told: Generator, count: int) -> bytes:
     return sent
 
 
-def sought(reader: StreamReader, seek: Seek, beside: Seek | None = None) -> tuple[int | None, int]:
+def sought(
+    reader: StreamReader, seek: SeekRequest, beside: SeekRequest | None = None
+) -> tuple[int | None, int]:
     """Return where something was found, and how many pictures that took."""
     for pictures in range(1, 1000):
-        reader.window(HistoryRequest("C1", seek=beside))  # of another screen
-        answer = reader.window(HistoryRequest("C1", seek=seek)).sought
+        reader.read_window(HistoryRequest("C1", seek=beside))  # of another screen
+        answer = reader.read_window(HistoryRequest("C1", seek=seek)).sought
         assert answer is not None
         if answer.share >= 1:
             return answer.position, pictures
@@ -82,7 +84,7 @@ def test_what_a_connect_had_received_before_it_was_removed_keeps_its_jobs() -> N
             told.scan(4)
     told.do("set X EN_R=0")
     told.scan(2)
-    window = reader.window(HistoryRequest("C1", 0, 64))
+    window = reader.read_window(HistoryRequest("C1", 0, 64))
     assert [(job.position, job.size, job.first, job.done) for job in window.jobs] == [
         (0, 24, 0, True), (24, 3, 0, False), (27, 3, 0, False)
     ]  # fmt: skip
@@ -93,7 +95,7 @@ def test_jobs_and_recv_calls_are_bounded_too(monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(received_streams, name, size)
     told, reader = talking()
     frames(told, 20)
-    window = reader.window(HistoryRequest("C1", 0, 8192))
+    window = reader.read_window(HistoryRequest("C1", 0, 8192))
     assert (window.begin, len(window.jobs), window.lack) == (11 * 24, 9, "older than the jobs that are kept")
 
 
@@ -102,23 +104,25 @@ def test_a_window_is_bounded_whatever_is_asked_for() -> None:
     told.do("set X LEN=1")
     told.send(bytes(700), [])
     told.scan(1500)
-    window = reader.window(HistoryRequest("C1", 0, 1 << 30))
+    window = reader.read_window(HistoryRequest("C1", 0, 1 << 30))
     assert window.end == 700
     assert len(window.jobs) == 512
     assert window.stop == 24 + 511, "the first job had begun before LEN was 1"
-    assert reader.window(HistoryRequest("C1", 1 << 40, 10)).content == b""
-    assert reader.window(HistoryRequest("nowhere", 5, 10)) == HistoryWindow("nowhere", 0, 0)
+    assert reader.read_window(HistoryRequest("C1", 1 << 40, 10)).content == b""
+    assert reader.read_window(HistoryRequest("nowhere", 5, 10)) == HistoryWindow("nowhere", 0, 0)
 
 
 def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream_reader, "STRETCH", 64)
+    monkeypatch.setattr(stream_reader, "STRETCH_BYTES", 64)
     told, reader = talking()
     sent = frames(told, 40)
     pattern = sent[500:506]  # over the border of two jobs
-    assert sought(reader, Seek(1, 0, True, (pattern, b"\0" * 40)), Seek(0, 0, True, (b"-",))) == (500, 15)
-    assert sought(reader, Seek(2, 501, True, (pattern,)))[0] is None
-    assert sought(reader, Seek(3, 960, False, (pattern,)))[0] == 500
-    assert sought(reader, Seek(4, 500, False, (pattern,)))[0] is None
+    assert sought(
+        reader, SeekRequest(1, 0, True, (pattern, b"\0" * 40)), SeekRequest(0, 0, True, (b"-",))
+    ) == (500, 15)
+    assert sought(reader, SeekRequest(2, 501, True, (pattern,)))[0] is None
+    assert sought(reader, SeekRequest(3, 960, False, (pattern,)))[0] == 500
+    assert sought(reader, SeekRequest(4, 500, False, (pattern,)))[0] is None
 
 
 def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
@@ -126,12 +130,12 @@ def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
     plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"
     for incarnation in (1, 2):
         if incarnation == 1:
-            index.take([(1, 0, ConnectionChanged("C1", incarnation, EventKind.CONNECTED, plc, peer))])
-        index.take([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
-        index.take([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
-    index.take([(3, 0, ConnectionChanged("C1", 2, EventKind.CONNECTED, plc, peer))])
+            index.add_lines([(1, 0, ConnectionChanged("C1", incarnation, EventKind.CONNECTED, plc, peer))])
+        index.add_lines([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
+        index.add_lines([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
+    index.add_lines([(3, 0, ConnectionChanged("C1", 2, EventKind.CONNECTED, plc, peer))])
     for incarnation, numbers in ((1, [2, 3]), (2, [4, 5])):
-        found = index.messages_within(("C1", incarnation), 5, 10, 100)
+        found = index.find_messages_within(("C1", incarnation), 5, 10, 100)
         assert [span.number for span in found] == numbers
         assert [(span.position, span.size, span.first) for span in found] == [(100, 5, 5), (105, 5, 0)]
-    assert index.messages_within(("C1", 3), 0, 10, 0) == []
+    assert index.find_messages_within(("C1", 3), 0, 10, 0) == []

@@ -18,7 +18,7 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRows
-from trcvtui.history.records import HistoryRequest, JobSpan, Seek
+from trcvtui.history.records import HistoryRequest, JobSpan, SeekRequest
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import BytesDropped
 from trcvtui.scenario.runner import Runner, VirtualPace
@@ -66,7 +66,7 @@ class Compared(VirtualPace):
                     drops[event.buffer, event.size, f"incomplete, {event.reason}"] += 1
                 case BytesLost() if event.buffer != "TX":  # what is sent was not received
                     drops[event.buffer, event.size, event.reason] += 1
-        rows = [(name, row) for name, row in self.rows.take()]
+        rows = [(name, row) for name, row in self.rows.take_rows()]
         assert ended == Counter((name, row.number, row.size, row.reason) for name, row in rows)
         contents = {(name, row.number): row.content for name, row in rows if not row.reason}
         for data, (name, instance, number, size) in in_data.items():
@@ -86,10 +86,10 @@ class Compared(VirtualPace):
         return (decl.data or "") if decl is not None else ""
 
     def _job(self, name: str, instance: str, number: int, content: bytes) -> None:
-        seek = Seek(next(self._seeks), 0, False, job=(instance, number))
-        sought = self.reader.window(HistoryRequest(name, seek=seek)).sought
+        seek = SeekRequest(next(self._seeks), 0, False, job=(instance, number))
+        sought = self.reader.read_window(HistoryRequest(name, seek=seek)).sought
         assert sought is not None and sought.position is not None
-        window = self.reader.window(HistoryRequest(name, sought.position, 8192, job_at=sought.position))
+        window = self.reader.read_window(HistoryRequest(name, sought.position, 8192, job_at=sought.position))
         assert window.job == (sought.position, content) or not content
         job = next(job for job in window.jobs if job.number == number and job.instance == instance)
         assert (job.whole, job.scan, job.done) == (len(content), self.bench.runtime.scans, True)
@@ -97,7 +97,7 @@ class Compared(VirtualPace):
         self.found["jobs"] += 1
 
     def _dropped(self, name: str) -> list[JobSpan]:
-        scan, window = self.bench.runtime.scans, self.reader.window(HistoryRequest(name, size=8192))
+        scan, window = self.bench.runtime.scans, self.reader.read_window(HistoryRequest(name, size=8192))
         assert all(job.scan for job in window.jobs), "of each byte it is known whose it is"
         return [job for job in window.jobs if not (job.done or job.is_open or job.first) and job.scan == scan]
 
@@ -123,7 +123,7 @@ def test_the_end_of_a_datagram_that_had_no_room_has_a_place_without_values() -> 
     spans = {}
     for stem in ("udp-80aa-datagram-too-large", "udp-large-datagram-cut"):
         (path,) = [path for path in SCENARIOS if path.stem == stem]
-        window = compared(path).reader.window(HistoryRequest("U1", size=8192))
+        window = compared(path).reader.read_window(HistoryRequest("U1", size=8192))
         spans[stem] = [(job.number, job.size, job.whole, job.done, job.is_kept) for job in window.jobs]
     too_large, cut = spans.values()
     assert too_large[:2] == [(1, 8, 9, False, True), (1, 1, 9, False, False)]

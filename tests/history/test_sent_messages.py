@@ -32,7 +32,7 @@ class Messages(VirtualPace):
 
     def next_scan(self, bench: Bench) -> None:
         super().next_scan(bench)
-        self.taken += self.rows.take()
+        self.taken += self.rows.take_rows()
 
 
 def played(path: Path, takes: bool = True) -> tuple[Bench, Messages]:
@@ -77,7 +77,7 @@ def test_the_partner_has_got_the_bytes_of_the_messages_and_old_ones_have_none() 
     names = [one.name for one in bench.project.instances]
 
     def rows() -> list[MessageRow]:
-        found = [row for name in names for row in messages.rows.news(name, 0).rows]
+        found = [row for name in names for row in messages.rows.make_delta(name, 0).rows]
         return sorted(found, key=lambda row: row.position)
 
     sent = rows()

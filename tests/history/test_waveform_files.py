@@ -11,12 +11,12 @@ from vcdvcd import VCDVCD  # type: ignore[import-untyped]
 
 from tests.history.waveform_runs import RECEIVER, Run, connected, random_run
 from trcvtui.errors import UserError
-from trcvtui.history.pin_waveform import pins_of
+from trcvtui.history.pin_waveform import event_pins
 from trcvtui.history.waveform_text import (
     ScanRange,
+    format_vcd,
     free_path,
     target_folder,
-    vcd_text,
     write_waves,
 )
 from trcvtui.plc.ledger import InputEdge, StatusEdge
@@ -43,13 +43,13 @@ def whole(run: Run) -> ScanRange:
 
 def test_the_vcd_read_back_has_every_change_of_the_ledger() -> None:
     run = random_run(22, 800)
-    told = read_back(vcd_text([run.wave()], whole(run)))
+    told = read_back(format_vcd([run.wave()], whole(run)))
     last: dict[str, int | None] = {}
     written: dict[str, list[tuple[int, int | None]]] = {}
     for line in run.console.bench.runtime.ledger.lines_since(0):
         event = line.event
         if isinstance(event, StatusEdge | InputEdge) and event.instance == RECEIVER:
-            for pin, value in pins_of(event):
+            for pin, value in event_pins(event):
                 if last.get(pin, -1) != value:
                     written.setdefault(pin, []).append((line.t_ns, value))
                 last[pin] = value
@@ -65,7 +65,7 @@ def test_the_vcd_read_back_has_every_change_of_the_ledger() -> None:
 def test_a_reset_that_rises_and_falls_in_one_scan_has_two_times_in_the_vcd() -> None:
     run = connected()
     run.play("pulse TRCV_C_1 COM_RST", 3)
-    changes = read_back(vcd_text([run.wave()], whole(run)))[f"{RECEIVER}.COM_RST"]
+    changes = read_back(format_vcd([run.wave()], whole(run)))[f"{RECEIVER}.COM_RST"]
     (up, one), (down, zero) = changes[-2:]
     assert (one, zero) == (1, 0) and down == up + 1
 
@@ -73,7 +73,7 @@ def test_a_reset_that_rises_and_falls_in_one_scan_has_two_times_in_the_vcd() -> 
 def test_widths_are_those_of_the_manual() -> None:
     run = connected()
     run.catch_up()
-    text = vcd_text([run.wave()], whole(run))
+    text = format_vcd([run.wave()], whole(run))
     for words in ("$timescale 1 ns", "reg 16", "reg 32", "wire 1", "module TRCV_C_1"):
         assert words in text
 
@@ -81,7 +81,7 @@ def test_widths_are_those_of_the_manual() -> None:
 def test_a_vcd_between_two_markers_begins_with_what_the_pins_were() -> None:
     run = connected()
     run.play("peer P1 send random 8 seed=1", 20)
-    told = read_back(vcd_text([run.wave()], ScanRange(12, 25)))
+    told = read_back(format_vcd([run.wave()], ScanRange(12, 25)))
     assert told[f"{RECEIVER}.CONT"] == [(0, None), (10 * INTERVAL, 1)]
     assert told[f"{RECEIVER}.DONE"][-2:] != told[f"{RECEIVER}.DONE"][-1:], "the pulse is inside"
 

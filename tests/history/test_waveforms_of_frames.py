@@ -9,7 +9,7 @@ import pytest
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.history.pin_waveform import Waveform, WaveformCache, Window
-from trcvtui.history.waveform_text import ScanRange, drawn, row_names, vcd_text
+from trcvtui.history.waveform_text import ScanRange, draw_row, format_vcd, row_names
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.snapshots.bench import EngineTiming
@@ -37,12 +37,12 @@ def wave() -> Waveform:
         console.scan()
     shelf = WaveformCache()
     picture = console.picture(UpdateRequest(waves=(("RD", 0),)), EngineTiming(), 0)
-    shelf.take(picture.waves, picture.snapshot.interval_ns)
-    return shelf.of("RD")
+    shelf.add_deltas(picture.waves, picture.snapshot.interval_ns)
+    return shelf.get_wave("RD")
 
 
 def row(wave: Waveform, name: str) -> str:
-    return "".join(text for text, _ in drawn(wave, name, Window(0, 23, 1)))
+    return "".join(text for text, _ in draw_row(wave, name, Window(0, 23, 1)))
 
 
 def test_the_rows_of_receivedata_are_its_own_pins_what_it_delivers_first(wave: Waveform) -> None:
@@ -57,11 +57,11 @@ def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Wave
     assert row(wave, "RxTimeout") == "▁▁▁▁▁▁▁▁▁▁▁▁▁▔▔▔▔▔▁▁▁▁▁"
     assert row(wave, "LenReceiveData") == "│0──│4──│0───│3───│16──"
     assert row(wave, "Error") == "│0────────────────│23──"
-    assert [wave.lanes["Error"].at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
+    assert [wave.lanes["Error"].value_at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
 
 
 def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Waveform) -> None:
-    text = vcd_text([wave], ScanRange(1, 23))
+    text = format_vcd([wave], ScanRange(1, 23))
     declared = {pin: (kind, int(bits)) for kind, bits, pin in re.findall(r"\$var (\w+) (\d+) . (\w+) ", text)}
     assert declared == {
         pin: ("reg" if bits > 1 else "wire", bits) for pin, bits in (INPUTS | OUTPUTS).items()

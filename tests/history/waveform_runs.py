@@ -71,10 +71,10 @@ class Run:
         self.catch_up()
 
     def look(self, *instances: str) -> None:
-        asked = self.scenario_folder.asked(instances or (RECEIVER, SENDER))
+        asked = self.scenario_folder.make_requests(instances or (RECEIVER, SENDER))
         request = UpdateRequest(self.console.bench.runtime.ledger.last_seq, waves=asked)
         picture = self.console.picture(request, EngineTiming(), request.most_lines)
-        self.scenario_folder.take(picture.waves, picture.snapshot.interval_ns)
+        self.scenario_folder.add_deltas(picture.waves, picture.snapshot.interval_ns)
 
     def catch_up(self) -> None:
         while True:
@@ -84,7 +84,7 @@ class Run:
                 return
 
     def wave(self, instance: str = RECEIVER) -> Waveform:
-        return self.scenario_folder.of(instance)
+        return self.scenario_folder.get_wave(instance)
 
     def lane(self, pin: str, instance: str = RECEIVER) -> PinWaveform:
         return self.wave(instance).lanes[pin]

@@ -14,7 +14,7 @@ from tests.recording.wire import ACK, FIN, NS, RST, answer, capture, handshake, 
 from trcvtui import clock
 from trcvtui.cli.main import main
 from trcvtui.engine.driver import ProcessDriver
-from trcvtui.history.records import NOW
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.line.on_screen import _played, watch_main
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
@@ -24,15 +24,15 @@ __all__ = ["watch"]
 
 
 def work(line: TimeLine) -> None:
-    while line.work(clock.now_ns() + 10_000_000):
+    while line.advance(clock.now_ns() + 10_000_000):
         pass
 
 
 def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
     """Go there; return the scan, what the instances show, and what is told beside."""
-    line.take(1, f"at {text}")
+    line.handle_line(1, f"at {text}")
     work(line)
-    update = line.picture(UpdateRequest())
+    update = line.make_picture(UpdateRequest())
     position = update.position
     assert position is not None
     shows = [f"{one.outputs.status:04X}" for one in line.controller.bench.runtime.snapshot().instances]
@@ -74,7 +74,7 @@ def test_a_month_of_silence_is_as_short_to_keep_as_a_second(watch: Watch, tmp_pa
     watch([*handshake(), *stream(12, 12)], "--project", str(bench), step_ms=month_ms)
     line = shown(watch.path, bench)
     work(line)
-    assert len(line.survey.times) < 1000 and line.survey.last > 4 * month_ms // 10
+    assert len(line.survey.times) < 1000 and line.survey.last_scan > 4 * month_ms // 10
     for scan in (1, 2, 1_000_000, month_ms // 10, 3 * month_ms // 10 + 77):
         ns = line.survey.time_of(scan)
         assert ns == (scan - 1) * 10_000_000
@@ -101,7 +101,7 @@ def test_missing_bytes_are_told_from_their_scan_on(watch: Watch, tmp_path: Path)
 def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Path) -> None:
     watch([*handshake(), *stream(12)], "--project", str(project(tmp_path)))
     line = shown(watch.path, project(tmp_path))
-    update = line.picture(UpdateRequest())
+    update = line.make_picture(UpdateRequest())
     assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
 
 
@@ -111,7 +111,9 @@ def test_messages_have_the_times_of_their_packets_after_scans_that_are_not_run(
     watch([*handshake(), *stream(12, 12)], "--project", str(project(tmp_path)), step_ms=60_000)
     line = shown(watch.path, project(tmp_path))
     work(line)
-    while (delta := line.picture(UpdateRequest(messages=("R1", 0, NOW))).messages) is None or delta.share < 1:
+    while (
+        delta := line.make_picture(UpdateRequest(messages=("R1", 0, MAX_SCAN))).messages
+    ) is None or delta.share < 1:
         work(line)
     assert [row.t_ns for row in delta.rows] == [180_000_000_000, 300_000_000_000]
 
@@ -121,9 +123,9 @@ def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Pa
     seen = watch([*handshake(), *stream(6, 6, 6, 6)], "--project", str(bench), step_ms=60_000)
     assert next(r["scan"] for r in seen.of("R1") if r["DONE"]) > 18_001
     line = shown(watch.path, bench)
-    line.take(1, "if instance.R1.LEN=6")
+    line.handle_line(1, "if instance.R1.LEN=6")
     work(line)
-    position = line.picture(UpdateRequest()).position
+    position = line.make_picture(UpdateRequest()).position
     assert position is not None
     first, *_ = position.what_if
     assert first.startswith("what if instance.R1.LEN=6: they part at scan ")
@@ -135,12 +137,12 @@ def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(
 ) -> None:
     watch([*handshake(), *stream(6, 6)])
     line = _played([str(watch.path)], (None, None, None), tmp_path / "shadows.pcapng")
-    line.take(1, "if instance.C1_TO_PLC.LEN=4")
+    line.handle_line(1, "if instance.C1_TO_PLC.LEN=4")
     work(line)
     assert line._beside is not None and line._beside.run.parts_at
-    line.take(1, "if instance.NOBODY.LEN=4")
+    line.handle_line(1, "if instance.NOBODY.LEN=4")
     assert "C1_TO_PLC, C1_FROM_PLC" in line.controller._answers[-1].error
-    line.take(1, "if dialect s7-1500")
+    line.handle_line(1, "if dialect s7-1500")
     work(line)
     assert line._beside.run.parts_at
 
@@ -175,8 +177,8 @@ def test_without_a_project_the_messages_are_those_of_the_command_at_their_scans(
     work(line)
     found = defaultdict(list)
     for decl in line.controller.bench.project.instances:
-        asked = UpdateRequest(messages=(decl.name, 0, NOW), bench=line.controller._bench_number)
-        news = line.picture(asked).messages
+        asked = UpdateRequest(messages=(decl.name, 0, MAX_SCAN), bench=line.controller._bench_number)
+        news = line.make_picture(asked).messages
         assert news is not None and news.share == 1 and not news.are_typed
         for row in news.rows:
             assert row.content is not None and line.survey.scan_at(row.t_ns) == row.scan

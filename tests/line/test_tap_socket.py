@@ -334,7 +334,7 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
             device.sendall(bytes(4))  # the driver may have come when the first of them were through
             driver.request(UpdateRequest())
             driver.wait(0.05)
-            picture = driver.picture()
+            picture = driver.poll_picture()
             return picture is not None and picture.snapshot.instances[0].jobs_done >= 3
 
         until(comes)

@@ -59,11 +59,11 @@ def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
         pipe.begin(sent)
         for _ in range(100):
             bench.scan()
-            pipe.go_on(clock.now_ns() + FAR_AWAY)
+            pipe.advance(clock.now_ns() + FAR_AWAY)
             assert pipe.is_busy(), "it has come back although the channel is full"
         while pipe.is_busy():
             assert reader.next() is None
-            pipe.go_on(clock.now_ns() + FAR_AWAY)
+            pipe.advance(clock.now_ns() + FAR_AWAY)
         assert reader.next() == sent
 
 
@@ -75,7 +75,7 @@ def test_what_has_not_changed_does_not_cross_also_where_instances_come_and_go() 
             bench.scan()
             made = picture(bench, UpdateRequest(project=bench._project_number))
             pipe.begin(made)
-            pipe.go_on(clock.now_ns() + FAR_AWAY)
+            pipe.advance(clock.now_ns() + FAR_AWAY)
             arrived.append(reader.next())
             assert arrived[-1].snapshot == made.snapshot
     before, after = (each.snapshot for each in arrived[-2:])
@@ -87,7 +87,7 @@ def test_what_has_not_changed_does_not_cross_also_where_instances_come_and_go() 
 def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "SLICE", 3)
+    monkeypatch.setattr(module, "SLICE_ITEMS", 3)
     draw, bench = random.Random(seed), console()
     bench.take(0, "set T1 EN_R=1 LEN=8")
     for line in ("fault clear",) * 3 + ("peer P1 connect",):
@@ -105,7 +105,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
                 if draw.random() < 0.3:
                     bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
                 bench.scan() if draw.random() < 0.5 else bench.step()
-                pipe.go_on(clock.now_ns())  # no time at all: one slice
+                pipe.advance(clock.now_ns())  # no time at all: one slice
             seen = reader.next()
             assert seen == made
             [wave], snapshot, instance = seen.waves, seen.snapshot, seen.snapshot.instances[1]

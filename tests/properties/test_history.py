@@ -84,11 +84,11 @@ class Generator:
 
 def all_of(reader: StreamReader, connect: str = "C1") -> list[HistoryWindow]:
     """Return the whole history in small windows, as somebody sees it who scrolls through it."""
-    end = reader.window(HistoryRequest(connect)).end
-    position = reader.window(HistoryRequest(connect)).begin
+    end = reader.read_window(HistoryRequest(connect)).end
+    position = reader.read_window(HistoryRequest(connect)).begin
     windows: list[HistoryWindow] = []
     while position < end:
-        windows.append(reader.window(HistoryRequest(connect, position, 37)))
+        windows.append(reader.read_window(HistoryRequest(connect, position, 37)))
         assert windows[-1].start == position
         position = windows[-1].stop
     return windows

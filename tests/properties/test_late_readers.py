@@ -93,7 +93,7 @@ def waves(of: BenchUpdate) -> dict[str, Waveform]:
     found = {}
     for news in of.waves:
         found[news.instance] = Waveform(news.instance)
-        found[news.instance].take(news, 10_000_000)
+        found[news.instance].add_delta(news, 10_000_000)
     return found
 
 
@@ -116,7 +116,7 @@ def test_what_the_ledger_has_overwritten_is_not_known_and_never_wrong(
     expected, found = told(prompt), told(late)
     for name, wave in waves(expected).items():
         for pin, lane in waves(found)[name].lanes.items():
-            values = [(lane.at(scan), wave.lanes[pin].at(scan)) for scan in range(1, SCANS + 1)]
+            values = [(lane.value_at(scan), wave.lanes[pin].value_at(scan)) for scan in range(1, SCANS + 1)]
             assert all(value in (None, real) for value, real in values)
     assert expected.history is not None and found.history is not None
     real = {(j.instance, j.number, j.scan): j for j in expected.history.jobs}

@@ -19,7 +19,7 @@ from trcvtui.recording.black_box import BlackBox, find_new_path
 from trcvtui.recording.journal import EntriesLost, Entry
 from trcvtui.recording.recorder import attach_black_box
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check
+from trcvtui.replay.command import check_replay
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.scenario.scenario import load_bench
 
@@ -113,7 +113,7 @@ def test_what_has_been_up_to_now_is_saved_and_runs_again(run: Run, tmp_path: Pat
     run.until_written()
     assert run.box.status_text == "one.pcapng is written"
     played = again(entries(tmp_path / "one.pcapng"))
-    assert check(played) == ""
+    assert check_replay(played) == ""
     assert played.bench.runtime.scans == 100
     assert played.bench.runtime.snapshot().instances[0].jobs_done > 20
 
@@ -130,7 +130,7 @@ def test_a_recording_begins_with_the_run_and_goes_on_until_it_is_stopped(run: Ru
     run.scans(5)
     run.until_written()
     played = again(entries(tmp_path / "two.pcapng"))
-    assert check(played) == ""
+    assert check_replay(played) == ""
     assert played.bench.runtime.scans == 120
     assert "no recording under way" in run.line("record stop")
 
@@ -141,7 +141,7 @@ def test_the_end_of_the_run_is_the_end_of_its_recording(tmp_path: Path) -> None:
     run.line(f"record {tmp_path}/end")
     run.scans(30)
     run.close()
-    assert check(again(entries(tmp_path / "end.pcapng"))) == ""
+    assert check_replay(again(entries(tmp_path / "end.pcapng"))) == ""
 
 
 def test_a_file_that_is_there_stays(run: Run, tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
     lost = [entry for entry in found if isinstance(entry, EntriesLost)]
     assert lost[0].number > 1000
     assert lost[0].why == "the black box keeps the newest 64 MiB"
-    said = check(again(found))
+    said = check_replay(again(found))
     assert "gap of" in said and "\n" not in said
 
 
@@ -284,8 +284,8 @@ def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
         run.line(f"save recording {tmp_path}/{name}")
         run.until_written()
         keyframes = Keyframes(Recording(tmp_path / f"{name}.pcapng"), name)
-        again = keyframes.begin()
-        assert keyframes.first and check(again) == ""
+        again = keyframes.start_run()
+        assert keyframes.first and check_replay(again) == ""
         assert again.bench.runtime.scans == run.controller.bench.runtime.scans
         firsts.append(keyframes.first)
     assert firsts[0] < firsts[1]

@@ -59,12 +59,12 @@ def jsonl(entries: Iterable[Entry]) -> str:
 
 def what_if_nothing_changed(entries: Sequence[Entry]) -> None:
     run = WhatIf(Keyframes(InMemory(entries), "R.pcapng"), (), None)
-    run.play()
+    run.run_to_end()
     nothing_differs(run)
 
 
 def nothing_differs(run: WhatIf) -> None:
-    was, now = run.sums()
+    was, now = run.get_totals()
     assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
 
 

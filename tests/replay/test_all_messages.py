@@ -12,7 +12,7 @@ from tests.replay.test_time_line import Stood
 from trcvtui.cli.main import main
 from trcvtui.history.messages import MessageRow
 from trcvtui.recording.journal import SIM_WALL_NS, STEP
-from trcvtui.replay.driver import opened
+from trcvtui.replay.driver import open_time_line
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.tui.view_model.view_model import ViewModel
 
@@ -36,7 +36,7 @@ class Shown(Stood):
     def rows(self) -> list[MessageRow]:
         """Let the screen ask until nothing is new."""
         for _ in range(8):
-            self.screen.take(self.line.picture(self.screen.request()))
+            self.screen.take(self.line.make_picture(self.screen.request()))
             self.settle()
         assert self.screen.known_messages.share == 1
         return [*self.screen.known_messages.rows]
@@ -74,6 +74,6 @@ def test_a_file_of_a_split_run_has_the_numbers_of_its_jobs(tmp_path: Path) -> No
     assert main(["record", str(tmp_path / "P.toml"), *asked]) == 0
     numbers, files = list[int](), sorted((tmp_path / "out").iterdir())
     for file in files:
-        with closing(opened(file, "end")) as line:
+        with closing(open_time_line(file, "end")) as line:
             numbers += [row.number for row in Shown(line).rows()]
     assert len(files) > 3 and numbers == [*range(1, len(numbers) + 1)]

@@ -15,8 +15,8 @@ from trcvtui.plc.ledger import Line
 from trcvtui.recording.journal import Entry
 from trcvtui.recording.recording import INDEX_MAGIC, Recording, RecordingWriter
 from trcvtui.replay import keyframes as module
-from trcvtui.replay.command import check
-from trcvtui.replay.keyframes import EntriesFrom, Journal, Keyframes
+from trcvtui.replay.command import check_replay
+from trcvtui.replay.keyframes import Journal, Keyframes, PositionedEntries
 from trcvtui.replay.run_again import ReplayRun
 
 SEVERAL = (  # streams, ISO-on-TCP, UDP, a serial line, a program
@@ -31,11 +31,11 @@ def lines(run: ReplayRun) -> list[Line]:
 
 
 def seen(journal: Journal, spacing: int, monkeypatch: pytest.MonkeyPatch) -> tuple[ReplayRun, Keyframes]:
-    monkeypatch.setattr(module, "SPACING", spacing)
+    monkeypatch.setattr(module, "KEYFRAME_SPACING", spacing)
     keyframes = Keyframes(journal, "R")
-    run = keyframes.begin()
+    run = keyframes.start_run()
     while run.scan():
-        keyframes.seen(run)
+        keyframes.keep_if_due(run)
     assert run.is_whole or isinstance(journal, Recording)
     return run, keyframes
 
@@ -45,12 +45,12 @@ def test_from_each_keyframe_on_the_run_is_the_same(name: str, monkeypatch: pytes
     entries = InMemory(tuple(recorded(CONFIGS / f"{name}.toml")[1]))
     run, keyframes = seen(entries, 40, monkeypatch)
     for scan in range(40, run.bench.runtime.scans, 40)[:: 1 + run.bench.runtime.scans // 400]:
-        assert keyframes.before(scan + 1) == scan
+        assert keyframes.find_keyframe_scan(scan + 1) == scan
         again = keyframes.run_at(scan)
         assert again.bench.runtime.scans == scan
-        assert check(again) == ""
+        assert check_replay(again) == ""
         assert lines(again) == lines(run)
-    assert keyframes.before(39) == 0
+    assert keyframes.find_keyframe_scan(39) == 0
 
 
 @pytest.mark.parametrize("is_whole", [True, False], ids=["with its index", "cut before its index"])
@@ -76,19 +76,19 @@ def test_a_file_is_read_on_from_the_block_of_the_keyframe(
     monkeypatch.setattr(recording, "read_entries", noted)
     again = keyframes.run_at(300)
     assert begun[0] > 1
-    assert check(again) == "" and lines(again) == lines(run)
+    assert check_replay(again) == "" and lines(again) == lines(run)
 
 
 def test_entries_from_a_place_are_those_that_are_left() -> None:
-    whole = EntriesFrom(InMemory(journal()))
+    whole = PositionedEntries(InMemory(journal()))
     some = [*islice(whole, 3000)]
-    rest = EntriesFrom(InMemory(journal()), whole.steps, whole.beyond)
+    rest = PositionedEntries(InMemory(journal()), whole.steps, whole.beyond)
     assert some and [*rest] == [*whole]
 
 
 def test_of_too_many_keyframes_every_second_one_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     size = seen(InMemory(journal()), 100, monkeypatch)[1]._size
-    monkeypatch.setattr(module, "MOST_BYTES", size * 3)
+    monkeypatch.setattr(module, "MOST_KEYFRAME_BYTES", size * 3)
     _, keyframes = seen(InMemory(journal()), 10, monkeypatch)
     assert keyframes._size <= size * 3
     assert 4 <= len(keyframes._scans) < LAST // 10
@@ -98,8 +98,8 @@ def test_of_too_many_keyframes_every_second_one_goes(monkeypatch: pytest.MonkeyP
 
 
 def test_a_screen_goes_back_from_a_keyframe_and_shows_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "SPACING", 50)
-    monkeypatch.setattr("trcvtui.replay.time_line.LEAST_SEEN", 20)
+    monkeypatch.setattr(module, "KEYFRAME_SPACING", 50)
+    monkeypatch.setattr("trcvtui.replay.time_line.LEAST_SCANS_BEFORE", 20)
     stood = Stood("end")
     passed: list[int] = []
     once = ReplayRun.scan

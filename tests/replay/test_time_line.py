@@ -16,10 +16,10 @@ from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, CallRecord, EntriesLost, Entry
-from trcvtui.replay.command import check
-from trcvtui.replay.driver import SLICE_NS, opened, replay_driver
+from trcvtui.replay.command import check_replay
+from trcvtui.replay.driver import WORK_SLICE_NS, make_replay_driver, open_time_line
 from trcvtui.replay.run_again import ReplayRun
-from trcvtui.replay.survey import FIRST, PIECES, read_at
+from trcvtui.replay.survey import FIRST_EVENT, MARK_PIECES, parse_place
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF
 
@@ -40,28 +40,28 @@ class Stood:
         self, at: str = "1", entries: tuple[Entry, ...] | None = None, line: TimeLine | None = None
     ) -> None:
         given = journal() if entries is None else entries
-        self.line = line or TimeLine(InMemory(given), "a recording", read_at(at, "--at"))
+        self.line = line or TimeLine(InMemory(given), "a recording", parse_place(at, "--at"))
         self.settle()
 
     def settle(self) -> None:
-        while self.line.work(clock.now_ns() + SLICE_NS):
+        while self.line.advance(clock.now_ns() + WORK_SLICE_NS):
             pass
-        self.line.work(clock.now_ns())
+        self.line.advance(clock.now_ns())
 
     def go(self, *lines: str) -> BenchUpdate:
         for line in lines:
-            self.line.take(1, line)
+            self.line.handle_line(1, line)
             self.settle()
         return self.update()
 
     def update(self) -> BenchUpdate:
-        return self.line.picture(
+        return self.line.make_picture(
             UpdateRequest(partial_of=(INSTANCE,), bench=self.line.controller._bench_number)
         )
 
     @property
     def scan(self) -> int:
-        return self.line.controller.at
+        return self.line.controller.scans
 
 
 def shown(update: BenchUpdate) -> tuple[Snapshot, object, object]:
@@ -125,11 +125,11 @@ def test_it_plays_by_the_clock_and_stops_at_the_end(monkeypatch: pytest.MonkeyPa
     now = [0]
     monkeypatch.setattr(clock, "now_ns", lambda: now[0])
     stood = Stood()
-    stood.line.take(1, "go")
+    stood.line.handle_line(1, "go")
     seen = []
     for _ in range(4):
         now[0] += 500_000_000
-        while stood.line._move(now[0] + 1) or stood.line.work(now[0] + 1):
+        while stood.line._move(now[0] + 1) or stood.line.advance(now[0] + 1):
             pass
         seen.append(stood.scan)
     assert seen == [51, 101, 151, 201]
@@ -151,8 +151,8 @@ def test_a_line_given_on_the_way_wins(monkeypatch: pytest.MonkeyPatch) -> None:
         return once(run)
 
     monkeypatch.setattr(ReplayRun, "scan", counted)
-    stood.line.take(1, "at 290")
-    stood.line._look()
+    stood.line.handle_line(1, "at 290")
+    stood.line._update_goal()
     stood.line._move(clock.now_ns())  # it has begun anew, and stands still at 300
     assert stood.scan == 300
     stood.go("at 10")
@@ -186,7 +186,7 @@ def test_the_errors_of_the_run_are_marked_in_their_places() -> None:
     position = Stood().update().position
     assert position is not None
     marked = [place for place, mark in enumerate(position.marks) if mark]
-    assert marked == [(scan - 1) * PIECES // LAST for scan in ERRORS]
+    assert marked == [(scan - 1) * MARK_PIECES // LAST for scan in ERRORS]
     assert position.errors == len(ERRORS)
 
 
@@ -194,15 +194,15 @@ def test_where_to_open_is_judged_before_anything_starts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(UserError, match="--at: found 'soon'"):
-        replay_driver(LINK_DOWN, "soon")
+        make_replay_driver(LINK_DOWN, "soon")
     file = tmp_path / "R.pcapng"
     assert main(["scenario", str(LINK_DOWN), "--record", str(file)]) == 0
     for at in ("395", "T#3s931ms", "0"):
         expected = f"--at: found '{at}', expected a scan from 1 to 394, or a time up to T#3s930ms: "
         with pytest.raises(UserError, match=expected):
-            opened(file, at)
+            open_time_line(file, at)
     for at, scan in (("394", LAST), ("T#3s930ms", LAST), ("end", LAST), ("error +1", ERRORS[0])):
-        stood = Stood(line=opened(file, at))
+        stood = Stood(line=open_time_line(file, at))
         assert stood.scan == scan, at
     capsys.readouterr()
     for other in (["--check"], ["--format", "jsonl"], ["--dialect", "s7-1500"]):
@@ -217,7 +217,7 @@ def test_where_to_open_is_judged_before_anything_starts(
 def test_it_opens_at_the_first_error_else_at_the_first_done_else_at_its_begin(steps: int, scan: int) -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP]
     entries = journal()[: at[steps] if steps < LAST else None]
-    assert Stood(line=TimeLine(InMemory(entries), "a recording", FIRST)).scan == scan
+    assert Stood(line=TimeLine(InMemory(entries), "a recording", FIRST_EVENT)).scan == scan
 
 
 def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() -> None:
@@ -241,15 +241,15 @@ def test_the_wave_of_the_other_run_ends_where_the_screen_stands() -> None:
     number = stood.line.controller._bench_number
     for scan in (100, 200):
         stood.go(f"at {scan}")
-        ask = UpdateRequest(bench=number, waves=cache.asked((INSTANCE, name)))
-        news = stood.line.picture(ask).waves
-        cache.take(news, 10_000_000)
-        wave, other = cache.of(INSTANCE), cache.of(name)
+        ask = UpdateRequest(bench=number, waves=cache.make_requests((INSTANCE, name)))
+        news = stood.line.make_picture(ask).waves
+        cache.add_deltas(news, 10_000_000)
+        wave, other = cache.get_wave(INSTANCE), cache.get_wave(name)
         assert wave.until_scan == other.until_scan == scan
         assert max(other.edge_scans) <= scan
         done, beside = wave.lanes["DONE"], other.lanes["DONE"]
-        assert done.at(91) == 1 and beside.at(91) == 1
-        assert (done.at(93), beside.at(93)) == (0, 1)  # the second byte is a job of its own
+        assert done.value_at(91) == 1 and beside.value_at(91) == 1
+        assert (done.value_at(93), beside.value_at(93)) == (0, 1)  # the second byte is a job of its own
 
 
 @pytest.mark.parametrize(
@@ -265,9 +265,9 @@ def test_another_value_that_is_none_is_told_in_one_line(line: str) -> None:
 def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
     stood = Stood(entries=(*journal()[:at], journal()[0], *journal()[at:]))
-    stood.line.take(1, "at end")
+    stood.line.handle_line(1, "at end")
     slices = 0
-    while stood.line.work(clock.now_ns() + SLICE_NS) and slices < 100:
+    while stood.line.advance(clock.now_ns() + WORK_SLICE_NS) and slices < 100:
         slices += 1
     position = stood.update().position
     assert position is not None and position.scan == 200 and position.note and slices < 100
@@ -283,4 +283,4 @@ def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     )
     position = Stood("end", entries).update().position
     assert position is not None and (position.scan, position.note) == (200, told)
-    assert check(ReplayRun(iter(entries), "a recording")) == told
+    assert check_replay(ReplayRun(iter(entries), "a recording")) == told

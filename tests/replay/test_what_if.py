@@ -15,9 +15,9 @@ from trcvtui.cli.main import main
 from trcvtui.recording.journal import CallRecord, EntriesLost, Entry, Keyframe
 from trcvtui.recording.recording import IS_KEYFRAME, BlockPlace, RecordingWriter
 from trcvtui.replay import keyframes
-from trcvtui.replay.keyframes import EntriesFrom, Keyframes
+from trcvtui.replay.keyframes import Keyframes, PositionedEntries
 from trcvtui.replay.recorded_run import RecordedRun
-from trcvtui.replay.what_if import Sum, WhatIf, print_both
+from trcvtui.replay.what_if import RunTotals, WhatIf, print_both_runs
 
 STORIES = CONFIGS / "scenarios" / "stories"
 
@@ -29,7 +29,7 @@ def in_memory(entries: Sequence[Entry]) -> Keyframes:
 def what_if(path: Path, *sets: str, dialect: str | None = None) -> WhatIf:
     _, entries = recorded(path)
     run = WhatIf(in_memory(entries), sets, dialect)
-    run.play()
+    run.run_to_end()
     return run
 
 
@@ -37,7 +37,7 @@ class Late(InMemory):
     """A journal that begins in the middle, at a keyframe."""
 
     def __init__(self, whole: Sequence[Entry], frame: Keyframe) -> None:
-        rest = EntriesFrom(InMemory(tuple(whole)), frame.steps, frame.beyond)
+        rest = PositionedEntries(InMemory(tuple(whole)), frame.steps, frame.beyond)
         super().__init__((whole[0], EntriesLost(1, "it begins in the middle"), *rest))
         self._frame = frame._replace(steps=0, beyond=2)
 
@@ -53,14 +53,14 @@ def test_a_run_from_a_keyframe_on_with_nothing_changed_is_the_recorded_one(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = recorded(path)[1]
-    monkeypatch.setattr(keyframes, "SPACING", 9)
+    monkeypatch.setattr(keyframes, "KEYFRAME_SPACING", 9)
     known = in_memory(whole)
-    run = known.begin()
+    run = known.start_run()
     while run.scan():
-        known.seen(run)
+        known.keep_if_due(run)
     for frame in known._kept[:: 1 + len(known._kept) // 3]:
         late = WhatIf(Keyframes(Late(whole, frame), "R.pcapng"), [], None)
-        late.play()
+        late.run_to_end()
         nothing_differs(late)
 
 
@@ -68,7 +68,7 @@ def test_the_story_of_len_is_mended_by_len() -> None:
     run = what_if(STORIES / "four-bytes-short.toml", "instance.TRCV_C_1.LEN=20")
     assert run.parts_at == 53
     assert run.guess_from is None
-    first = next(iter(run.summary()))
+    first = next(iter(run.describe()))
     assert first == "they part at scan 53"
 
 
@@ -77,7 +77,7 @@ def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
     assert run.parts_at is None
     assert run.value is not None
     assert (run.value.member, run.value.recorded, run.value.what_if) == ("meter.serial", 1781071872, 10602)
-    assert [*run.summary()][:2] == [
+    assert [*run.describe()][:2] == [
         "STATUS is the same in each scan",
         f"scan {run.value.scan}: meter.serial is 1781071872 recorded, 10602 what-if",
     ]
@@ -85,10 +85,10 @@ def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
 
 def test_the_story_of_en_r_is_mended_by_a_pin_that_is_held() -> None:
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.EN_R=true")
-    said = "\n".join(run.summary())
+    said = "\n".join(run.describe())
     assert "3 commands left out: a pin that is held is not written" in said
     assert run.guess_from is None
-    was, now = run.sums()
+    was, now = run.get_totals()
     assert now.bytes == was.bytes
     carton = run.what_if.runtime.data("carton")
     assert carton == run.recorded.runtime.data("carton")
@@ -103,7 +103,7 @@ def test_another_dialect_shows_its_own_status() -> None:
 
 def records(run: WhatIf) -> list[dict[str, object]]:
     out = io.StringIO()
-    print_both(run, out.write)
+    print_both_runs(run, out.write)
     return [json.loads(line) for line in out.getvalue().splitlines()]
 
 
@@ -129,7 +129,7 @@ def test_what_a_partner_would_perhaps_have_done_is_a_guess(tmp_path: Path) -> No
     # COM_RST of the recorded run ends the connection. Held at 0 it stands, and the partner comes again.
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.COM_RST=false")
     assert run.guess_from is not None
-    assert any("it is a guess" in line for line in run.summary())
+    assert any("it is a guess" in line for line in run.describe())
 
 
 def test_bytes_that_the_recorded_run_left_unread_are_received(tmp_path: Path) -> None:
@@ -137,8 +137,8 @@ def test_bytes_that_the_recorded_run_left_unread_are_received(tmp_path: Path) ->
     scenario.write_text(UNREAD)
     run = what_if(scenario, "instance.A.EN_R=true")
     assert run.guess_from is None
-    was, now = run.sums()
-    assert (was, now) == (Sum(0, 0, 0), Sum(1, 1, 8))  # EN_R before there is a connection: 80A1
+    was, now = run.get_totals()
+    assert (was, now) == (RunTotals(0, 0, 0), RunTotals(1, 1, 8))  # EN_R before there is a connection: 80A1
 
 
 UNREAD = """
@@ -209,6 +209,6 @@ def test_a_journal_with_strange_answers_ends_there() -> None:
     _, entries = recorded(STORIES / "four-bytes-short.toml")
     what_if_nothing_changed(entries)
     told = RecordedRun(())
-    told.follow(map(strange, entries))
+    told.read_beginning(map(strange, entries))
     while not told.is_broken:
-        told.go_on()
+        told.advance()

@@ -32,7 +32,7 @@ from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.rules import OWN_ROWS
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.project.file import load_project
-from trcvtui.replay.command import check
+from trcvtui.replay.command import check_replay
 from trcvtui.scenario.scenario import load_scenario, read_scenario_file
 from trcvtui.scenario.scenario_index import shown_by
 from trcvtui.snapshots.scenario import FAILED
@@ -162,7 +162,7 @@ def replay_is_the_same(run: Played) -> None:
     """Run it again from the bytes of its journal: as its steps, which print, and as its commands alone."""
     assert jsonl(run.entries) == run.text
     commanded = again(run.entries)
-    assert check(commanded) == ""
+    assert check_replay(commanded) == ""
     told = [WORD.sub(r"\1", str(line.event)) for line in commanded.bench.runtime.ledger]
     assert told == [WORD.sub(r"\1", str(event)) for event in run.events]
 

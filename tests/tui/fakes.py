@@ -240,7 +240,7 @@ class FakeDriver:
         self.closed = False
         self.restarts = 0
 
-    def cuts(self) -> str:
+    def describe_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:
@@ -254,7 +254,7 @@ class FakeDriver:
     def request(self, request: UpdateRequest) -> None:
         self.requests.append(request)
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         if self.stopped:
             raise EngineStopped(self.stopped)
         return self.waiting.pop(0) if self.waiting else None

@@ -35,13 +35,13 @@ class BenchDriver(FakeDriver):
         super().request(request)
         self._asked = request
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         """Return the bench as it is now, not as it was when a picture was asked for."""
         if self._asked is None:
             return None
         self.local.request(self._asked)
         self._asked = None
-        return self.local.picture()
+        return self.local.poll_picture()
 
 
 class BenchLooker(Looker):

@@ -16,7 +16,7 @@ from tests.replay.test_time_line import Stood
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_replay_screen import on_a_recording
 from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
-from trcvtui.history.messages import HOLE, MessageRow
+from trcvtui.history.messages import HOLE_REASON, MessageRow
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.tui.curve import CurveScreen, CurveView
 from trcvtui.tui.view_model import member_numbers
@@ -204,7 +204,7 @@ async def test_a_lost_connection_is_a_gap_with_marks_below_it() -> None:
 async def test_what_a_hole_has_taken_is_not_said_to_be_a_nan() -> None:
     async with at_the_desk(WIDE, *UP, *sent(*SPEEDS)) as desk:
         rows = desk.app.view_model.known_messages.rows
-        rows[9] = rows[9]._replace(reason=HOLE, have=9, content=bytes(9))
+        rows[9] = rows[9]._replace(reason=HOLE_REASON, have=9, content=bytes(9))
         await desk.press("6", *["down"] * 4, "enter")
         assert "speed now ? · min" in desk.text
 

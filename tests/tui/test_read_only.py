@@ -10,7 +10,7 @@ import pytest
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.history import waveform_text as wave_files
-from trcvtui.picture.protocol import READ_ONLY_LINES
+from trcvtui.picture.protocol import READ_ONLY_COMMANDS
 from trcvtui.tui import clipboard_and_files
 from trcvtui.tui import clipboard_and_files as keepsake
 
@@ -55,7 +55,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             while app.screen is not app.main:
                 app.pop_screen()
                 await looker.pilot.pause()
-            assert not [line for line in looker.lines if line.split()[0] not in READ_ONLY_LINES], did
+            assert not [line for line in looker.lines if line.split()[0] not in READ_ONLY_COMMANDS], did
 
         done = {"app.quit", "quit", "suspend_process"}
         for pane in "12345678":

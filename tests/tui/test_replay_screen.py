@@ -38,20 +38,20 @@ class TimeLineDriver(FakeDriver):
 
     def submit(self, line: str) -> int:
         number = super().submit(line)
-        self.stood.line.take(number, line)
+        self.stood.line.handle_line(number, line)
         return number
 
     def request(self, request: UpdateRequest) -> None:
         super().request(request)
         self._request = request
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         if self._request is None:
             return None
         request, self._request = self._request, None
-        if not self.stood.line.plays:
+        if not self.stood.line.is_playing:
             self.stood.settle()
-        return self.stood.line.picture(request)
+        return self.stood.line.make_picture(request)
 
 
 class ReplayLooker(Looker):
@@ -189,14 +189,14 @@ async def test_space_plays_and_stops_and_the_speed_is_seen() -> None:
     async with on_a_recording() as looker:
         await looker.go("minus", "minus", "minus")
         assert "‖ 0.1x" in looker.position
-        seen = [looker.stood.line.plays]
+        seen = [looker.stood.line.is_playing]
         await looker.go("space")
-        seen.append(looker.stood.line.plays)
+        seen.append(looker.stood.line.is_playing)
         assert "▶ 0.1x" in looker.position
         await looker.go(*["plus"] * 8)
         assert "▶ fastest" in looker.position
         await looker.go("space")
-        assert [*seen, looker.stood.line.plays] == [False, True, False]
+        assert [*seen, looker.stood.line.is_playing] == [False, True, False]
         assert "‖ fastest" in looker.position
 
 

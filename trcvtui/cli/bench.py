@@ -152,13 +152,13 @@ def _replay(args: Args) -> int:
         found = "--at with --check, --format, --set or --dialect"
         raise mistake("trcvtui replay", found, "--at for the screen alone")
     if is_what_if:
-        from trcvtui.replay.command import what_if_file
+        from trcvtui.replay.command import run_what_if
 
-        return what_if_file(args.file, args.check, args.format, args.set, args.dialect)
+        return run_what_if(args.file, args.check, args.format, args.set, args.dialect)
     if not args.check and args.format is None and has_terminal():
-        from trcvtui.replay.driver import replay_driver
+        from trcvtui.replay.driver import make_replay_driver
 
-        return show(lambda: replay_driver(args.file, args.at), is_replay=True)
+        return show(lambda: make_replay_driver(args.file, args.at), is_replay=True)
     from trcvtui.replay.command import replay_file
 
     return replay_file(args.file, args.check, args.format)

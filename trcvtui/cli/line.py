@@ -241,9 +241,9 @@ def _receivers(args: Args) -> tuple[Receiver, ...]:
     receivers: tuple[Receiver, ...] = ()
     if args.project is not None:
         from trcvtui.diagnosis.lint import receivers_of
-        from trcvtui.replay.what_if import pins_of
+        from trcvtui.replay.what_if import find_changed_pins
 
-        receivers = receivers_of(load_bench(args.project, args.set), pins_of(args.set))
+        receivers = receivers_of(load_bench(args.project, args.set), find_changed_pins(args.set))
     if args.udt is None:
         return receivers
     from trcvtui.udt.command import read_file_layout
@@ -261,9 +261,9 @@ def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
         if sets:
             raise mistake("--set", f"{path}, a capture", "--project beside it, or a recording") from None
         return None
-    from trcvtui.replay.job_facts import recorded_facts
+    from trcvtui.replay.job_facts import collect_recorded_facts
 
-    return recorded_facts(path, sets)
+    return collect_recorded_facts(path, sets)
 
 
 def _run_for(path: Path, args: Args, folder: str) -> list[str]:

@@ -140,9 +140,9 @@ def record_to(args: Args) -> RecordTarget | None:
 
 
 def follow() -> Callable[[FileSink, str], EntrySink]:
-    from trcvtui.replay.follower import FollowedRun
+    from trcvtui.replay.follower import RecordedRunWriter
 
-    return FollowedRun
+    return RecordedRunWriter
 
 
 def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:

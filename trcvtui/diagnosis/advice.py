@@ -20,7 +20,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DoLine, Sentence, Tell, as_sentence, says
-from trcvtui.history.records import NOT_BUILT
+from trcvtui.history.records import SETUP_CALLS
 from trcvtui.wording import count
 
 INJECTED: Final = "injected fault: "
@@ -453,4 +453,4 @@ def _attempt_told(e: Evidence, words: str) -> tuple[Sentence, ...]:
 def _stops_it(e: Evidence) -> bool:
     """Return whether it never came to a socket: ports and partners have no part in it."""
     attempt = e.facts.attempt
-    return attempt is not None and attempt.cause.call in NOT_BUILT
+    return attempt is not None and attempt.cause.call in SETUP_CALLS

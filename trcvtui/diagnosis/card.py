@@ -65,7 +65,7 @@ class Card:
         decl, content = data.decl, data.content
         if decl is None or e.facts.drop is not None:
             return None
-        size = e.facts.messages.only
+        size = e.facts.messages.common
         if size is None and e.have and is_stuck(e):
             size = e.have
         if size is None or size != decl.size:
@@ -95,14 +95,14 @@ class Card:
 
 def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
     """Return the longest part that begins with a message, of job or DATA; all where no message is known."""
-    known = [(data.partial, span) for span in index.messages(name, of_job=True)]
-    known += [(data.content, span) for span in index.messages(name, of_job=False)]
+    known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
+    known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
     parts = [content[span.position : span.stop] for content, span in known if span.begins]
     return max(parts, key=len, default=b"" if known else data.partial or data.content)
 
 
 def _wanders(e: Evidence) -> bool:
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     return e.facts.messages.count > 1 and (size is None or size != e.done_len)
 
 
@@ -135,7 +135,7 @@ def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 
 def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    messages = index.messages(instance.name, of_job=False)
+    messages = index.list_messages(instance.name, of_job=False)
     if not messages or messages[0].begins:
         return []
     if len(messages) == 1:
@@ -147,7 +147,7 @@ def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 def _unfinished(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """The newest message is wholly here, and the job still waits for bytes that were not sent."""
-    messages = index.messages(instance.name, of_job=True)
+    messages = index.list_messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:
         return []
     newest = messages[-1]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
-from trcvtui.history.records import PAUSE_SCANS, Facts, ScanStamp
+from trcvtui.history.records import PAUSE_SCANS, ConnectFacts, ScanStamp
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the screen knows a picture before it knows what a project i
     from trcvtui.project.project import Project
 
 
-NOTHING_KNOWN = Facts()
+NOTHING_KNOWN = ConnectFacts()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Evidence:
     done_len: int | None = None
     link: ConnectionSnapshot | None = None
     config: ConnectConfig | None = None
-    facts: Facts = NOTHING_KNOWN
+    facts: ConnectFacts = NOTHING_KNOWN
     peers: tuple[PeerSnapshot, ...] = ()
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
@@ -129,7 +129,7 @@ def _callers(project: Project, connect: str) -> tuple[str, ...]:
 
 
 def evidence_then(
-    line: Line, edge: StatusEdge, facts: Facts, until: ScanStamp, project: Project, interval_ns: int
+    line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
     """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""
     need = edge.cause.need or 0

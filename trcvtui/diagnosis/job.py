@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.history.records import Facts
+from trcvtui.history.records import ConnectFacts
 from trcvtui.net.connection.description import format_selector
 from trcvtui.net.connection.description_check import Transport, read_spec
 from trcvtui.snapshots.bench import PeerSnapshot
@@ -164,7 +164,7 @@ def nobody_reads_here(e: Evidence) -> Answer:
     return text if e.facts.drop_cuts is False else do(text, "pulse COM_RST before EN_R=1", *lines)
 
 
-def _begins(facts: Facts) -> str:
+def _begins(facts: ConnectFacts) -> str:
     if facts.drop_cuts is False:
         return "begins with a message"
     if facts.drop_cuts is None or facts.after_drop is None:

@@ -11,7 +11,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import CauseKind
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, as_sentence, do
-from trcvtui.history.records import NOT_BUILT, Failures
+from trcvtui.history.records import SETUP_CALLS, FailureCount
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import format_selector
 from trcvtui.net.connection.description_check import Transport, read_spec
@@ -107,7 +107,7 @@ def _again(e: Evidence) -> str:
 
 def _not_built(e: Evidence) -> str:
     attempt = e.facts.attempt
-    if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
+    if attempt is None or attempt.cause.call not in SETUP_CALLS or e.config is None or e.link is None:
         return ""
     detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
     press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
@@ -140,7 +140,7 @@ def _called(e: Evidence) -> str:
     return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
 
 
-def _times_failed(failed: Failures) -> str:
+def _times_failed(failed: FailureCount) -> str:
     call, errno = failed.call, failed.error
     word = NO_CALL.get((call, errno))
     if word and not failed.injected:
@@ -322,7 +322,7 @@ def ended_by_partner(e: Evidence) -> str:
 
 def closed_after_its_message(e: Evidence) -> str:
     """The partner had sent whole messages, and the frame wanted more."""
-    size, have, need = e.facts.messages.only, e.cause.have, e.cause.need
+    size, have, need = e.facts.messages.common, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:
         return ""
     return (

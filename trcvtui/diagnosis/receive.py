@@ -11,7 +11,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import Answer, Sentence, do, how_far, limit, req_stays
-from trcvtui.history.records import Drop
+from trcvtui.history.records import DroppedJob
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, rate, times
 
@@ -122,7 +122,7 @@ def _in_step(e: Evidence, cause: str) -> Sentence:
     return do(cause, text, f"pulse {e.instance} COM_RST")
 
 
-def _drop(drop: Drop) -> str:
+def _drop(drop: DroppedJob) -> str:
     collected = f"{drop.have} of {count(drop.need, 'byte')} collected"
     return f"{drop.reason} in scan {drop.at.scan} with {collected}; they were dropped"
 
@@ -139,13 +139,13 @@ def shifted(e: Evidence) -> str:
 
 
 def _fits(e: Evidence) -> bool:
-    only = e.facts.messages.only
+    only = e.facts.messages.common
     return only is not None and only != e.need
 
 
 def too_short_a_sender(e: Evidence) -> Answer:
     """Every message is shorter than the frame, and no whole number of them fills it."""
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
         return ""
     missing = e.need - size
@@ -160,7 +160,7 @@ def too_short_a_sender(e: Evidence) -> Answer:
 
 def several_messages_a_frame(e: Evidence) -> str:
     """A whole number of messages fills a frame."""
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
     frame = f"{limit(e)}. {_were(e, size)}: one frame takes {e.need // size} of them"
@@ -169,7 +169,7 @@ def several_messages_a_frame(e: Evidence) -> str:
 
 def too_long_a_sender(e: Evidence) -> Answer:
     """Every message is longer than the frame."""
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     if size is None or not e.need or size <= e.need:
         return ""
     if e.adhoc:
@@ -202,7 +202,7 @@ def one_odd_message(e: Evidence) -> str:
 def messages_of_many_sizes(e: Evidence) -> Answer:
     """Messages differ in size, and a static frame has one."""
     sizes = e.facts.messages.last
-    if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need or one_odd_message(e):
+    if e.adhoc or not sizes or e.facts.messages.common is not None or not e.need or one_odd_message(e):
         return ""
     return do(
         f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}",
@@ -213,7 +213,7 @@ def messages_of_many_sizes(e: Evidence) -> Answer:
 def bursts_do_not_fill(e: Evidence) -> str:
     """Of a partner whose messages are not known: what comes between two pauses has another size."""
     facts = e.facts
-    size = facts.bursts.only
+    size = facts.bursts.common
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
         return ""
     if e.config is None:
@@ -244,7 +244,7 @@ def ad_hoc_hint(e: Evidence) -> Answer:
 
 def parts_of_a_message(e: Evidence) -> str:
     """ADHOC delivers what is there: that may be a part of a message, or several."""
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     length = e.cause.have
     if not e.adhoc or size is None or not length or length == size or size > e.need:
         return ""
@@ -288,7 +288,7 @@ def short_messages(e: Evidence) -> str:
 
 def too_long_messages(e: Evidence) -> Answer:
     """The partner's messages are longer than LEN or DATA: each is lost."""
-    size = e.facts.messages.only
+    size = e.facts.messages.common
     if size is None or not e.need or size <= e.need:
         return ""
     return do(
@@ -392,8 +392,8 @@ def _datagrams_were(e: Evidence) -> str:
             if sizes.last
             else "the datagram is short"
         )
-    if sizes.only is not None:
-        return f"the last {len(sizes.last)} datagrams had {count(sizes.only, 'byte')}"
+    if sizes.common is not None:
+        return f"the last {len(sizes.last)} datagrams had {count(sizes.common, 'byte')}"
     span = f"{min(sizes.last)} to {count(max(sizes.last), 'byte')}"
     return f"the last {len(sizes.last)} datagrams had {span}, the newest {sizes.last[-1]}"
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.history.records import HistoryWindow
-from trcvtui.history.stream_index import bursts_in
+from trcvtui.history.stream_index import find_bursts
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
 
@@ -38,10 +38,10 @@ def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
         by_pauses = True
         last = recvs[-1] if recvs else None
         has_last = last is not None and last.offset + last.size == e.facts.received
-        bursts = bursts_in(recvs, has_last and not e.is_arriving)
+        bursts = find_bursts(recvs, has_last and not e.is_arriving)
         found = [(f"message by pauses from byte {each.start}", each) for each in bursts]
     return [
         StreamMessage(name, at, by_pauses, window.cut(at))
         for name, at in found
-        if at.stop <= running and window.knows(at)
+        if at.stop <= running and window.has_values(at)
     ]

@@ -32,7 +32,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRows, MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta
-from trcvtui.history.records import NOW
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.net.results import Endpoint
@@ -525,7 +525,7 @@ class Controller:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
-            history=self._history.window(wanted) if wanted and known else None,
+            history=self._history.read_window(wanted) if wanted and known else None,
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
@@ -537,7 +537,7 @@ class Controller:
             shadows=self.shadows,
             talks=self.talks(),
             doctor=self._doctor.snapshot,
-            messages=self._message_news(request, kept.snapshot.scan if kept else NOW) if known else None,
+            messages=self._message_news(request, kept.snapshot.scan if kept else MAX_SCAN) if known else None,
             begun_ns=self.begun_ns,
         )
 
@@ -545,7 +545,7 @@ class Controller:
         if request.messages is None:
             return None
         instance, since, until = request.messages
-        return self._messages.news(instance, since, min(until, scan))
+        return self._messages.make_delta(instance, since, min(until, scan))
 
     def complain(self, text: str) -> None:
         """Say what is wrong, asked by no line."""
@@ -554,5 +554,5 @@ class Controller:
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger
         now = ledger.scan, ledger.t_ns
-        news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
+        news = (self._waves.make_delta(name, number if known else 0, now) for name, number in asked)
         return tuple(fresh for fresh in news if fresh is not None)

@@ -57,7 +57,7 @@ class ProcessDriver:
     def _arguments(self) -> tuple[Any, ...]:
         return self._asked
 
-    def cuts(self) -> str:
+    def describe_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:
@@ -97,7 +97,7 @@ class ProcessDriver:
     def wait(self, seconds: float) -> None:
         self._channel.poll(seconds)
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         newest = None
         while (message := self._message()) is not None:
             newest = self._take(self._checked(message)) or newest
@@ -148,7 +148,7 @@ class ProcessDriver:
             self._channel.send_bytes(encode(message))
         except OSError:
             while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
-                self.picture()
+                self.poll_picture()
             raise self._ended() from None
 
     def close(self) -> None:

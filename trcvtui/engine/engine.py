@@ -220,7 +220,7 @@ class Engine:
             if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
                 self._make(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
-                screen.pipe.go_on(part)
+                screen.pipe.advance(part)
             if clock.now_ns() >= part:
                 break  # the next gap begins with the next one
         self._worked_at = clock.now_ns()

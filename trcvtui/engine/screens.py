@@ -17,8 +17,8 @@ from msgspec import MsgspecError
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, unpacked
-from trcvtui.picture.protocol import MOST_TABS, REFUSED, may_say
+from trcvtui.picture.bench_update import MOST_NUMBER, UpdateRequest, decode_request
+from trcvtui.picture.protocol import MOST_TABS, READ_ONLY, reads_only
 from trcvtui.picture.update_pipe import MOST_PICTURE, MessageReader, UpdatePipe
 from trcvtui.snapshots.bench import LineAnswer
 
@@ -51,8 +51,8 @@ class AttachedScreen:
 
     def message(self) -> tuple[int, str] | UpdateRequest | None:
         try:
-            content = self._reader.take()
-            said = None if content is None else unpacked(content)
+            content = self._reader.read_message()
+            said = None if content is None else decode_request(content)
         except (EOFError, OSError, ValueError, MsgspecError, RecursionError):
             said, self.is_gone = None, True
         return (self.number * MOST_NUMBER + said[0], said[1]) if isinstance(said, tuple) else said
@@ -79,8 +79,8 @@ class AttachedScreens:
             for _ in range(MOST_MESSAGES // len(self.all)):
                 if (message := screen.message()) is None:
                     break
-                if self._read_only and not isinstance(message, UpdateRequest) and not may_say(message[1]):
-                    self.hand_out([LineAnswer(*message, REFUSED)])
+                if self._read_only and not isinstance(message, UpdateRequest) and not reads_only(message[1]):
+                    self.hand_out([LineAnswer(*message, READ_ONLY)])
                 else:
                     yield screen, message
                 if clock.now_ns() >= until:

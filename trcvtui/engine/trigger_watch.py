@@ -24,7 +24,7 @@ from trcvtui.commands.tokens import Words, leaf_bytes, parse_pin_value
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.link_statistics import LinkStatistics
-from trcvtui.history.records import Facts
+from trcvtui.history.records import ConnectFacts
 from trcvtui.plc.ledger import InputEdge, StampedEvent
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
@@ -200,7 +200,7 @@ class KeptScan(Struct, frozen=True):
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
-    facts: tuple[tuple[str, Facts], ...]
+    facts: tuple[tuple[str, ConnectFacts], ...]
 
 
 class TriggerWatch:
@@ -214,7 +214,7 @@ class TriggerWatch:
         self._count = 0
         self._catch_up = reader.catch_up
         self._statistics = LinkStatistics(reader.index)
-        reader.lost.append(self._statistics.lose)
+        reader.lost.append(self._statistics.forget_all)
         self._seq = 0  # of the last line that was read while a trigger is armed
         self.kept: KeptScan | None = None
 
@@ -284,7 +284,7 @@ class TriggerWatch:
                 left -= decl.size
         return tuple(taken)
 
-    def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
+    def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, ConnectFacts], ...]:
         self._catch_up()
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)

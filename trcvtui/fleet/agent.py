@@ -264,7 +264,7 @@ class Agent:
         if not self._has_asked and (self._has_shadows or engine.has_begun()):
             self._has_asked, self._started_at = True, now
             engine.request(UpdateRequest(most_lines=MOST_LINES))
-        update = engine.picture() if self._has_asked else None
+        update = engine.poll_picture() if self._has_asked else None
         if update is not None:
             self._heard(update.snapshot, now)
         elif self._scan < 0 and self._has_shadows:

@@ -14,7 +14,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.plc.ledger import StampedEvent
 
-READER: Final = "reader", "history"
+READER_PART: Final = "reader", "history"
 LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
@@ -37,23 +37,23 @@ class LedgerReader:
         After an exception in a listener the lines up to here count as overwritten.
         """
         try:
-            return self._read_on(until)
+            return self._read_lines(until)
         except Exception as error:
             if not self._has_failed:
-                self._bench.containment.handle(READER, error)
+                self._bench.containment.handle(READER_PART, error)
             self._has_failed = True
             self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
             with suppress(Exception):
-                self._tell_loss(self._seq)
+                self._report_loss(self._seq)
             return True
 
-    def _read_on(self, until: int | None) -> bool:
+    def _read_lines(self, until: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners
         while True:
             if self._read == len(self._news):
                 if self._seq == ledger.last_seq:
                     return True
-                self._fetch()
+                self._fetch_lines()
             first, stop = self._read, len(self._news)
             if until is not None:
                 stop = min(stop, first + LINES_A_STEP)
@@ -66,14 +66,14 @@ class LedgerReader:
             if until is not None and clock.now_ns() >= until:
                 return self._read == len(self._news) and self._seq == ledger.last_seq
 
-    def _fetch(self) -> None:
+    def _fetch_lines(self) -> None:
         ledger, before = self._bench.runtime.ledger, self._seq
         self._news, self._read, self._seq = ledger.events_since(before), 0, ledger.last_seq
         first = self._seq - len(self._news) + 1
         if first > before + 1:
-            self._tell_loss(first - 1)
+            self._report_loss(first - 1)
 
-    def _tell_loss(self, seq: int) -> None:
-        self.index.lose()
+    def _report_loss(self, seq: int) -> None:
+        self.index.forget_unread()
         for lost in self.lost:
             lost(seq, *self._at)

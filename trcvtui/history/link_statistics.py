@@ -16,27 +16,27 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
 from trcvtui.blocks.outcome import Cause, CauseKind, cause_of_fault
 from trcvtui.history.records import (
-    NOT_BUILT,
-    Drop,
+    SETUP_CALLS,
+    ConnectFacts,
     DroppedClient,
-    Facts,
+    DroppedJob,
     FailedAttempt,
-    Failures,
+    FailureCount,
     LastLoss,
     RejectedClients,
     ScanStamp,
     Sizes,
 )
-from trcvtui.history.stream_index import ENDINGS, KEPT_SIZES, StreamIndex
+from trcvtui.history.stream_index import ENDING_EVENTS, KEPT_SIZES, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.layers.layered_stream import CLIENT_DROPPED
 from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 
-KEPT_ERRORS: Final = 8
-IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
+MOST_FAILURES: Final = 8
+IDLE_CONDITIONS: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
 
-TURNED_AWAY: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND_CLIENT: "second_client"}
+TURNED_AWAY_KEYS: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND_CLIENT: "second_client"}
 
 
 class _LinkFacts:
@@ -44,7 +44,7 @@ class _LinkFacts:
         self.incarnation = 0
         self.up_since: ScanStamp | None = None
         self.down_since: ScanStamp | None = None
-        self.failures: dict[tuple[str, str], Failures] = {}
+        self.failures: dict[tuple[str, str], FailureCount] = {}
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
         self.dropped: DroppedClient | None = None
@@ -52,21 +52,21 @@ class _LinkFacts:
         self.turned: dict[str, RejectedClients] = {}
         self.loss: LastLoss | None = None
         self.losses = 0
-        self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
-        self.drop: Drop | None = None
+        self.datagrams: _DatagramCounts | None = None  # where the CONFIG is one of UDP
+        self.drop: DroppedJob | None = None
 
     def forget_failures(self) -> None:
         self.failures.clear()
         self.attempt = self.dropped = self.said = None
 
-    def is_built(self) -> None:
-        for key in [key for key in self.failures if key[0] in NOT_BUILT]:
+    def forget_setup_failures(self) -> None:
+        for key in [key for key in self.failures if key[0] in SETUP_CALLS]:
             del self.failures[key]
-        if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
+        if self.attempt is not None and self.attempt.cause.call in SETUP_CALLS:
             self.attempt = None
 
 
-class _Datagrams:
+class _DatagramCounts:
     """What came to one UDP socket: a recv call is a datagram."""
 
     def __init__(self, at: ScanStamp) -> None:
@@ -85,29 +85,29 @@ class LinkStatistics:
         self._busy: set[str] = set()  # the instances that are not idle
         self._has_datagrams = False
         self._asked: dict[str, ScanStamp] = {}  # since when each instance has not been idle
-        index.ends[False].append(self._job_ended)
-        index.listen({ConnectionChanged: self._connection, StatusEdge: self._status, BenchNote: self._note})
+        index.ends[False].append(self._handle_job_end)
+        index.listen({ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note})
 
     # -- what is written --------------------------------------------------------------------------------
 
-    def _bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         link = self._links.get(event[0])
         if link is not None and link.datagrams is not None:
             link.datagrams.count += 1
             link.datagrams.last.append(event[4])
 
-    def _job_ended(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         if not event.size:
             return
-        link, started = self._links[event.connection], self._index.started(event.instance)
+        link, started = self._links[event.connection], self._index.find_newest_job(event.instance)
         is_adhoc = started is not None and started.adhoc
         if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
             return
         end = event.offset + event.size
         need = started.size if started is not None else 0
-        link.drop = Drop(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
+        link.drop = DroppedJob(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
-    def _connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+    def _on_link(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         link, at = self._links[event.connection], ScanStamp(scan, t_ns)
         if event.what is EventKind.CONNECTED:
             link.incarnation = event.incarnation
@@ -115,27 +115,27 @@ class LinkStatistics:
             link.forget_failures()
             link.turned.clear()
             link.drop = None
-        elif event.what in ENDINGS:
-            self._ended(link, at, event)
+        elif event.what in ENDING_EVENTS:
+            self._note_end(link, at, event)
         elif event.what in (EventKind.ATTEMPT_FAILED, EventKind.ACCEPT_FAILED):
-            self._failed(link, at, event)
-        elif event.what in TURNED_AWAY:
-            before = link.turned.get(TURNED_AWAY[event.what])
+            self._note_failure(link, at, event)
+        elif event.what in TURNED_AWAY_KEYS:
+            before = link.turned.get(TURNED_AWAY_KEYS[event.what])
             count = before.count + 1 if before else 1
-            link.turned[TURNED_AWAY[event.what]] = RejectedClients(count, event.peer, at)
+            link.turned[TURNED_AWAY_KEYS[event.what]] = RejectedClients(count, event.peer, at)
         elif event.what is EventKind.LISTENING:  # a new endpoint: one that lost its partner has its listener
             link.forget_failures()
             link.listening, link.down_since = event.local, at
             if event.detail == "UDP":
-                link.datagrams, link.down_since = _Datagrams(at), None
+                link.datagrams, link.down_since = _DatagramCounts(at), None
                 if not self._has_datagrams:
                     self._has_datagrams = True
-                    self._index.listen({BytesReceived: self._bytes})
+                    self._index.listen({BytesReceived: self._handle_bytes})
         elif event.what is EventKind.CONNECTING:
             link.down_since = link.down_since or at
-            link.is_built()
+            link.forget_setup_failures()
 
-    def _ended(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
+    def _note_end(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
         if event.what in (EventKind.DISCONNECTED, EventKind.STOPPED):
             link.down_since, link.listening = None, ""
         if link.up_since is None:
@@ -148,16 +148,16 @@ class LinkStatistics:
         goes_on = event.what not in (EventKind.DISCONNECTED, EventKind.STOPPED)
         link.up_since, link.down_since = None, at if goes_on else None
 
-    def _failed(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
+    def _note_failure(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
         key = (fault.call, fault.error) if fault else ("", str(event.what))
         before = link.failures.pop(key, None)
-        if len(link.failures) >= KEPT_ERRORS:
+        if len(link.failures) >= MOST_FAILURES:
             del link.failures[next(iter(link.failures))]
         count = before.count + 1 if before else 1
         injected = fault.injected if fault else False
-        link.failures[key] = Failures(*key, count, at, injected, event.peer)
+        link.failures[key] = FailureCount(*key, count, at, injected, event.peer)
         said, link.said = link.said, None
         if fault is None or fault.call != "session":
             said = None
@@ -166,7 +166,7 @@ class LinkStatistics:
         link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
         link.dropped = None
 
-    def _note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
+    def _on_note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
         link = self._links.get(event.subject)
         if link is None or event.what not in (CLIENT_DROPPED, SESSION_ENDED):
             return
@@ -178,16 +178,16 @@ class LinkStatistics:
             if one is link or (one.listening and one.listening == link.listening):
                 one.said = one.dropped = said
 
-    def _status(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+    def _on_edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         if event.outputs.error:
             self._refusals[event.instance] = event
-        if event.condition in IDLE:
+        if event.condition in IDLE_CONDITIONS:
             self._busy.discard(event.instance)
         elif event.instance not in self._busy:
             self._busy.add(event.instance)
             self._asked[event.instance] = ScanStamp(scan, t_ns)
 
-    def lose(self, seq: int, scan: int, t_ns: int) -> None:
+    def forget_all(self, seq: int, scan: int, t_ns: int) -> None:
         """Forget everything: lines were overwritten before they were read."""
         self._links.clear()
         self._refusals.clear()
@@ -196,19 +196,19 @@ class LinkStatistics:
 
     # -- what is read -----------------------------------------------------------------------------------
 
-    def facts(self, instance: str, connect: str) -> Facts:
+    def facts(self, instance: str, connect: str) -> ConnectFacts:
         link = self._links.get(connect)
         if link is None:
-            return Facts()
-        bursts, datagrams = self._index.bursts(connect), link.datagrams
-        place, job, drop = (connect, link.incarnation), self._index.started(instance), link.drop
+            return ConnectFacts()
+        bursts, datagrams = self._index.get_bursts(connect), link.datagrams
+        place, job, drop = (connect, link.incarnation), self._index.find_newest_job(instance), link.drop
         job = job if job is not None and job.link[1] == link.incarnation else None
-        sender, messages = self._index.sent_on(place)
-        after = self._index.message_at(place, drop.end) if drop is not None else None
-        return Facts(
+        sender, messages = self._index.find_sender(place)
+        after = self._index.find_message(place, drop.end) if drop is not None else None
+        return ConnectFacts(
             sender=sender,
             messages=messages,
-            begins_in=self._index.message_at(place, job.offset) if job is not None else None,
+            begins_in=self._index.find_message(place, job.offset) if job is not None else None,
             job_offset=job.offset if job is not None else None,
             job_began=job.began if job is not None else None,
             job_adhoc=job is not None and job.adhoc,
@@ -216,13 +216,13 @@ class LinkStatistics:
             open_since=datagrams.open_since if datagrams is not None else None,
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
-            received=self._index.next_byte(connect, link.incarnation),
+            received=self._index.next_offset(connect, link.incarnation),
             drop=drop,
             drop_cuts=bool(after and after.first) if drop is not None and messages.count else None,
             after_drop=after,
             up_since=link.up_since,
-            down_since=_later(link.down_since, self._asked.get(instance)),
-            attempt=self._attempt(link, instance),
+            down_since=_choose_later(link.down_since, self._asked.get(instance)),
+            attempt=self._make_attempt(link, instance),
             dropped=link.dropped,
             failures=tuple(link.failures.values()),
             wrong_partner=link.turned.get("wrong_partner"),
@@ -231,7 +231,7 @@ class LinkStatistics:
             losses=link.losses,
         )
 
-    def _attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
+    def _make_attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
         attempt, shown = link.attempt, self._refusals.get(instance)
         if attempt is None or link.up_since is not None:
             return None
@@ -244,21 +244,23 @@ class LinkStatistics:
         return replace(attempt, cause=cause, status=shown.outputs.status, condition=shown.condition)
 
 
-def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, ScanStamp]:
+def past_facts(
+    lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str
+) -> tuple[ConnectFacts, ScanStamp]:
     """Return what was known while an edge of the past showed, and the scan up to which it did."""
     kept = list(lines)
-    following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
+    following = next((known for known in kept if known.seq > line.seq and _is_edge_of(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
     index = StreamIndex()
     statistics = LinkStatistics(index)
-    index.take((known.scan, known.t_ns, known.event) for known in shown)
+    index.add_lines((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
     return statistics.facts(edge.instance, connect), ScanStamp(last.scan, last.t_ns)
 
 
-def _later(one: ScanStamp | None, other: ScanStamp | None) -> ScanStamp | None:
+def _choose_later(one: ScanStamp | None, other: ScanStamp | None) -> ScanStamp | None:
     return other if one is not None and other is not None and other.scan > one.scan else one
 
 
-def _is_next(line: Line, edge: StatusEdge) -> bool:
+def _is_edge_of(line: Line, edge: StatusEdge) -> bool:
     return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance

@@ -16,20 +16,20 @@ from msgspec.structs import replace
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import FrameEnded, SendEnded, SendStarted
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.received_streams import ReceivedStreams, first_of
-from trcvtui.history.records import NOW, Pieces, RecvSpan, joined, span_at
+from trcvtui.history.received_streams import ReceivedStreams, find_first_pieces
+from trcvtui.history.records import MAX_SCAN, Pieces, RecvSpan, join_pieces, span_at
 from trcvtui.net.events import BytesSent
 from trcvtui.net.received_ring import ReceivedRing, sent_ring_name
 from trcvtui.plc.ledger import A_HOLE, StatusEdge
 
-ROWS: Final = 10_000  # of an instance
+MOST_INSTANCE_ROWS: Final = 10_000  # of an instance
 MOST_ROWS: Final = 100_000  # of all
 ROWS_A_PICTURE: Final = 128  # more would make a scan of T#1ms late
 BYTES_A_PICTURE: Final = 65_536  # of its rows; one row alone may have as many
 MOST_ERRORS: Final = 1000  # whose times are kept, of an instance
 MOST_PIECES: Final = 256  # of a message: the bytes of one in more are not kept
-UNKNOWN: Final = -1  # STATUS, after lines of the ledger were overwritten
-HOLE: Final = "hole"
+UNKNOWN_STATUS: Final = -1  # STATUS, after lines of the ledger were overwritten
+HOLE_REASON: Final = "hole"
 
 
 class MessageRow(NamedTuple):
@@ -54,7 +54,7 @@ class MessageRow(NamedTuple):
     others: tuple[tuple[int, int], ...] = ()  # all of its pieces, where it has more than one
 
 
-CONTENT: Final = MessageRow._fields.index("content")
+CONTENT_INDEX: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
@@ -88,7 +88,7 @@ class _InstanceRows:
         return self.count - len(self.rows)
 
 
-class KeptRows:
+class NewestRows:
     """The newest rows of each instance; `received` finds the rings of their bytes."""
 
     def __init__(
@@ -102,7 +102,7 @@ class KeptRows:
         self._total = 0
         self._status: dict[str, int] = {}
 
-    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
+    def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
         self._catch_up()
         of = self._of.get(instance)
@@ -113,26 +113,26 @@ class KeptRows:
             first += len(of.rows) // 2
         found, size = list[MessageRow](), 0
         for number in range(first, min(of.count, first + ROWS_A_PICTURE)):
-            row = self._with_content(of.rows[number - of.first])
+            row = self._add_content(of.rows[number - of.first])
             size += len(row.content or b"")
             if row.scan > until or (found and size > BYTES_A_PICTURE):
                 break
             found.append(row)
-        oldest, errors = self._oldest(of), tuple(of.errors)
+        oldest, errors = self._find_oldest(of), tuple(of.errors)
         return MessagesDelta(instance, first, of.count, tuple(found), oldest, errors=errors)
 
-    def take(self) -> Iterator[tuple[str, MessageRow]]:
+    def take_rows(self) -> Iterator[tuple[str, MessageRow]]:
         """Yield all rows with their instances, and forget them."""
         self._catch_up()
         for name, of in self._of.items():
             self._total -= len(of.rows)
             while of.rows:
-                yield name, self._with_content(of.rows.popleft())
+                yield name, self._add_content(of.rows.popleft())
 
-    def _with_content(self, row: MessageRow) -> MessageRow:
-        return MessageRow._make((*row[:CONTENT], self._content(row), ()))
+    def _add_content(self, row: MessageRow) -> MessageRow:
+        return MessageRow._make((*row[:CONTENT_INDEX], self._read_content(row), ()))
 
-    def _content(self, row: MessageRow) -> bytes | None:
+    def _read_content(self, row: MessageRow) -> bytes | None:
         ring = self._received(row.stream) if row.position >= 0 else None
         if ring is None:
             return None if row.size else b""
@@ -140,7 +140,7 @@ class KeptRows:
         content = b"".join([ring.read(position, position + size) for position, size in parts])
         return content[: row.have] if len(content) == row.size else None
 
-    def _oldest(self, of: _InstanceRows) -> int:
+    def _find_oldest(self, of: _InstanceRows) -> int:
         """Return the first row after the last one whose bytes are gone; one of 0 bytes loses none."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
@@ -151,7 +151,7 @@ class KeptRows:
                 of.oldest = number + 1
         return of.oldest
 
-    def add(
+    def add_row(
         self, instance: str, number: int, scan: int, t_ns: int, size: int,
         stream: str, pieces: Pieces, reason: str, have: int,
     ) -> None:  # fmt: skip
@@ -163,7 +163,7 @@ class KeptRows:
         is_kept = 0 < len(pieces) <= MOST_PIECES
         others = tuple(pieces) if is_kept and len(pieces) > 1 else ()
         position = pieces[0][0] if is_kept else -1
-        status = self._status.get(instance, UNKNOWN)
+        status = self._status.get(instance, UNKNOWN_STATUS)
         of.rows.append(MessageRow(
             number, scan, t_ns, gap_ns, size, status, stream, position, reason, have, None, others
         ))  # fmt: skip
@@ -171,13 +171,13 @@ class KeptRows:
         is_full = self._total >= MOST_ROWS
         if is_full and len(of.rows) <= MOST_ROWS // len(self._of):
             of = max(self._of.values(), key=lambda each: len(each.rows))
-        if is_full or len(of.rows) > ROWS:
+        if is_full or len(of.rows) > MOST_INSTANCE_ROWS:
             of.rows.popleft()
         else:
             self._total += 1
 
 
-class MessageRows(KeptRows):
+class MessageRows(NewestRows):
     """The rows of a bench; a keyframe tells of scans up to `after`, too."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
@@ -189,44 +189,44 @@ class MessageRows(KeptRows):
         instances = [bench.runtime.instance_snapshot(declared.name) for declared in bench.project.instances]
         self._status = {each.name: each.outputs.status for each in instances if each is not None}
         index = reader.index
-        index.ends[True].append(self._job_ended)
-        index.ends[False].append(self._job_ended)
+        index.ends[True].append(self._handle_job_end)
+        index.ends[False].append(self._handle_job_end)
         index.listen({
-            FrameEnded: self._frame_ended,
-            SendStarted: self._send_started,
-            BytesSent: self._bytes_sent,
-            SendEnded: self._send_ended,
-            StatusEdge: self._status_changed,
+            FrameEnded: self._handle_frame_end,
+            SendStarted: self._handle_send_start,
+            BytesSent: self._handle_bytes_sent,
+            SendEnded: self._handle_send_end,
+            StatusEdge: self._handle_status,
         })  # fmt: skip
-        reader.lost.append(self._lose)
+        reader.lost.append(self._handle_loss)
 
-    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
+    def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         """Return the same object as long as nothing is new: it does not cross to the screen again."""
         self._catch_up()
         index, of = self._streams.index, self._of.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
         if state != self._asked or self._answer.rows:
             decl = self._bench.project.instance(instance)
-            down = index.down_times(decl.connect) if decl is not None else ()
+            down = index.list_down_times(decl.connect) if decl is not None else ()
             self._asked = state
-            self._answer = replace(super().news(instance, since, until), gaps=tuple(down))
+            self._answer = replace(super().make_delta(instance, since, until), gaps=tuple(down))
         return self._answer
 
-    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, number, connect, _, _, size, done, reason = event
         if not done and not size:
             return
-        reads = self._streams.index.reads(instance) if done else self._streams.index.cut_reads(instance)
+        reads = self._streams.index.done_reads(instance) if done else self._streams.index.cut_reads(instance)
         is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
-        pieces = first_of(reads, size) if is_known else []
-        have = self._before_hole(connect, reads, size) if self._streams.index.has_holes else size
-        reason = reason if not done else HOLE if have < size else ""
+        pieces = find_first_pieces(reads, size) if is_known else []
+        have = self._count_before_hole(connect, reads, size) if self._streams.index.has_holes else size
+        reason = reason if not done else HOLE_REASON if have < size else ""
         if reads:
             is_live = not self._streams.index.has_packets
-            t_ns = reads[-1].t_ns if is_live else self._arrival(connect, reads, size)
-        self.add(instance, number, scan, t_ns, size, connect, pieces, reason, have)
+            t_ns = reads[-1].t_ns if is_live else self._find_arrival_ns(connect, reads, size)
+        self.add_row(instance, number, scan, t_ns, size, connect, pieces, reason, have)
 
-    def _arrival(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
+    def _find_arrival_ns(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
         """Return when the last byte of a message came: in a capture with its packet, else with its read."""
         last, config = reads[-1], self._bench.project.connect(connect)
         if config is not None and config.session is not None:  # its packets have other bytes, too
@@ -234,41 +234,41 @@ class MessageRows(KeptRows):
         is_stream = config is not None and not config.is_datagram
         at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1 if is_stream else last.offset
         link, datagram = (connect, last.incarnation), None if is_stream else last.number
-        packet_ns = self._streams.index.packet_ns(link, at, datagram)
+        packet_ns = self._streams.index.find_packet_ns(link, at, datagram)
         return last.t_ns if packet_ns is None else packet_ns
 
-    def _before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
+    def _count_before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
         """Return how many of the bytes stand before the first one that a capture has not."""
         first = 0
         for recv in reads:
             link = connect, recv.incarnation
-            for span in self._streams.index.messages_within(link, recv.offset, recv.size, first):
+            for span in self._streams.index.find_messages_within(link, recv.offset, recv.size, first):
                 if span.peer == A_HOLE:
                     return min(size, span.position)
             first += recv.size
         return size
 
-    def _frame_ended(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
+    def _handle_frame_end(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
         instance, buffer, number, size = event.instance, event.buffer, event.number, event.size
         stream = self._streams.streams[buffer]
-        spans = stream.pieces_of(instance, number)
+        spans = stream.find_job_pieces(instance, number)
         last = span_at(stream.recvs, spans[-1].stop - 1) if spans else None
-        pieces = joined((span.position, span.size) for span in spans)
+        pieces = join_pieces((span.position, span.size) for span in spans)
         if last is not None:
             at = last.offset + spans[-1].stop - 1 - last.position
-            packet_ns = self._streams.index.packet_ns((buffer, 1), at)
+            packet_ns = self._streams.index.find_packet_ns((buffer, 1), at)
             t_ns = last.t_ns if packet_ns is None else packet_ns
-        self.add(instance, number, scan, t_ns, size, buffer, pieces, "", size)
+        self.add_row(instance, number, scan, t_ns, size, buffer, pieces, "", size)
 
-    def _send_started(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
+    def _handle_send_start(self, seq: int, scan: int, t_ns: int, event: SendStarted) -> None:
         self._sends[event.instance] = t_ns, []
 
-    def _bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
+    def _handle_bytes_sent(self, seq: int, scan: int, t_ns: int, event: BytesSent) -> None:
         job = self._sends.get(event.instance)
         if job is not None:
-            self._sends[event.instance] = t_ns, joined([*job[1], (event.position, event.size)])
+            self._sends[event.instance] = t_ns, join_pieces([*job[1], (event.position, event.size)])
 
-    def _send_ended(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
+    def _handle_send_end(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
         """Add what the stack took: the rest of a job that was cut is no byte of its message."""
         instance, number, connect, _, _, size, done, reason = event
         last_ns, pieces = self._sends.pop(instance, (t_ns, []))
@@ -277,9 +277,9 @@ class MessageRows(KeptRows):
         if sum([piece for _, piece in pieces]) != size:
             pieces = []
         reason = "" if done else reason
-        self.add(instance, number, scan, last_ns, size, sent_ring_name(connect), pieces, reason, size)
+        self.add_row(instance, number, scan, last_ns, size, sent_ring_name(connect), pieces, reason, size)
 
-    def _status_changed(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+    def _handle_status(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status
         of = self._of.get(event.instance)
         if of is not None and event.outputs.error and not event.cause.is_expected:
@@ -289,7 +289,7 @@ class MessageRows(KeptRows):
             of.rows[place] = of.rows[place]._replace(status=status)
             place -= 1
 
-    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+    def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
         self._sends.clear()
         for of in self._of.values():

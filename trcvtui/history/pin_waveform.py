@@ -18,10 +18,10 @@ from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
 
 # -- one pin ----------------------------------------------------------------------------------------------
 
-KEPT: Final = 40_000  # changes of one pin on the screen's side; the oldest are forgotten by the half
+MOST_CHANGES: Final = 40_000  # changes of one pin on the screen's side; the oldest are forgotten by the half
 POLL_NS: Final = 100_000_000  # what an online watch table of an IDE asks by
 
-Value = int | None
+LaneValue = int | None
 
 
 class Window(NamedTuple):
@@ -31,12 +31,12 @@ class Window(NamedTuple):
     width: int
     zoom: int
 
-    def scans_of(self, column: int) -> tuple[int, int]:
+    def column_scans(self, column: int) -> tuple[int, int]:
         """Return the first and the last scan of a column, counted from the left edge."""
         begin = (self.first + column) * self.zoom + 1
         return begin, begin + self.zoom - 1
 
-    def column_of(self, scan: int) -> int:
+    def find_column(self, scan: int) -> int:
         """Return the column of a scan, counted from the left edge; it may lie outside."""
         return (scan - 1) // self.zoom - self.first
 
@@ -44,9 +44,9 @@ class Window(NamedTuple):
 class Column(NamedTuple):
     """A stretch of scans: least and greatest value (None: not known), the last one, how many changes."""
 
-    low: Value
-    high: Value
-    end: Value
+    low: LaneValue
+    high: LaneValue
+    end: LaneValue
     changes: int
 
     @property
@@ -60,28 +60,28 @@ class PinWaveform:
     def __init__(self) -> None:
         self.scans: list[int] = []
         self.times: list[int] = []
-        self.values: list[Value] = []
+        self.values: list[LaneValue] = []
         self.forgotten = 0
         self._columns: dict[int, Column] = {}
         self._zoom = 0
 
-    def add(self, scan: int, t_ns: int, value: Value) -> None:
+    def add(self, scan: int, t_ns: int, value: LaneValue) -> None:
         """Append a change; a value that has not changed is none."""
         if self.values and self.values[-1] == value:
             return
         self.scans.append(scan)
         self.times.append(t_ns)
         self.values.append(value)
-        if len(self.scans) > 2 * KEPT:
-            del self.scans[:KEPT], self.times[:KEPT], self.values[:KEPT]
-            self.forgotten += KEPT
+        if len(self.scans) > 2 * MOST_CHANGES:
+            del self.scans[:MOST_CHANGES], self.times[:MOST_CHANGES], self.values[:MOST_CHANGES]
+            self.forgotten += MOST_CHANGES
             self._columns.clear()
 
-    def at(self, scan: int) -> Value:
+    def value_at(self, scan: int) -> LaneValue:
         place = bisect_right(self.scans, scan)
         return self.values[place - 1] if place else None
 
-    def between(self, first: int, last: int) -> Column:
+    def make_column(self, first: int, last: int) -> Column:
         begin, end = bisect_left(self.scans, first), bisect_right(self.scans, last)
         before = self.values[begin - 1] if begin else None
         if begin == end:
@@ -91,25 +91,25 @@ class PinWaveform:
         low, high = (min(known), max(known)) if known else (None, None)
         return Column(low, high, inside[-1], end - begin)
 
-    def columns(self, window: Window, until: int) -> list[Column | None]:
+    def list_columns(self, window: Window, until: int) -> list[Column | None]:
         """Return the columns of a window, None for those after scan `until`; what is over is found once."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
-        return [self._column(window, number, until) for number in range(window.width)]
+        return [self._get_column(window, number, until) for number in range(window.width)]
 
-    def _column(self, window: Window, number: int, until: int) -> Column | None:
+    def _get_column(self, window: Window, number: int, until: int) -> Column | None:
         key = window.first + number
         if (known := self._columns.get(key)) is not None:
             return known
-        first, last = window.scans_of(number)
+        first, last = window.column_scans(number)
         if first > until or last < 1:
             return None
-        column = self.between(first, min(last, until))
+        column = self.make_column(first, min(last, until))
         if last < until:
             self._columns[key] = column
         return column
 
-    def next_edge(self, scan: int, direction: int) -> int | None:
+    def find_next_edge(self, scan: int, direction: int) -> int | None:
         """Return the scan of the next change after a scan, or of the last one before it.
 
         What merely becomes known, or is no longer known, is no change.
@@ -121,7 +121,7 @@ class PinWaveform:
             place += direction
         return None
 
-    def rises(self, first: int, last: int) -> int:
+    def count_rises(self, first: int, last: int) -> int:
         begin, end = bisect_left(self.scans, first), bisect_right(self.scans, last)
         return sum(1 for value in self.values[begin:end] if value)
 
@@ -134,7 +134,7 @@ class PolledWaveform(PinWaveform):
         self._source = source
         self._next = 0
 
-    def follow(self, until_ns: int, interval_ns: int) -> None:
+    def poll_until(self, until_ns: int, interval_ns: int) -> None:
         source = self._source
         place = max(0, self._next - source.forgotten)
         while place < len(source.times):
@@ -188,7 +188,7 @@ class WaveformDelta(Struct, frozen=True):
     until_ns: int
 
 
-def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
+def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
     """Return the news as they were after a scan of the past; None: what is left begins later."""
     if news.before and news.before_scan > scan:
         return None
@@ -198,7 +198,7 @@ def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
     return replace(news, changes=changes, until_scan=scan, until_ns=t_ns)
 
 
-def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
+def event_pins(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
     """Return the pins that an event tells, BOOLs as 0 and 1."""
     if isinstance(event, InputEdge):
         return ((event.pin, int(event.value)),)
@@ -210,15 +210,15 @@ def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
 
 # -- one instance -----------------------------------------------------------------------------------------
 
-LAMPS_SHOW: Final = frozenset({"done", "error", "busy"})
-WATCHED: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
+LAMP_FIELDS: Final = frozenset({"done", "error", "busy"})
+WATCHED_FIELDS: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
 MOST_GAPS: Final = 200
 
 
-def lamp_of(pin: str) -> str:
+def find_lamp(pin: str) -> str:
     """Return which lamp a pin is: done, error or busy, whatever the block calls it; "" for no lamp."""
     shows = outcome_field(pin)
-    return shows if shows in LAMPS_SHOW else ""
+    return shows if shows in LAMP_FIELDS else ""
 
 
 class Waveform:
@@ -238,61 +238,61 @@ class Waveform:
 
     # -- what comes in ------------------------------------------------------------------------------
 
-    def take(self, news: WaveformDelta, interval_ns: int) -> None:
+    def add_delta(self, news: WaveformDelta, interval_ns: int) -> None:
         """Append what is new; what was left out becomes a gap."""
         if news.first <= self.number:
             return
         self.interval_ns = interval_ns
         if news.first > self.number + 1:
-            self._leave_a_gap(news)
+            self._add_gap(news)
         if news.before:
-            self._set(news.before_scan, news.before_ns, news.before)
+            self._set_pins(news.before_scan, news.before_ns, news.before)
         for change in news.changes:
-            self._set(change.scan, change.t_ns, pins_of(change.event))
+            self._set_pins(change.scan, change.t_ns, event_pins(change.event))
             if isinstance(change.event, StatusEdge):
-                self._note(change, change.event)
+                self._add_edge(change, change.event)
         self.number = news.first + len(news.changes) - 1
         self.until_scan, self.until_ns = news.until_scan, news.until_ns
-        for pin in self.watched:
-            self.polled(pin).follow(self.until_ns, interval_ns)
+        for pin in self.watched_pins:
+            self.get_polled(pin).poll_until(self.until_ns, interval_ns)
 
-    def _leave_a_gap(self, news: WaveformDelta) -> None:
+    def _add_gap(self, news: WaveformDelta) -> None:
         first = min(self.until_scan + 1, news.before_scan)
         self.gaps.append((max(1, first), news.before_scan))
         del self.gaps[:-MOST_GAPS]
-        self._set(first, self.until_ns, tuple((pin, None) for pin in self.lanes))
+        self._set_pins(first, self.until_ns, tuple((pin, None) for pin in self.lanes))
 
-    def _set(self, scan: int, t_ns: int, pins: PinValues) -> None:
+    def _set_pins(self, scan: int, t_ns: int, pins: PinValues) -> None:
         for pin, value in pins:
             self.lanes[pin].add(scan, t_ns, value)
         if not self._anchors or self._anchors[-1][0] < scan:
             self._anchors.append((scan, t_ns))
-            if len(self._anchors) > 2 * KEPT:
-                del self._anchors[:KEPT]
+            if len(self._anchors) > 2 * MOST_CHANGES:
+                del self._anchors[:MOST_CHANGES]
 
-    def _note(self, change: PinChange, edge: StatusEdge) -> None:
+    def _add_edge(self, change: PinChange, edge: StatusEdge) -> None:
         self.edges.append(Line(change.seq, change.scan, change.t_ns, edge))
         self.edge_scans.append(change.scan)
-        if len(self.edges) > 2 * KEPT:
-            del self.edges[:KEPT], self.edge_scans[:KEPT]
+        if len(self.edges) > 2 * MOST_CHANGES:
+            del self.edges[:MOST_CHANGES], self.edge_scans[:MOST_CHANGES]
 
     # -- what is asked ------------------------------------------------------------------------------
 
-    def polled(self, pin: str) -> PolledWaveform:
+    def get_polled(self, pin: str) -> PolledWaveform:
         if pin not in self._polled:
             self._polled[pin] = PolledWaveform(self.lanes[pin])
         return self._polled[pin]
 
-    def pin_that_shows(self, what: str) -> str | None:
+    def find_pin(self, what: str) -> str | None:
         """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
         return next((pin for pin in self.lanes if outcome_field(pin) == what), None)
 
     @property
-    def watched(self) -> list[str]:
-        return [pin for what in WATCHED if (pin := self.pin_that_shows(what)) is not None]
+    def watched_pins(self) -> list[str]:
+        return [pin for what in WATCHED_FIELDS if (pin := self.find_pin(what)) is not None]
 
-    def columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
-        return lane.columns(window, self.until_scan)
+    def list_columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
+        return lane.list_columns(window, self.until_scan)
 
     def is_gap(self, first: int, last: int) -> bool:
         place = bisect_right(self.gaps, (last, 1 << 62))
@@ -322,16 +322,16 @@ class Waveform:
         place = bisect_right(self.edge_scans, scan)
         return self.edges[place - 1] if place else None
 
-    def edges_in(self, first: int, last: int) -> list[Line]:
+    def list_edges(self, first: int, last: int) -> list[Line]:
         return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
 
-    def next_edge(self, scan: int, direction: int) -> int | None:
+    def find_next_edge(self, scan: int, direction: int) -> int | None:
         """Return the nearest scan after (or before) this one in which a pin changes."""
         lanes = self.lanes.values()
-        found = [edge for lane in lanes if (edge := lane.next_edge(scan, direction)) is not None]
+        found = [edge for lane in lanes if (edge := lane.find_next_edge(scan, direction)) is not None]
         return (min if direction > 0 else max)(found, default=None)
 
-    def next_where(self, scan: int, holds: Callable[[StatusEdge], bool]) -> int | None:
+    def find_next_where(self, scan: int, holds: Callable[[StatusEdge], bool]) -> int | None:
         for line in self.edges[bisect_right(self.edge_scans, scan) :]:
             if isinstance(line.event, StatusEdge) and holds(line.event):
                 return line.scan
@@ -350,36 +350,36 @@ class WaveformCache:
         self._waves: dict[str, Waveform] = {}
         self.too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
 
-    def of(self, instance: str) -> Waveform:
+    def get_wave(self, instance: str) -> Waveform:
         wave = self._waves.pop(instance, None) or Waveform(instance)
         self._waves[instance] = wave
         if len(self._waves) > MOST_WAVES:
             del self._waves[next(iter(self._waves))]
         return wave
 
-    def asked(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
+    def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
         """Return what to ask the engine for: each instance with the last change that is known.
 
         With `scan` nothing after it is wanted.
         """
         known = self._waves
-        wanted = instances if scan is None else [name for name in instances if self._lacks(name, scan)]
+        wanted = instances if scan is None else [name for name in instances if self._is_missing(name, scan)]
         return tuple((name, known[name].number if name in known else 0) for name in wanted)
 
-    def _lacks(self, name: str, scan: int) -> bool:
+    def _is_missing(self, name: str, scan: int) -> bool:
         wave = self._waves.get(name)
         return name not in self.too_late and (wave is None or wave.until_scan < scan)
 
-    def take(self, news: Iterable[WaveformDelta], interval_ns: int) -> None:
+    def add_deltas(self, news: Iterable[WaveformDelta], interval_ns: int) -> None:
         self.too_late.clear()
         for fresh in news:
-            self.of(fresh.instance).take(fresh, interval_ns)
+            self.get_wave(fresh.instance).add_delta(fresh, interval_ns)
 
-    def take_up_to(self, news: Iterable[WaveformDelta], interval_ns: int, scan: int, t_ns: int) -> None:
+    def add_deltas_up_to(self, news: Iterable[WaveformDelta], interval_ns: int, scan: int, t_ns: int) -> None:
         """Append what is new and not after a scan."""
         for fresh in news:
-            then = up_to(fresh, scan, t_ns)
+            then = cut_delta(fresh, scan, t_ns)
             if then is None:
                 self.too_late.add(fresh.instance)
             else:
-                self.of(fresh.instance).take(then, interval_ns)
+                self.get_wave(fresh.instance).add_delta(then, interval_ns)

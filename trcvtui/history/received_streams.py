@@ -23,7 +23,7 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.blocks.framing import FrameEnding
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.records import NOW, POSITION, JobSpan, Pieces, RecvSpan, joined
+from trcvtui.history.records import BY_POSITION, MAX_SCAN, JobSpan, Pieces, RecvSpan, join_pieces
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
 
@@ -32,8 +32,8 @@ LEAST_SPANS_KEPT: Final = 1000  # of each
 SLACK: Final = 1024  # spans that are forgotten at once
 MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many may share a CONNECT
 MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as many as it has bytes
-WAITS: Final = "of a frame without its end, or not read yet"
-NOISE: Final = "noise before the prefix"
+WAIT_REASON: Final = "of a frame without its end, or not read yet"
+NOISE_REASON: Final = "noise before the prefix"
 UNUSUAL: Final = {str(FrameEnding.GAP): "ended by a gap", str(FrameEnding.OVERRUN): "size reached, no suffix"}
 
 
@@ -53,8 +53,8 @@ class ReceivedStream:
         """Put the pieces of a job in their places: of two that read in turns the later one may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
-            place = bisect_right(self.jobs, spans[0].position, key=POSITION)
-        self.jobs[place:] = sorted([*self.jobs[place:], *spans], key=POSITION)
+            place = bisect_right(self.jobs, spans[0].position, key=BY_POSITION)
+        self.jobs[place:] = sorted([*self.jobs[place:], *spans], key=BY_POSITION)
         self.blanks += [span for span in spans if not span.is_kept]
 
     def add_pieces(self, span: JobSpan, pieces: Pieces) -> None:
@@ -69,7 +69,7 @@ class ReceivedStream:
             first += size
         self.add(*spans)
 
-    def forget(self, most: int, begin: int) -> None:
+    def forget_oldest(self, most: int, begin: int) -> None:
         """Forget the oldest spans of too many, and those whose bytes are gone."""
         for spans in (self.jobs, self.recvs, self.blanks):
             if len(spans) > most + SLACK or (len(spans) > SLACK and spans[SLACK].stop <= begin):
@@ -77,7 +77,7 @@ class ReceivedStream:
                 self.begin = max(self.begin, spans[0].position)
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
-    def read(self, incarnation: int, offset: int, size: int) -> Pieces:
+    def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
         """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
@@ -87,7 +87,7 @@ class ReceivedStream:
             first, last = max(recv.offset, offset), min(recv.offset + recv.size, offset + size)
             if first < last:
                 found.append((recv.position + first - recv.offset, last - first))
-        return joined(found)
+        return join_pieces(found)
 
     def take_last(self, stop: int, size: int) -> Pieces:
         """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
@@ -95,46 +95,46 @@ class ReceivedStream:
         while self.arrivals and self.arrivals[0].offset < stop:
             recv = self.arrivals.popleft()
             if recv.offset + recv.size > stop:
-                self.arrivals.appendleft(_part(recv, stop - recv.offset, recv.size))
-                recv = _part(recv, 0, stop - recv.offset)
+                self.arrivals.appendleft(_cut_recv(recv, stop - recv.offset, recv.size))
+                recv = _cut_recv(recv, 0, stop - recv.offset)
             held.append(recv)
         found: Pieces = []
         while held and size:
             recv = held.pop()
             if recv.size > size:
-                held.append(_part(recv, 0, recv.size - size))
-                recv = _part(recv, recv.size - size, recv.size)
+                held.append(_cut_recv(recv, 0, recv.size - size))
+                recv = _cut_recv(recv, recv.size - size, recv.size)
             found.append((recv.position, recv.size))
             size -= recv.size
         self.arrivals.extendleft(reversed(held))
-        return [] if size else joined(reversed(found))
+        return [] if size else join_pieces(reversed(found))
 
     # -- looking for a place ----------------------------------------------------------------------------
 
-    def pieces(self, place: int) -> list[JobSpan]:
+    def list_pieces(self, place: int) -> list[JobSpan]:
         """Return all pieces of the job, or of the dropped bytes, at a place in `jobs`."""
         job = self.jobs[place]
         near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
-    def job_before(self, position: int, instance: str, scan: int = NOW) -> list[JobSpan]:
+    def find_job_before(self, position: int, instance: str, scan: int = MAX_SCAN) -> list[JobSpan]:
         """Return the pieces of the job that began before a position, and ended with DONE up to a scan."""
-        last = bisect_left(self.jobs, position, key=POSITION) - 1
+        last = bisect_left(self.jobs, position, key=BY_POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.instance == instance and not job.first and job.scan <= scan:
-                return self.pieces(place)
+                return self.list_pieces(place)
         return []
 
-    def pieces_of(self, instance: str, number: int) -> list[JobSpan]:
+    def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
         """Return the pieces of one of the newest jobs, or frames, of that number."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:
-                return self.pieces(place)
+                return self.list_pieces(place)
         return []
 
-    def job(self, instance: str, number: int) -> int | None:
+    def find_job(self, instance: str, number: int) -> int | None:
         """Return where the newest job, or frame, of that number begins."""
         found = (
             job.position for job in reversed(self.jobs)
@@ -142,12 +142,12 @@ class ReceivedStream:
         )  # fmt: skip
         return next(found, None)
 
-    def done(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
+    def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
         """Return where the next job that ended with DONE begins, or the one that began before.
 
         Without `is_done`: the next bytes that were dropped.
         """
-        place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=POSITION)
+        place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=BY_POSITION)
         numbers = range(place, len(self.jobs)) if is_forward else range(place - 1, -1, -1)
         jobs = (self.jobs[number] for number in numbers)
         return next((job.position for job in jobs if job.done is is_done and not job.first), None)
@@ -162,49 +162,49 @@ class ReceivedStreams:
         self._bench = bench
         self._arrivals: dict[str, int] = {}
         self.index.listen({
-            BytesReceived: self._received,
-            BytesDropped: self._dropped,
-            BytesArrived: self._arrived,
-            FrameEnded: self._frame,
-            NoiseDropped: self._cleared,
-            PartialFrameDropped: self._cleared,
-            BytesLost: self._lost,
+            BytesReceived: self._handle_received,
+            BytesDropped: self._handle_dropped,
+            BytesArrived: self._handle_arrived,
+            FrameEnded: self._handle_frame,
+            NoiseDropped: self._add_cleared,
+            PartialFrameDropped: self._add_cleared,
+            BytesLost: self._handle_bytes_lost,
         })  # fmt: skip
-        self.index.ends[True].append(self._delivered)
-        reader.lost.append(self._lose)
+        self.index.ends[True].append(self._handle_job_end)
+        reader.lost.append(self._handle_loss)
 
-    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+    def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
         for stream in self.streams.values():
             stream.arrivals.clear()
 
-    def _stream(self, name: str) -> ReceivedStream:
+    def _get_stream(self, name: str) -> ReceivedStream:
         """Return a stream that has room for one more span."""
         stream = self.streams[name]
         if len(stream.recvs) + len(stream.jobs) > stream.looked_at:
             ring = self._bench.runtime.received_ring(name)
             most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
-            stream.forget(most, ring.begin if ring is not None else 0)
+            stream.forget_oldest(most, ring.begin if ring is not None else 0)
         return stream
 
     # -- a CONNECT ---------------------------------------------------------------------------------------
 
-    def _received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
-        stream = self._stream(event.connection)
-        stream.recvs.append(self.index.last_read(event.instance))
+    def _handle_received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
+        stream = self._get_stream(event.connection)
+        stream.recvs.append(self.index.get_last_read(event.instance))
         stream.cut = event if event.cut else None
 
-    def _delivered(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
         instance, number, connect, _, _, size, _, _ = event
-        reads = self.index.reads(instance)
+        reads = self.index.done_reads(instance)
         if len(reads) == 1 and reads[0].size >= size:
             span = JobSpan(reads[0].position, size, instance, number, scan, t_ns, True, "", True, size)
-            self._stream(connect).add(span)
+            self._get_stream(connect).add(span)
         elif sum([recv.size for recv in reads]) >= size and reads:
             span = JobSpan(0, 0, instance, number, scan, t_ns, True, whole=size)
-            self._stream(connect).add_pieces(span, first_of(reads, size))
+            self._get_stream(connect).add_pieces(span, find_first_pieces(reads, size))
 
-    def _dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
-        stream, size = self._stream(event.connection), event.size
+    def _handle_dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
+        stream, size = self._get_stream(event.connection), event.size
         span = JobSpan(0, 0, "", 0, scan, t_ns, False, event.reason, whole=size)
         if event.offset < 0:
             stream.add(span._replace(position=event.position, size=min(size, MOST_SKIPPED), is_kept=False))
@@ -212,10 +212,10 @@ class ReceivedStreams:
         cut = stream.cut
         is_cut = cut is not None and event.offset + size == cut.offset + cut.size
         link = event.connection, event.incarnation
-        reader = cut.instance if cut is not None and is_cut else self.index.reader_of(link, event.offset)
-        if reader is not None and (job := self.index.started(reader)) is not None:
+        reader = cut.instance if cut is not None and is_cut else self.index.find_reader(link, event.offset)
+        if reader is not None and (job := self.index.find_newest_job(reader)) is not None:
             span = span._replace(instance=reader, number=job.number)
-        stream.add_pieces(span, stream.read(event.incarnation, event.offset, size))
+        stream.add_pieces(span, stream.find_pieces(event.incarnation, event.offset, size))
         if cut is not None and is_cut:
             first, shown = size - cut.cut, min(cut.cut, MOST_SKIPPED)
             place = cut.position + cut.size - cut.cut
@@ -223,51 +223,51 @@ class ReceivedStreams:
 
     # -- a ComBuffer -------------------------------------------------------------------------------------
 
-    def _arrived(self, seq: int, scan: int, t_ns: int, event: BytesArrived) -> None:
+    def _handle_arrived(self, seq: int, scan: int, t_ns: int, event: BytesArrived) -> None:
         buffer, offset, size, position = event
         if position >= 0:
             number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
-            stream = self._stream(buffer)
+            stream = self._get_stream(buffer)
             stream.recvs.append(RecvSpan(position, size, number, scan, t_ns, offset))
             stream.arrivals.append(stream.recvs[-1])
 
-    def _frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
+    def _handle_frame(self, seq: int, scan: int, t_ns: int, event: FrameEnded) -> None:
         instance, buffer, offset, size, ending, prefix, suffix, number = event
-        self._take(buffer, offset, JobSpan(
+        self._add_buffer_bytes(buffer, offset, JobSpan(
             0, 0, instance, number, scan, t_ns, True, UNUSUAL.get(ending, ""), whole=size,
             prefix=prefix, suffix=suffix, is_frame=True,
         ))  # fmt: skip
 
-    def _cleared(self, seq: int, scan: int, t_ns: int, event: NoiseDropped | PartialFrameDropped) -> None:
-        reason = NOISE if isinstance(event, NoiseDropped) else f"incomplete, {event.reason}"
+    def _add_cleared(self, seq: int, scan: int, t_ns: int, event: NoiseDropped | PartialFrameDropped) -> None:
+        reason = NOISE_REASON if isinstance(event, NoiseDropped) else f"incomplete, {event.reason}"
         span = JobSpan(0, 0, event.instance, 0, scan, t_ns, False, reason, whole=event.size)
-        self._take(event.buffer, event.offset, span)
+        self._add_buffer_bytes(event.buffer, event.offset, span)
 
-    def _lost(self, seq: int, scan: int, t_ns: int, event: BytesLost) -> None:
+    def _handle_bytes_lost(self, seq: int, scan: int, t_ns: int, event: BytesLost) -> None:
         buffer, offset, size, reason, position = event
         span = JobSpan(max(0, position), size, "", 0, scan, t_ns, False, reason, whole=size)
         if position < 0:
-            self._take(buffer, offset - size, span)
+            self._add_buffer_bytes(buffer, offset - size, span)
         else:
-            self._stream(buffer).add(span)
+            self._get_stream(buffer).add(span)
 
-    def _take(self, buffer: str, offset: int, span: JobSpan) -> None:
+    def _add_buffer_bytes(self, buffer: str, offset: int, span: JobSpan) -> None:
         """Add the bytes of a frame, or dropped ones, from `offset` of a ComBuffer on."""
-        stream = self._stream(buffer)
+        stream = self._get_stream(buffer)
         stream.add_pieces(span, stream.take_last(offset + span.whole, span.whole))
 
     # -- what has no end yet -----------------------------------------------------------------------------
 
-    def running(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
+    def list_open_spans(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
         """Yield what running jobs, and frames without their end, have between two positions."""
         waiting = self.streams[name].arrivals
-        running = self.index.running(name)
+        running = self.index.list_running(name)
         jobs = [(_runs(job.number), instance, job.number, reads) for instance, job, reads in running]
-        for reason, instance, number, reads in [*jobs, (WAITS, "", 0, list(waiting))]:
+        for reason, instance, number, reads in [*jobs, (WAIT_REASON, "", 0, list(waiting))]:
             if not reads:
                 continue
             at, whole, first = reads[-1], sum([recv.size for recv in reads]), 0
-            for position, size in first_of(reads, whole):
+            for position, size in find_first_pieces(reads, whole):
                 if position < stop and position + size > start:
                     yield JobSpan(
                         position, size, instance, number, at.scan, at.t_ns, False, reason,
@@ -276,18 +276,18 @@ class ReceivedStreams:
                 first += size
 
 
-def running_then(span: JobSpan) -> JobSpan:
+def as_running(span: JobSpan) -> JobSpan:
     """Return a span as it was before its job, or frame, had ended or was dropped."""
     if span.is_frame or not span.number:
         span = span._replace(instance="", number=0, prefix=0, suffix=0, is_frame=False)
-    return span._replace(done=False, reason=_runs(span.number) if span.number else WAITS, is_open=True)
+    return span._replace(done=False, reason=_runs(span.number) if span.number else WAIT_REASON, is_open=True)
 
 
 def _runs(number: int) -> str:
     return f"job {number} runs"
 
 
-def first_of(reads: list[RecvSpan], size: int) -> Pieces:
+def find_first_pieces(reads: list[RecvSpan], size: int) -> Pieces:
     """Return where the first `size` bytes of some recv calls lie."""
     if reads[-1].stop - reads[0].position == sum([recv.size for recv in reads]):
         return [(reads[0].position, size)]  # no other bytes lie between them
@@ -296,8 +296,8 @@ def first_of(reads: list[RecvSpan], size: int) -> Pieces:
         if size or not parts:
             parts.append((recv.position, min(size, recv.size)))
             size -= parts[-1][1]
-    return joined(parts)
+    return join_pieces(parts)
 
 
-def _part(recv: RecvSpan, first: int, stop: int) -> RecvSpan:
+def _cut_recv(recv: RecvSpan, first: int, stop: int) -> RecvSpan:
     return recv._replace(position=recv.position + first, offset=recv.offset + first, size=stop - first)

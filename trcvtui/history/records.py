@@ -21,13 +21,13 @@ from trcvtui.plc.ledger import A_HOLE
 # A stream is the ring of one CONNECT, UDP_CONFIG or ComBuffer (net/received_ring.py): its bytes as they came.
 # A position counts them from the start of the PLC, whatever is still kept.
 
-POSITION: Final = attrgetter("position")
-STOP: Final = attrgetter("stop")
-SCAN: Final = attrgetter("scan")
+BY_POSITION: Final = attrgetter("position")
+BY_STOP: Final = attrgetter("stop")
+BY_SCAN: Final = attrgetter("scan")
 MOST_WINDOW: Final = 8192  # bytes in a picture
 MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
-END: Final = -1  # a window that ends with the newest byte
-NOW: Final = 1 << 62  # after every scan
+AT_END: Final = -1  # a window that ends with the newest byte
+MAX_SCAN: Final = 1 << 62  # after every scan
 
 
 class JobSpan(NamedTuple):
@@ -102,15 +102,15 @@ class MessageSpan(NamedTuple):
 Span = TypeVar("Span", JobSpan, RecvSpan, MessageSpan)
 
 
-def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
-    first = bisect_right(spans, start, key=STOP)
-    return spans[first : bisect_left(spans, stop, lo=first, key=POSITION)]
+def find_spans(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
+    first = bisect_right(spans, start, key=BY_STOP)
+    return spans[first : bisect_left(spans, stop, lo=first, key=BY_POSITION)]
 
 
 Pieces = list[tuple[int, int]]  # position and size of the bytes of one job, which another may part
 
 
-def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
+def join_pieces(parts: Iterable[tuple[int, int]]) -> Pieces:
     """Return stretches of bytes as few ones, joined where one goes on in the next."""
     found: Pieces = []
     for position, size in parts:
@@ -122,10 +122,10 @@ def joined(parts: Iterable[tuple[int, int]]) -> Pieces:
 
 
 def span_at(spans: Sequence[Span], position: int) -> Span | None:
-    return next(iter(spans_within(spans, position, position + 1)), None)
+    return next(iter(find_spans(spans, position, position + 1)), None)
 
 
-class Seek(Struct, frozen=True):
+class SeekRequest(Struct, frozen=True):
     """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes.
 
     `job`: that job, an instance and a number, wherever it lies.
@@ -156,13 +156,13 @@ class HistoryRequest(Struct, frozen=True):
     """
 
     connect: str
-    start: int = END
+    start: int = AT_END
     size: int = 0
     before: bool = False
-    seek: Seek | None = None
+    seek: SeekRequest | None = None
     job_at: int | None = None
     data: tuple[str, int, int] | None = None
-    scan: int = NOW
+    scan: int = MAX_SCAN
 
 
 class PreviousJobBytes(Struct, frozen=True):
@@ -200,17 +200,17 @@ class HistoryWindow(Struct, frozen=True):
     def cut(self, positions: range) -> bytes:
         return self.content[positions.start - self.start : positions.stop - self.start]
 
-    def knows(self, positions: range) -> bool:
+    def has_values(self, positions: range) -> bool:
         """Return whether every byte of these positions is here with its value."""
         first, stop = positions.start, positions.stop
-        is_kept = all(job.is_kept for job in spans_within(self.jobs, first, stop))
-        holes = [span for span in spans_within(self.messages, first, stop) if span.peer == A_HOLE]
+        is_kept = all(job.is_kept for job in find_spans(self.jobs, first, stop))
+        holes = [span for span in find_spans(self.messages, first, stop) if span.peer == A_HOLE]
         return self.start <= first < stop <= self.stop and is_kept and not holes
 
 
 # -- facts ------------------------------------------------------------------------------------------------
 
-NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
+SETUP_CALLS: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
 PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 
@@ -228,12 +228,12 @@ class Sizes(Struct, frozen=True):
     last: tuple[int, ...] = ()
 
     @property
-    def only(self) -> int | None:
+    def common(self) -> int | None:
         """Return the one size that all of the last had, None where they differ or there are none."""
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 
 
-class Drop(Struct, frozen=True):
+class DroppedJob(Struct, frozen=True):
     """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
 
     at: ScanStamp
@@ -244,7 +244,7 @@ class Drop(Struct, frozen=True):
     end: int
 
 
-class Failures(Struct, frozen=True):
+class FailureCount(Struct, frozen=True):
     """Attempts that failed in one way since the connection was last up: a call and its errno."""
 
     call: str
@@ -296,7 +296,7 @@ class LastLoss(Struct, frozen=True):
     up_ns: int | None = None  # how long it had stood
 
 
-class Facts(Struct, frozen=True):
+class ConnectFacts(Struct, frozen=True):
     """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
 
     `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
@@ -312,12 +312,12 @@ class Facts(Struct, frozen=True):
     job_offset: int | None = None
     job_began: ScanStamp | None = None
     job_adhoc: bool = False
-    drop: Drop | None = None
+    drop: DroppedJob | None = None
     drop_cuts: bool | None = None  # whether a message goes on after the last drop
     after_drop: MessageSpan | None = None  # the message that holds the first byte after it
     up_since: ScanStamp | None = None
     down_since: ScanStamp | None = None
-    failures: tuple[Failures, ...] = ()
+    failures: tuple[FailureCount, ...] = ()
     attempt: FailedAttempt | None = None
     dropped: DroppedClient | None = None
     wrong_partner: RejectedClients | None = None

@@ -16,7 +16,15 @@ from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, ModeChange
-from trcvtui.history.records import NOW, PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, Sizes, joined
+from trcvtui.history.records import (
+    MAX_SCAN,
+    PAUSE_SCANS,
+    MessageSpan,
+    RecvSpan,
+    ScanStamp,
+    Sizes,
+    join_pieces,
+)
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StampedEvent
 
@@ -26,8 +34,8 @@ KEPT_STREAMS: Final = 256  # of peers
 KEPT_LINKS: Final = 1024
 KEPT_SIZES: Final = 40
 KEPT_GAPS: Final = 8
-KEPT_DOWN: Final = 1000  # times of one CONNECT
-ENDINGS: Final = frozenset(
+KEPT_DOWN_TIMES: Final = 1000  # times of one CONNECT
+ENDING_EVENTS: Final = frozenset(
     {
         EventKind.PARTNER_CLOSED,
         EventKind.LOST,
@@ -40,22 +48,22 @@ ENDINGS: Final = frozenset(
 
 Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
-Link = tuple[str, int]  # CONNECT, incarnation
-_Told = tuple[int, int, int, str, int]  # offset, size, number, peer, when
-_Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
-_Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[RecvSpan]]  # JobEnded, beginning, reads
-_LAST: Final = (1 << 62, 0, "")
-OFFSET: Final = attrgetter("offset")
+LinkKey = tuple[str, int]  # CONNECT, incarnation
+_SentMessage = tuple[int, int, int, str, int]  # offset, size, number, peer, when
+_JobBegin = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
+_JobEnd = tuple[int, int, tuple[Any, ...], "_JobBegin | None", list[RecvSpan]]  # JobEnded, beginning, reads
+_AFTER_OFFSET: Final = (1 << 62, 0, "")
+BY_OFFSET: Final = attrgetter("offset")
 
 
-class _Sent:
+class _SentMessages:
     """The messages of one peer on one connection, by the byte of the stream with which they begin."""
 
     def __init__(self) -> None:
-        self.told: list[_Told] = []
+        self.told: list[_SentMessage] = []
         self.forgotten = 0
 
-    def add(self, told: _Told, keep: int) -> None:
+    def add(self, told: _SentMessage, keep: int) -> None:
         self.told.append(told)
         if len(self.told) > keep:
             del self.told[: keep // 2]
@@ -70,7 +78,7 @@ class StreamBursts:
         self.last: deque[int] = deque(maxlen=KEPT_SIZES)
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
 
-    def note(self, scan: int, t_ns: int, size: int) -> bool:
+    def add_bytes(self, scan: int, t_ns: int, size: int) -> bool:
         """Take bytes that arrived; return whether they came after a pause."""
         if self.scan == scan:
             self.size += size
@@ -92,7 +100,7 @@ class StreamBursts:
         return Sizes(self.count, last[-KEPT_SIZES:])
 
 
-def bursts_in(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
+def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
     """Return where the bytes between two pauses lie, only those of which beginning and end are known.
 
     `is_over`: a pause has followed the last of them.
@@ -100,7 +108,7 @@ def bursts_in(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
     bursts, found, start = StreamBursts(), list[range](), -1  # no beginning is known
     last: RecvSpan | None = None
     for recv in recvs:
-        is_after_pause = bursts.note(recv.scan, recv.t_ns, recv.size)
+        is_after_pause = bursts.add_bytes(recv.scan, recv.t_ns, recv.size)
         goes_on = last is not None and (last.stop, last.offset + last.size) == (recv.position, recv.offset)
         if recv.offset == 0 or (is_after_pause and goes_on):
             found += [range(start, last.stop)] if last is not None and start >= 0 else []
@@ -118,7 +126,7 @@ class JobRecord(NamedTuple):
     """
 
     number: int
-    link: Link
+    link: LinkKey
     offset: int
     size: int
     adhoc: bool
@@ -126,9 +134,9 @@ class JobRecord(NamedTuple):
     at: ScanStamp
     recvs: Sequence[RecvSpan] = ()
 
-    def pieces(self, is_running: bool) -> list[tuple[int, int]]:
+    def list_pieces(self, is_running: bool) -> list[tuple[int, int]]:
         """Return (offset, size) of all that it has of the stream: another job may have read in between."""
-        found = joined((recv.offset, recv.size) for recv in self.recvs)
+        found = join_pieces((recv.offset, recv.size) for recv in self.recvs)
         missing = self.size - sum(size for _, size in found)
         if found and missing and is_running:
             return [*found[:-1], (found[-1][0], found[-1][1] + missing)]
@@ -141,15 +149,15 @@ class _InstanceReads:
     __slots__ = ("began", "cut", "delivered", "link", "reads", "runs")
 
     def __init__(self) -> None:
-        self.began: _Began | None = None
+        self.began: _JobBegin | None = None
         self.runs = False
         self.reads: list[RecvSpan] = []  # of the running job
-        self.link: Link = "", 0  # where it read these
-        self.delivered: _Ended | None = None
+        self.link: LinkKey = "", 0  # where it read these
+        self.delivered: _JobEnd | None = None
         self.cut: list[RecvSpan] = []  # of the newest job that ended without DONE
 
 
-class _Arrived:
+class _LinkArrivals:
     """What a connection has received: the byte that comes next, and what arrived between two pauses."""
 
     __slots__ = ("bursts", "incarnation", "offset")
@@ -159,7 +167,7 @@ class _Arrived:
         self.incarnation = self.offset = 0
 
 
-class Origin(NamedTuple):
+class ByteOrigin(NamedTuple):
     """What is known of one byte; None is not known. `message.first` is its place in the message."""
 
     job: JobRecord
@@ -172,24 +180,24 @@ class StreamIndex:
 
     def __init__(self, kept_messages: int = KEPT_MESSAGES, kept_recvs: int = KEPT_RECVS) -> None:
         self._kept_messages, self._kept_recvs = kept_messages, kept_recvs
-        self._sent: dict[tuple[Ends, int], _Sent] = {}
+        self._sent: dict[tuple[Ends, int], _SentMessages] = {}
         self._newest: dict[Ends, int] = {}  # how many times these ends have met
         self._claimed: dict[Ends, int] = {}
-        self._links: dict[Link, tuple[Ends, int]] = {}
+        self._links: dict[LinkKey, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
         self._down: dict[str, deque[tuple[int, int]]] = {}
         self.down_changes = 0
         self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = self._are_packets = False  # in a capture, bytes may be missing
-        self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
+        self._received: defaultdict[str, _LinkArrivals] = defaultdict(_LinkArrivals)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
-            PeerSent: [self._message_sent],
-            BytesReceived: [self._bytes_received],
-            JobStarted: [self._job_started],
-            ModeChange: [self._job_mode],
-            JobEnded: [self._job_ended],
-            ConnectionChanged: [self._connection_noted],
+            PeerSent: [self._handle_message_sent],
+            BytesReceived: [self._handle_received],
+            JobStarted: [self._handle_job_start],
+            ModeChange: [self._handle_job_mode],
+            JobEnded: [self._handle_job_end],
+            ConnectionChanged: [self._handle_connection],
         }
         self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # told of JobEnded with DONE, without
 
@@ -200,13 +208,13 @@ class StreamIndex:
 
     # -- what is written --------------------------------------------------------------------------------
 
-    def take(self, stamped: Iterable[StampedEvent]) -> None:
+    def add_lines(self, stamped: Iterable[StampedEvent]) -> None:
         listeners = self.listeners
         for scan, t_ns, event in stamped:
             for listener in listeners.get(type(event), ()):
                 listener(0, scan, t_ns, event)
 
-    def lose(self) -> None:
+    def forget_unread(self) -> None:
         """Forget what lines that nobody has read can have changed: nothing of it is guessed."""
         self._received.clear()
         self._readings.clear()
@@ -215,7 +223,7 @@ class StreamIndex:
         self._incarnations.clear()
         self._claimed = dict(self._newest)  # who meets again begins a new stream
 
-    def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         peer, message, local, remote, offset, size, ns = event
         t_ns = t_ns if ns < 0 else ns
         self.has_holes = self.has_holes or peer == A_HOLE
@@ -231,14 +239,14 @@ class StreamIndex:
             if len(self._sent) >= KEPT_STREAMS:
                 del self._sent[next(iter(self._sent))]
             self._newest[ends] = turn
-            sent = self._sent.setdefault((ends, turn), _Sent())
+            sent = self._sent.setdefault((ends, turn), _SentMessages())
         sent.add((offset, size, message, peer, t_ns), self._kept_messages)
 
-    def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
-        down = self._down.setdefault(event.connection, deque(maxlen=KEPT_DOWN))
+    def _handle_connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+        down = self._down.setdefault(event.connection, deque(maxlen=KEPT_DOWN_TIMES))
         self.down_changes += 1
-        if event.what in ENDINGS and (not down or down[-1][1] < NOW):
-            down.append((t_ns, NOW))
+        if event.what in ENDING_EVENTS and (not down or down[-1][1] < MAX_SCAN):
+            down.append((t_ns, MAX_SCAN))
         elif down and (event.what is EventKind.CONNECTED or event.detail == "UDP"):
             down[-1] = down[-1][0], min(t_ns, down[-1][1])
         if event.what is not EventKind.CONNECTED:
@@ -253,11 +261,11 @@ class StreamIndex:
         self._incarnations[event.connection] = event.incarnation
         self._received[event.connection].bursts = StreamBursts()
 
-    def _bytes_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         connection, incarnation, recv, offset, size, instance, position, cut = event
         link = self._received[connection]
         link.incarnation, link.offset = incarnation, offset + size
-        link.bursts.note(scan, t_ns, size)
+        link.bursts.add_bytes(scan, t_ns, size)
         reading = self._readings[instance]
         reading.link = connection, incarnation
         reads = reading.reads
@@ -265,19 +273,19 @@ class StreamIndex:
         if len(reads) > self._kept_recvs:
             del reads[0]
 
-    def _job_started(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_job_start(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         reading = self._readings[event[0]]
         reading.began = scan, t_ns, tuple(event)
         reading.runs = True
         reading.reads = []
 
-    def _job_mode(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_job_mode(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         reading = self._readings.get(event[0])
         if reading is not None and reading.began is not None:
             begun, at, fields = reading.began
             reading.began = begun, at, (*fields[:-1], event[-1])
 
-    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, _, _, _, _, _, done, _ = event
         reading = self._readings[instance]
         begun = reading.began if reading.runs else None
@@ -291,17 +299,17 @@ class StreamIndex:
 
     # -- which message holds a byte ---------------------------------------------------------------------
 
-    def _messages(self, link: Link) -> _Sent | None:
+    def _find_sent(self, link: LinkKey) -> _SentMessages | None:
         key = self._links.get(link) or ((NO_END, link[0]), link[1] - 1)
         return self._sent.get(key)
 
-    def messages_within(self, link: Link, offset: int, size: int, position: int) -> list[MessageSpan]:
+    def find_messages_within(self, link: LinkKey, offset: int, size: int, position: int) -> list[MessageSpan]:
         """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
-        sent = self._messages(link)
+        sent = self._find_sent(link)
         found: list[MessageSpan] = []
         if sent is None:
             return found
-        place = max(0, bisect_right(sent.told, (offset, *_LAST)) - 1)
+        place = max(0, bisect_right(sent.told, (offset, *_AFTER_OFFSET)) - 1)
         while place < len(sent.told) and sent.told[place][0] < offset + size:
             begin, length, number, peer, _ = sent.told[place]
             first = max(begin, offset)
@@ -317,12 +325,12 @@ class StreamIndex:
     def has_packets(self) -> bool:
         return self._are_packets or self.packet_times is not None
 
-    def packet_ns(self, link: Link, offset: int, datagram: int | None = None) -> int | None:
+    def find_packet_ns(self, link: LinkKey, offset: int, datagram: int | None = None) -> int | None:
         """Return when the packet with a byte stands in its capture, or that of a datagram's number."""
         if self.packet_times is not None and link in self._links:
             return self.packet_times(*self._links[link], offset)
-        sent = self._messages(link)
-        place = bisect_right(sent.told, (offset, *_LAST)) - 1 if sent is not None else -1
+        sent = self._find_sent(link)
+        place = bisect_right(sent.told, (offset, *_AFTER_OFFSET)) - 1 if sent is not None else -1
         while sent is not None and place >= 0:
             begin, size, number, peer, t_ns = sent.told[place]
             if peer == A_PACKET and (offset < begin + size if datagram is None else number == datagram):
@@ -332,13 +340,13 @@ class StreamIndex:
             place -= 1
         return None
 
-    def message_at(self, link: Link, offset: int, position: int = 0) -> MessageSpan | None:
+    def find_message(self, link: LinkKey, offset: int, position: int = 0) -> MessageSpan | None:
         """Return the message that holds a byte of a connection, None where it is not known."""
-        return next(iter(self.messages_within(link, offset, 1, position)), None)
+        return next(iter(self.find_messages_within(link, offset, 1, position)), None)
 
-    def sent_on(self, link: Link) -> tuple[str, Sizes]:
+    def find_sender(self, link: LinkKey) -> tuple[str, Sizes]:
         """Return which peer sends on a connection, and the sizes of its messages."""
-        sent = self._messages(link)
+        sent = self._find_sent(link)
         if sent is None:
             return "", Sizes()
         sizes = tuple([told[1] for told in sent.told[-KEPT_SIZES:]])
@@ -346,28 +354,28 @@ class StreamIndex:
 
     # -- what a connection has received -----------------------------------------------------------------
 
-    def next_byte(self, connect: str, incarnation: int) -> int:
+    def next_offset(self, connect: str, incarnation: int) -> int:
         """Return the offset of the byte that comes next, 0 before the first of this incarnation."""
         link = self._received.get(connect)
         return link.offset if link is not None and link.incarnation == incarnation else 0
 
-    def bursts(self, connect: str) -> StreamBursts:
+    def get_bursts(self, connect: str) -> StreamBursts:
         link = self._received.get(connect)
         return link.bursts if link is not None else StreamBursts()
 
     # -- jobs -------------------------------------------------------------------------------------------
 
-    def started(self, instance: str) -> JobRecord | None:
+    def find_newest_job(self, instance: str) -> JobRecord | None:
         """Return the job that an instance began last, also after its end."""
         reading = self._readings.get(instance)
-        return _begun(reading.began) if reading is not None and reading.began is not None else None
+        return _make_begun_job(reading.began) if reading is not None and reading.began is not None else None
 
-    def reads(self, instance: str) -> list[RecvSpan]:
+    def done_reads(self, instance: str) -> list[RecvSpan]:
         """Return the recv calls of the newest job with DONE; none where not all of them are known."""
         delivered = self._readings[instance].delivered
         return delivered[4] if delivered is not None and delivered[3] is not None else []
 
-    def down_times(self, connect: str) -> list[tuple[int, int]]:
+    def list_down_times(self, connect: str) -> list[tuple[int, int]]:
         """Return from when to when, in ns, a CONNECT had lost what it was connected to; NOW: it still has."""
         return [*self._down.get(connect, ())]
 
@@ -375,98 +383,98 @@ class StreamIndex:
         """Return the recv calls of the newest job without DONE; none where not all of them are known."""
         return self._readings[instance].cut
 
-    def last_read(self, instance: str) -> RecvSpan:
+    def get_last_read(self, instance: str) -> RecvSpan:
         """Return the newest recv call of the running job."""
         return self._readings[instance].reads[-1]
 
-    def running(self, connect: str) -> Iterator[tuple[str, JobRecord, list[RecvSpan]]]:
+    def list_running(self, connect: str) -> Iterator[tuple[str, JobRecord, list[RecvSpan]]]:
         """Yield the instances whose running job has read on a CONNECT, with the job and its recv calls."""
         for instance, reading in self._readings.items():
             if reading.runs and reading.reads and reading.began and reading.link[0] == connect:
-                yield instance, _begun(reading.began), reading.reads
+                yield instance, _make_begun_job(reading.began), reading.reads
 
-    def reader_of(self, link: Link, offset: int) -> str | None:
+    def find_reader(self, link: LinkKey, offset: int) -> str | None:
         """Return the instance whose running job has a byte of a connection."""
         for instance, reading in self._readings.items():
-            if reading.link == link and _covering(reading.reads, offset) is not None:
+            if reading.link == link and _find_covering(reading.reads, offset) is not None:
                 return instance
         return None
 
-    def _pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
+    def _find_pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
         reading = self._readings.get(instance)
         if reading is None:
             return None
         if of_job and reading.runs and reading.began is not None:
-            job = _begun(reading.began)._replace(recvs=reading.reads)
+            job = _make_begun_job(reading.began)._replace(recvs=reading.reads)
         elif not of_job and reading.delivered is not None:
-            job = _record(reading.delivered)
+            job = _make_ended_job(reading.delivered)
         else:
             return None
         is_known = len(job.recvs) < self._kept_recvs
-        return job, job.pieces(of_job) if is_known else [(job.offset, job.size)]
+        return job, job.list_pieces(of_job) if is_known else [(job.offset, job.size)]
 
-    def origin(self, instance: str, of_job: bool, byte: int) -> Origin | None:
+    def find_origin(self, instance: str, of_job: bool, byte: int) -> ByteOrigin | None:
         """Return where byte number `byte` of DATA, or of the running job, came from."""
-        known = self._pieces(instance, of_job)
+        known = self._find_pieces(instance, of_job)
         if known is None or not 0 <= byte < known[0].size:
             return None
         job, pieces = known
-        place = _place(pieces, byte)
+        place = _find_offset(pieces, byte)
         if not self._is_present(job.link):
-            return Origin(job, None, None)
-        return Origin(job, _covering(job.recvs, place), self.message_at(job.link, place, byte))
+            return ByteOrigin(job, None, None)
+        return ByteOrigin(job, _find_covering(job.recvs, place), self.find_message(job.link, place, byte))
 
-    def messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
+    def list_messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
         """Return the peer's messages in DATA, or in the running job; position 0 is the job's first byte.
 
         A message that goes on in a later piece of the job is told once, where it begins.
         """
-        known = self._pieces(instance, of_job)
+        known = self._find_pieces(instance, of_job)
         first = known[1][0][1] if known is not None and known[1] else 0
         return [span for span in self._spans(instance, of_job) if span.begins or span.position < first]
 
     def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
-        known = self._pieces(instance, of_job)
+        known = self._find_pieces(instance, of_job)
         if known is not None and self._is_present(known[0].link):
             before = 0  # bytes of the job before this piece
             for offset, size in known[1]:
-                yield from self.messages_within(known[0].link, offset, size, before)
+                yield from self.find_messages_within(known[0].link, offset, size, before)
                 before += size
 
-    def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
-        return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
+    def list_message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
+        return frozenset(span.position for span in self.list_messages(instance, of_job) if span.begins)
 
-    def holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
+    def list_holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
         """Return the bytes of DATA, or of the running job, that a capture has not."""
         return tuple(
             [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]
         )
 
-    def _is_present(self, link: Link) -> bool:
+    def _is_present(self, link: LinkKey) -> bool:
         return self._incarnations.get(link[0]) == link[1]
 
 
-def _record(ended: _Ended) -> JobRecord:
+def _make_ended_job(ended: _JobEnd) -> JobRecord:
     scan, t_ns, (_, number, connection, incarnation, offset, size, _, _), began, reads = ended
-    begun, at = _begun(began) if began is not None else None, ScanStamp(scan, t_ns)
+    begun, at = _make_begun_job(began) if began is not None else None, ScanStamp(scan, t_ns)
     return JobRecord(
         number, (connection, incarnation), offset, size,
         begun.adhoc if begun else False, begun.began if begun else at, at, reads,
     )  # fmt: skip
 
 
-def _begun(began: _Began) -> JobRecord:
+def _make_begun_job(began: _JobBegin) -> JobRecord:
     scan, t_ns, (_, number, connection, incarnation, offset, length, adhoc) = began
     at = ScanStamp(scan, t_ns)
     return JobRecord(number, (connection, incarnation), offset, length, adhoc, at, at)
 
 
-def _covering(recvs: Sequence[RecvSpan], offset: int) -> RecvSpan | None:
-    place = bisect_right(recvs, offset, key=OFFSET) - 1
+def _find_covering(recvs: Sequence[RecvSpan], offset: int) -> RecvSpan | None:
+    place = bisect_right(recvs, offset, key=BY_OFFSET) - 1
     return recvs[place] if place >= 0 and offset < recvs[place].offset + recvs[place].size else None
 
 
-def _place(pieces: Iterable[tuple[int, int]], byte: int) -> int:
+def _find_offset(pieces: Iterable[tuple[int, int]], byte: int) -> int:
     place = 0
     for offset, size in pieces:
         if byte < size:

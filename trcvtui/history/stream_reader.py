@@ -8,33 +8,33 @@ from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams, running_then
+from trcvtui.history.received_streams import ReceivedStream, ReceivedStreams, as_running
 from trcvtui.history.records import (
-    END,
+    AT_END,
+    BY_POSITION,
+    BY_SCAN,
+    BY_STOP,
+    MAX_SCAN,
     MOST_SPANS,
     MOST_WINDOW,
-    NOW,
-    POSITION,
-    SCAN,
-    STOP,
     HistoryRequest,
     HistoryWindow,
     JobSpan,
     MessageSpan,
     PreviousJobBytes,
     RecvSpan,
-    Seek,
+    SeekRequest,
     SeekResult,
-    spans_within,
+    find_spans,
 )
 from trcvtui.net.received_ring import ReceivedRing
 from trcvtui.udt.byte_text import MOST_BYTES_COUNTED, describe_hit, find_first, find_last
 
-STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
+STRETCH_BYTES: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_SEARCHES: Final = 8  # of several screens
-MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write
-Runs = list[tuple[int, bytes]]  # bytes and where they begin
-LOST: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
+MOST_JOB_BYTES: Final = 65_536  # bytes of one job in a picture: as much as a job can write
+ByteRuns = list[tuple[int, bytes]]  # bytes and where they begin
+LOST_REASON: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
 
 
 class _Source:
@@ -43,28 +43,28 @@ class _Source:
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
         self.begin = max(ring.begin, min(stream.begin, ring.end))
-        self.end = max(self.begin, min(ring.end, _after(scan, stream.recvs), _after(scan, stream.blanks)))
+        self.end = max(self.begin, min(ring.end, _end_at(scan, stream.recvs), _end_at(scan, stream.blanks)))
 
     @property
-    def lack(self) -> str:
+    def lack_reason(self) -> str:
         return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
 
-    def runs(self, start: int, stop: int) -> Runs:
+    def read_runs(self, start: int, stop: int) -> ByteRuns:
         """Return the bytes from `start` to `stop`, put together as far as no byte is missing between them."""
         start, stop = max(start, self.begin), min(stop, self.end)
-        found: Runs = []
-        for blank in spans_within(self.stream.blanks, start, stop):
+        found: ByteRuns = []
+        for blank in find_spans(self.stream.blanks, start, stop):
             if blank.position > start:
                 found.append((start, self.ring.read(start, blank.position)))
             start = blank.stop
         return [*found, (start, self.ring.read(start, stop))] if start < stop else found
 
-    def jobs(self, start: int, stop: int) -> list[JobSpan]:
+    def list_jobs(self, start: int, stop: int) -> list[JobSpan]:
         """Return the spans of jobs between two positions, of a job that ended later as it ran."""
-        spans = spans_within(self.stream.jobs, start, stop)[: MOST_SPANS + 1]
-        return [span if span.scan <= self.scan or not span.is_kept else running_then(span) for span in spans]
+        spans = find_spans(self.stream.jobs, start, stop)[: MOST_SPANS + 1]
+        return [span if span.scan <= self.scan or not span.is_kept else as_running(span) for span in spans]
 
-    def content(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB) -> bytes:
+    def read_job(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB_BYTES) -> bytes:
         """Return `size` bytes of a job from byte `first` on; b"" where one of its bytes is not kept."""
         whole = pieces[0].whole if pieces else 0
         parts = [self.ring.read(piece.position, piece.stop) for piece in pieces if piece.is_kept]
@@ -78,10 +78,10 @@ class StreamReader:
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self.streams = ReceivedStreams(bench, reader)
         self._bench, self._catch_up = bench, reader.catch_up
-        self._searches: dict[Seek, tuple[int, SeekResult | None]] = {}
+        self._searches: dict[SeekRequest, tuple[int, SeekResult | None]] = {}
         self._reached = 0
 
-    def window(self, request: HistoryRequest) -> HistoryWindow:
+    def read_window(self, request: HistoryRequest) -> HistoryWindow:
         """Return the window; one outside is moved to what is kept."""
         self._catch_up()
         ring = self._bench.runtime.received_ring(request.connect)
@@ -89,24 +89,24 @@ class StreamReader:
             return HistoryWindow(request.connect, 0, 0)
         of = _Source(request.connect, ring, self.streams.streams[request.connect], request.scan)
         size = max(0, min(request.size, MOST_WINDOW))
-        start = of.end - size if request.start == END else request.start
+        start = of.end - size if request.start == AT_END else request.start
         start = max(of.begin, min(start, of.end))
-        jobs, recvs, messages, stop = self._spans(of, start, min(start + size, of.end))
+        jobs, recvs, messages, stop = self._collect_spans(of, start, min(start + size, of.end))
         return HistoryWindow(
             request.connect, of.begin, of.end, start, ring.read(start, stop),
             jobs, recvs, tuple(messages),
-            tuple(_before(of, jobs, start, stop)) if request.before else (),
-            self._sought(of, request.seek), self._job_at(of, request.job_at),
-            _before_data(of, request.data), of.lack,
+            tuple(_read_previous(of, jobs, start, stop)) if request.before else (),
+            self._continue_seek(of, request.seek), self._read_job_at(of, request.job_at),
+            _read_previous_data(of, request.data), of.lack_reason,
         )  # fmt: skip
 
-    def _spans(
+    def _collect_spans(
         self, of: _Source, start: int, stop: int
     ) -> tuple[tuple[JobSpan, ...], tuple[RecvSpan, ...], list[MessageSpan], int]:
-        ended = of.jobs(start, stop)
-        recvs = spans_within(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
-        running = self.streams.running(of.name, start, stop)
-        jobs = [*_without_gaps(sorted([*ended, *running], key=POSITION), start, stop)]
+        ended = of.list_jobs(start, stop)
+        recvs = find_spans(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
+        running = self.streams.list_open_spans(of.name, start, stop)
+        jobs = [*_fill_gaps(sorted([*ended, *running], key=BY_POSITION), start, stop)]
         stop = min(
             [stop, *(spans[MOST_SPANS].position for spans in (jobs, recvs) if len(spans) > MOST_SPANS)]
         )
@@ -116,7 +116,7 @@ class StreamReader:
                 stop = min(stop, recv.position)
                 break
             self._add_messages(messages, of.name, recv, (start, stop))
-        return tuple(spans_within(jobs, start, stop)), tuple(spans_within(recvs, start, stop)), messages, stop
+        return tuple(find_spans(jobs, start, stop)), tuple(find_spans(recvs, start, stop)), messages, stop
 
     def _add_messages(
         self, messages: list[MessageSpan], name: str, recv: RecvSpan, window: tuple[int, int]
@@ -125,125 +125,125 @@ class StreamReader:
         offset = recv.offset + position - recv.position
         size = min(recv.stop, window[1]) - position
         link = name, recv.incarnation
-        for found in self.streams.index.messages_within(link, offset, size, position):
+        for found in self.streams.index.find_messages_within(link, offset, size, position):
             last = messages[-1] if messages else None
-            if last is not None and _goes_on(last, found):
+            if last is not None and _is_continued_by(last, found):
                 messages[-1] = last._replace(size=last.size + found.size)
             else:
                 messages.append(found)
 
     @staticmethod
-    def _job_at(of: _Source, position: int | None) -> tuple[int, bytes] | None:
+    def _read_job_at(of: _Source, position: int | None) -> tuple[int, bytes] | None:
         """Return where the job, or piece of one, at a position begins, and all bytes of the job."""
         if position is None:
             return None
         jobs = of.stream.jobs
-        place = bisect_right(jobs, position, key=STOP)
+        place = bisect_right(jobs, position, key=BY_STOP)
         is_here = place < len(jobs) and jobs[place].position <= position
-        return (jobs[place].position, of.content(of.stream.pieces(place))) if is_here else None
+        return (jobs[place].position, of.read_job(of.stream.list_pieces(place))) if is_here else None
 
     # -- looking for a place -----------------------------------------------------------------------------
 
-    def _sought(self, of: _Source, seek: Seek | None) -> SeekResult | None:
+    def _continue_seek(self, of: _Source, seek: SeekRequest | None) -> SeekResult | None:
         if seek is None:
             return None
         is_new, found = seek not in self._searches, None
         self._reached, answer = self._searches.pop(seek, (seek.start, None))
         if is_new:
             if seek.job is not None:
-                found = of.stream.job(*seek.job)
+                found = of.stream.find_job(*seek.job)
             elif not seek.patterns:
-                found = of.stream.done(seek.start, seek.is_forward, not seek.dropped)
+                found = of.stream.find_next_ended(seek.start, seek.is_forward, not seek.dropped)
             if not seek.patterns or seek.job is not None:
                 is_kept = found is not None and of.begin <= found <= of.end
                 answer = SeekResult(seek.number, found if is_kept else None)
         if answer is None or answer.share < 1:
-            answer = self._search(of, seek)
+            answer = self._search_stretch(of, seek)
         self._searches[seek] = self._reached, answer
         if len(self._searches) > MOST_SEARCHES:
             del self._searches[next(iter(self._searches))]
         return answer
 
-    def _search(self, of: _Source, seek: Seek) -> SeekResult:
+    def _search_stretch(self, of: _Source, seek: SeekRequest) -> SeekResult:
         """Search one stretch more; stretches overlap, so that nothing on their border is missed."""
-        size = max(1, STRETCH // len(seek.patterns))
+        size = max(1, STRETCH_BYTES // len(seek.patterns))
         more = max(map(len, seek.patterns)) - 1
         if seek.is_forward:
             start = max(self._reached, of.begin)
-            found = _first(of.runs(start, start + size + more), seek.patterns)
+            found = _find_first(of.read_runs(start, start + size + more), seek.patterns)
             self._reached = start + size
             is_over = self._reached >= of.end
             done, whole = self._reached - seek.start, of.end - seek.start
         else:
             stop = min(self._reached, of.end)
-            found = _last(of.runs(stop - size, stop + more), seek.patterns, stop)
+            found = _find_last(of.read_runs(stop - size, stop + more), seek.patterns, stop)
             self._reached = stop - size
             is_over = self._reached <= of.begin
             done, whole = seek.start - self._reached, seek.start - of.begin
         if found is not None:
-            few = of.runs(of.begin, min(of.end, of.begin + MOST_BYTES_COUNTED + 1))
+            few = of.read_runs(of.begin, min(of.end, of.begin + MOST_BYTES_COUNTED + 1))
             return SeekResult(seek.number, found, hit=describe_hit(few, seek.patterns, found))
         if is_over:
             return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
 
 
-def _after(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
+def _end_at(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
     """Return where the first bytes lie that came after a scan."""
-    place = bisect_right(spans, scan, key=SCAN)
-    return spans[place].position if place < len(spans) else NOW
+    place = bisect_right(spans, scan, key=BY_SCAN)
+    return spans[place].position if place < len(spans) else MAX_SCAN
 
 
-def _without_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
+def _fill_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
     """Yield the jobs, and between them the bytes of which it is not known whose they are."""
     reached = start
     for job in jobs:
         if job.position > reached:
-            yield _unknown(reached, job.position)
+            yield _make_unknown_span(reached, job.position)
         yield job
         reached = max(reached, job.stop)
     if reached < stop:
-        yield _unknown(reached, stop)
+        yield _make_unknown_span(reached, stop)
 
 
-def _unknown(start: int, stop: int) -> JobSpan:
-    return JobSpan(start, stop - start, "", 0, 0, 0, False, LOST, whole=stop - start, is_open=True)
+def _make_unknown_span(start: int, stop: int) -> JobSpan:
+    return JobSpan(start, stop - start, "", 0, 0, 0, False, LOST_REASON, whole=stop - start, is_open=True)
 
 
-def _goes_on(last: MessageSpan, found: MessageSpan) -> bool:
+def _is_continued_by(last: MessageSpan, found: MessageSpan) -> bool:
     return (
         (last.peer, last.number, last.stop) == (found.peer, found.number, found.position)
         and last.first + last.size == found.first
     )  # fmt: skip
 
 
-def _first(runs: Runs, patterns: tuple[bytes, ...]) -> int | None:
+def _find_first(runs: ByteRuns, patterns: tuple[bytes, ...]) -> int | None:
     found = ((place, find_first(part, patterns)) for place, part in runs)
     return next((place + at for place, at in found if at is not None), None)
 
 
-def _last(runs: Runs, patterns: tuple[bytes, ...], before: int) -> int | None:
+def _find_last(runs: ByteRuns, patterns: tuple[bytes, ...], before: int) -> int | None:
     found = ((place, find_last(part, patterns, before - place)) for place, part in reversed(runs))
     return next((place + at for place, at in found if at is not None), None)
 
 
-def _before(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
+def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
     """Yield, for each job of the window, the bytes of the job before it at the same places."""
     for job in jobs:
-        earlier = of.stream.job_before(job.position, job.instance) if job.done and not job.first else []
+        earlier = of.stream.find_job_before(job.position, job.instance) if job.done and not job.first else []
         if earlier:
             at = max(start, job.position)
-            content = of.content(earlier, at - job.position, min(stop, job.stop) - at)
+            content = of.read_job(earlier, at - job.position, min(stop, job.stop) - at)
             if content:
                 yield PreviousJobBytes(at, content, earlier[0].number)
 
 
-def _before_data(of: _Source, asked: tuple[str, int, int] | None) -> PreviousJobBytes | None:
+def _read_previous_data(of: _Source, asked: tuple[str, int, int] | None) -> PreviousJobBytes | None:
     """Return bytes of the job before the newest one of an instance: what DATA held before."""
     if asked is None:
         return None
     instance, first, size = asked
-    newest = of.stream.job_before(of.end + 1, instance, of.scan)
-    earlier = of.stream.job_before(newest[0].position, instance) if newest else []
-    content = of.content(earlier, first, min(size, MOST_WINDOW))
+    newest = of.stream.find_job_before(of.end + 1, instance, of.scan)
+    earlier = of.stream.find_job_before(newest[0].position, instance) if newest else []
+    content = of.read_job(earlier, first, min(size, MOST_WINDOW))
     return PreviousJobBytes(first, content, earlier[0].number) if content else None

@@ -19,13 +19,13 @@ from trcvtui.files import write_file
 from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window
 from trcvtui.plc.ledger import Line, StatusEdge
 
-LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
+LOW_SIGN, HIGH_SIGN, ONE_SCAN_SIGN, RISE_SIGN, FALL_SIGN, INSIDE_SIGN, GAP, UNKNOWN_SIGN = "▁▔█╱╲┃░·"
 CODES: Final = "codes"
 WATCH: Final = "watch "  # before the pin that a watch table shows
-WIDTHS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
-TICK: Final = 20
+TYPE_BITS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
+TICK_COLUMNS: Final = 20
 LABEL_WIDTH: Final = 5  # of a code with its edge
-ORDER: Final = (
+ROW_ORDER: Final = (
     "STATUS", CODES, "EN_R", "REQ", "DONE", f"{WATCH}STATUS", f"{WATCH}DONE", "ERROR", "BUSY", "CONT",
     "RCVD_LEN", "LEN", "ADHOC", "COM_RST",
     "DataReceived", "StringReceived", "ByteReceived", "ReceivedByte", "Error", "busy", "Busy", "RxTimeout",
@@ -36,7 +36,7 @@ ORDER: Final = (
 Piece = tuple[str, str]  # characters, and what they are: high, pulse, gap, error, done, busy or ""
 
 
-class Mark(NamedTuple):
+class RulerMark(NamedTuple):
     """Something in one scan that is drawn into the ruler."""
 
     scan: int
@@ -46,64 +46,64 @@ class Mark(NamedTuple):
 def row_names(wave: Waveform) -> list[str]:
     """Return the rows of an instance, what matters most first."""
     pins = set(wave.lanes)
-    rows = {f"{WATCH}{pin}" for pin in wave.watched} | ({CODES} if "STATUS" in pins else set())
-    return [name for name in ORDER if name in pins | rows] + sorted(pins - set(ORDER))
+    rows = {f"{WATCH}{pin}" for pin in wave.watched_pins} | ({CODES} if "STATUS" in pins else set())
+    return [name for name in ROW_ORDER if name in pins | rows] + sorted(pins - set(ROW_ORDER))
 
 
-def pin_of(name: str) -> str:
+def get_row_pin(name: str) -> str:
     return "STATUS" if name == CODES else name.removeprefix(WATCH)
 
 
-def bits_of(name: str) -> int:
+def count_pin_bits(name: str) -> int:
     """Return the bits of a pin that is a number, 0 of one that is not."""
     pin = find_pin(name)
-    return 0 if pin is None or pin.is_bool else WIDTHS[pin.iec_type]
+    return 0 if pin is None or pin.is_bool else TYPE_BITS[pin.iec_type]
 
 
-def value_text(pin: str, value: int | None) -> str:
+def format_value(pin: str, value: int | None) -> str:
     """Return a value as it is written: STATUS in hex, other numbers in decimals."""
     if value is None:
         return "?"
     return f"{value:04X}" if pin == "STATUS" else str(value)
 
 
-def lane_of(wave: Waveform, name: str) -> PinWaveform:
-    return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lanes[pin_of(name)]
+def get_lane(wave: Waveform, name: str) -> PinWaveform:
+    return wave.get_polled(get_row_pin(name)) if name.startswith(WATCH) else wave.lanes[get_row_pin(name)]
 
 
-def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
+def draw_row(wave: Waveform, name: str, window: Window) -> list[Piece]:
     if name == CODES:
-        return _codes(wave, window)
-    columns = wave.columns(lane_of(wave, name), window)
+        return _draw_codes(wave, window)
+    columns = wave.list_columns(get_lane(wave, name), window)
     if name == "RCVD_LEN":
-        return list(_lengths(wave, window, columns))
-    if bits_of(pin_of(name)):
+        return list(_draw_lengths(wave, window, columns))
+    if count_pin_bits(get_row_pin(name)):
         return list(_segments(wave, name, window, columns))
     if not wave.gaps and columns.count(columns[0]) == window.width:  # most pins do not change in view
-        sign, kind = _level(wave, window, columns, 0)
+        sign, kind = _draw_level(wave, window, columns, 0)
         return [(sign * window.width, kind)]
-    return merged(_level(wave, window, columns, x) for x in range(window.width))
+    return merge_pieces(_draw_level(wave, window, columns, x) for x in range(window.width))
 
 
 # -- levels -----------------------------------------------------------------------------------------------
 
 
-def _level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
+def _draw_level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
     column = columns[x]
     if column is None:
         return " ", ""
-    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+    if wave.gaps and wave.is_gap(*window.column_scans(x)):
         return (GAP, "gap") if column.is_level else ("▒", "pulse")
     if column.low is None:
-        return NOT_YET, ""
+        return UNKNOWN_SIGN, ""
     if column.is_level:
         if not column.low:
-            return LOW, ""
+            return LOW_SIGN, ""
         alone = window.zoom == 1 and _is_low(columns, x - 1) and _is_low(columns, x + 1)
-        return (ONE_SCAN, "pulse") if alone else (HIGH, "high")
+        return (ONE_SCAN_SIGN, "pulse") if alone else (HIGH_SIGN, "high")
     if column.changes == 1:
-        return (RISE if column.end else FALL), "high"
-    return INSIDE, "pulse"
+        return (RISE_SIGN if column.end else FALL_SIGN), "high"
+    return INSIDE_SIGN, "pulse"
 
 
 def _is_low(columns: list[Column | None], x: int) -> bool:
@@ -115,40 +115,40 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 
 
 def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    pin, x = pin_of(name), 0
+    pin, x = get_row_pin(name), 0
     is_word = outcome_field(pin) == "status" and not name.startswith(WATCH)
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
     for (kind, value), run in groupby(keys):
         width = sum(1 for _ in run)
-        last = window.scans_of(x + width - 1)[1]
+        last = window.column_scans(x + width - 1)[1]
         x += width
         if kind != "level":
-            sign = {"none": " ", "gap": GAP, "inside": INSIDE}[kind]
+            sign = {"none": " ", "gap": GAP, "inside": INSIDE_SIGN}[kind]
             yield sign * width, "pulse" if kind == "inside" else kind if kind == "gap" else ""
             continue
-        label = value_text(pin, value) if value is not None else ""
-        edge = "│" if value is not None else NOT_YET
-        text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
-        style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
-        yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
+        label = format_value(pin, value) if value is not None else ""
+        edge = "│" if value is not None else UNKNOWN_SIGN
+        text = INSIDE_SIGN if width == 1 and label else edge + (label if len(label) < width else "")
+        style = _get_edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
+        yield text[:width].ljust(width, "─" if value is not None else UNKNOWN_SIGN), style
 
 
 def _segment_key(wave: Waveform, window: Window, column: Column | None, x: int) -> tuple[str, int | None]:
     if column is None:
         return "none", None
-    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+    if wave.gaps and wave.is_gap(*window.column_scans(x)):
         return "gap", None
     return ("level", column.low) if column.is_level else ("inside", None)
 
 
-def _edge_kind(line: Line | None) -> str:
+def _get_edge_kind(line: Line | None) -> str:
     edge = line.event if line is not None else None
     if not isinstance(edge, StatusEdge):
         return ""
     return edge.outputs.lit_lamp
 
 
-def _lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
     """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
@@ -160,36 +160,36 @@ def _lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> It
             yield text, "done"
             x += len(text)
         else:
-            yield _level(wave, window, columns, x) if not text else (INSIDE, "pulse")
+            yield _draw_level(wave, window, columns, x) if not text else (INSIDE_SIGN, "pulse")
             x += 1
 
 
 # -- codes that have no room in their segment -------------------------------------------------------------
 
-RANK: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
+KIND_RANKS: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
 
 
-def _codes(wave: Waveform, window: Window) -> list[Piece]:
-    columns = wave.columns(wave.lanes["STATUS"], window)
+def _draw_codes(wave: Waveform, window: Window) -> list[Piece]:
+    columns = wave.list_columns(wave.lanes["STATUS"], window)
     found = []
     for x, column in enumerate(columns):
         if column is not None and column.changes and _is_narrow(columns, x):
-            edges = wave.edges_in(*window.scans_of(x))[:64]
+            edges = wave.list_edges(*window.column_scans(x))[:64]
             if edges:
-                ranks = [RANK[_edge_kind(line)] for line in edges]
+                ranks = [KIND_RANKS[_get_edge_kind(line)] for line in edges]
                 found.append((min(ranks), x, edges[ranks.index(min(ranks))], edges))
     taken: dict[int, tuple[str, str]] = {}
     free = [True] * (window.width + 1)
     for _, x, line, edges in sorted(found, key=lambda place: place[:2]):
-        text = f"╵{value_text('STATUS', _status(line))}" + "+" * (len({*map(_status, edges)}) > 1)
+        text = f"╵{format_value('STATUS', _get_status(line))}" + "+" * (len({*map(_get_status, edges)}) > 1)
         end = x + len(text)
         if end <= window.width and all(free[x : end + 1]):
             free[x:end] = [False] * len(text)
-            taken[x] = text, _edge_kind(line)
-    return _placed(taken, window.width)
+            taken[x] = text, _get_edge_kind(line)
+    return _place_labels(taken, window.width)
 
 
-def _status(line: Line) -> int:
+def _get_status(line: Line) -> int:
     return line.event.outputs.status if isinstance(line.event, StatusEdge) else 0
 
 
@@ -201,7 +201,7 @@ def _is_narrow(columns: list[Column | None], x: int) -> bool:
     return not all(c is not None and c.is_level and c.low == here.low and not c.changes for c in ahead)
 
 
-def _placed(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
+def _place_labels(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
     pieces: list[Piece] = []
     x = 0
     for at in sorted(taken):
@@ -214,23 +214,23 @@ def _placed(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 # -- ruler ------------------------------------------------------------------------------------------------
 
 
-def ruler(window: Window, until: int, marks: Iterable[Mark]) -> list[Piece]:
+def draw_ruler(window: Window, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
     """Return the scans as ticks, and the marks over them."""
     signs = [" "] * window.width
-    for x in range(-window.first % TICK, window.width, TICK):
-        first = window.scans_of(x)[0]
+    for x in range(-window.first % TICK_COLUMNS, window.width, TICK_COLUMNS):
+        first = window.column_scans(x)[0]
         for offset, sign in enumerate(f"╷{first}" if 0 < first <= until else ""):
             if x + offset < window.width:
                 signs[x + offset] = sign
     pieces: list[Piece] = [(sign, "") for sign in signs]
     for mark in marks:
-        x = window.column_of(mark.scan)
+        x = window.find_column(mark.scan)
         if 0 <= x < window.width:
             pieces[x] = mark.sign, "mark"
-    return merged(pieces)
+    return merge_pieces(pieces)
 
 
-def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list[Piece]:
+def restyle_column(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list[Piece]:
     """Return the pieces with the one character in column x restyled."""
     out: list[Piece] = []
     left = 0
@@ -245,7 +245,7 @@ def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list
     return out
 
 
-def merged(pieces: Iterable[Piece]) -> list[Piece]:
+def merge_pieces(pieces: Iterable[Piece]) -> list[Piece]:
     """Return pieces with neighbours of one kind put together: fewer to paint."""
     return [("".join(text for text, _ in run), kind) for kind, run in groupby(pieces, key=lambda p: p[1])]
 
@@ -260,7 +260,7 @@ class ScanRange(NamedTuple):
 # -- VCD --------------------------------------------------------------------------------------------------
 
 
-def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
+def format_vcd(waves: Sequence[Waveform], span: ScanRange) -> str:
     """Return the waves as a Value PinChange Dump: 1 ns, a scope for each instance, x where nobody knows.
 
     Several changes of one pin in one scan stand 1 ns apart, so that none of them is lost.
@@ -275,10 +275,10 @@ def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
     ) as writer:
         for wave in waves:
             for pin, lane in wave.lanes.items():
-                kind = "reg" if bits_of(pin) else "wire"
-                scope = _vcd_name(wave.instance)
-                var = writer.register_var(scope, pin, kind, size=bits_of(pin) or 1, init=None)
-                told = enumerate(_vcd_changes(lane, wave, span))
+                kind = "reg" if count_pin_bits(pin) else "wire"
+                scope = _make_vcd_name(wave.instance)
+                var = writer.register_var(scope, pin, kind, size=count_pin_bits(pin) or 1, init=None)
+                told = enumerate(_list_vcd_changes(lane, wave, span))
                 changes += [(t_ns, number, var, value) for number, (t_ns, value) in told]
         for t_ns, _, var, value in sorted(changes, key=lambda change: change[:2]):
             writer.change(var, t_ns, "x" if value is None else value)
@@ -286,8 +286,8 @@ def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
     return out.getvalue()
 
 
-def _vcd_changes(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int | None]]:
-    before, last_t = lane.at(span.first - 1), -1
+def _list_vcd_changes(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int | None]]:
+    before, last_t = lane.value_at(span.first - 1), -1
     if before is not None:
         last_t = wave.time_at(span.first - 1)[0] if span.first > 1 else 0
         yield last_t, before
@@ -297,19 +297,19 @@ def _vcd_changes(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator
             yield last_t, value
 
 
-def _vcd_name(instance: str) -> str:
+def _make_vcd_name(instance: str) -> str:
     return "".join(c if c.isalnum() or c == "_" else "_" for c in instance)
 
 
 # -- files ------------------------------------------------------------------------------------------------
 
-VCD: Final = "vcd"
+VCD_SUFFIX: Final = "vcd"
 
 
 def free_path(folder: Path, name: str) -> Path:
     """Return a path of a VCD in a folder under which nothing stands yet."""
-    plain = _vcd_name(name) or "timing"
-    names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD}" for n in range(1, 100_000))
+    plain = _make_vcd_name(name) or "timing"
+    names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD_SUFFIX}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())
 
 
@@ -317,7 +317,7 @@ def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
     """Write a file that is not there yet; return its size; raise UserError where it cannot be written."""
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
-    payload = vcd_text(waves, span).encode()
+    payload = format_vcd(waves, span).encode()
     write_file(path, payload, "export timing", is_new=True)
     return len(payload)
 

@@ -66,14 +66,14 @@ class TapDriver(ProcessDriver):
         self._asks = Channel(asks)
         super().__init__(tap_main, self._asks, asked, kernel)
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived; raise TapEnded."""
-        picture = super().picture()
+        picture = super().poll_picture()
         if picture is not None and picture.over:
             raise TapEnded(f"{picture.over}: both ends have seen an end")
         return picture
 
-    def cuts(self) -> str:
+    def describe_cuts(self) -> str:
         return ask_open_count(self._asks.fileno())
 
 
@@ -235,6 +235,6 @@ class ShadowServer:
         if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
             controller.shadows = player.shown  # more with each PLC end
             self._judge.begins_ns = player.first_ns or None
-        self._screen.take(controller.take, waits)
-        self._screen.show(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
-        self._screen.pipe.go_on(clock.now_ns() + SLICE_NS)
+        self._screen.handle_messages(controller.take, waits)
+        self._screen.send(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
+        self._screen.pipe.advance(clock.now_ns() + SLICE_NS)

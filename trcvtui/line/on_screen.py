@@ -24,7 +24,7 @@ from trcvtui.line.pause_messages import PauseMessages
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.replay.driver import serve_screen
-from trcvtui.replay.survey import NOTE
+from trcvtui.replay.survey import NOTE_PREFIX
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class _RunHistory:
     def _tell(self, text: str) -> None:
         if self._left:
             self._left -= 1
-            self.write(NOTE + text)
+            self.write(NOTE_PREFIX + text)
 
 
 class _Progress:

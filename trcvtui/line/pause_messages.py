@@ -8,13 +8,13 @@ from msgspec.structs import replace
 
 from trcvtui.capture.reassembly import ConversationEvent, WireDirection
 from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
-from trcvtui.history.messages import KeptRows, MessagesDelta
-from trcvtui.history.records import NOW
+from trcvtui.history.messages import MessagesDelta, NewestRows
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.line.shadows import ShadowPlan, ends_of
 from trcvtui.net.received_ring import ReceivedRings
 
 
-class PauseMessages(KeptRows):
+class PauseMessages(NewestRows):
     """Rows by shadow; their scan is 0 until the run of the shadows is known."""
 
     def __init__(self, plan: ShadowPlan, first_ns: int) -> None:
@@ -27,8 +27,8 @@ class PauseMessages(KeptRows):
     def hear(self, event: ConversationEvent) -> None:
         self._cutters.take(event)
 
-    def news(self, instance: str, since: int, until: int = NOW) -> MessagesDelta:
-        return replace(super().news(instance, since, until), are_typed=False)
+    def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
+        return replace(super().make_delta(instance, since, until), are_typed=False)
 
     def end(self, ns: int) -> None:
         self._cutters.end(ns)
@@ -46,6 +46,6 @@ class PauseMessages(KeptRows):
                 self._numbers[name] += 1
                 at = self._rings.open_ring(name).append(content + bytes(size - len(content)))
                 number, t_ns = self._numbers[name], ns - self._first_ns
-                self.add(name, number, 0, t_ns, size, name, [(at, size)], reason, len(content))
+                self.add_row(name, number, 0, t_ns, size, name, [(at, size)], reason, len(content))
 
         return MessageCutter(0, take)

@@ -13,7 +13,7 @@ from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.history.messages import MessagesDelta
 from trcvtui.history.pin_waveform import WaveformDelta
-from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
+from trcvtui.history.records import ConnectFacts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
@@ -26,8 +26,8 @@ from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project
 
-NOBODY_LOOKED, NO_TIMING = DoctorSnapshot(), EngineTiming()
-Few = Meta(max_length=64)  # a picture is made at once: what a screen asks for is bounded
+NO_DOCTOR_SNAPSHOT, NO_TIMING = DoctorSnapshot(), EngineTiming()
+MostItems = Meta(max_length=64)  # a picture is made at once: what a screen asks for is bounded
 
 
 class UpdateRequest(Struct, frozen=True):
@@ -38,25 +38,25 @@ class UpdateRequest(Struct, frozen=True):
     """
 
     since_seq: int = 0
-    data: Annotated[tuple[str, ...], Few] = ()
-    partial_of: Annotated[tuple[str, ...], Few] = ()
+    data: Annotated[tuple[str, ...], MostItems] = ()
+    partial_of: Annotated[tuple[str, ...], MostItems] = ()
     most_lines: Annotated[int, Meta(le=20_000)] = 2000
     bench: int = 0
     project: int = 0
-    waves: Annotated[tuple[tuple[str, int], ...], Few] = ()
+    waves: Annotated[tuple[tuple[str, int], ...], MostItems] = ()
     history: HistoryRequest | None = None
-    recordings_of: Annotated[tuple[str, ...], Few] = ()  # ComBuffers
+    recordings_of: Annotated[tuple[str, ...], MostItems] = ()  # ComBuffers
     doctor: bool = False  # whether it shall look
     messages: tuple[str, int, int] | None = None  # rows of an instance, from a number on, up to a scan
 
 
 MOST_NUMBER: Final = 1 << 32  # of lines of a screen
-_said: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER)], bytes] | UpdateRequest)
+_REQUEST_DECODER: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER)], bytes] | UpdateRequest)
 
 
-def unpacked(content: bytes) -> tuple[int, str] | UpdateRequest:
+def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
     """Return what a screen says; raise ValueError or MsgspecError. A file it names may be no text."""
-    said = _said.decode(content)
+    said = _REQUEST_DECODER.decode(content)
     return said if isinstance(said, UpdateRequest) else (said[0], said[1].decode(errors="surrogatepass"))
 
 
@@ -88,7 +88,7 @@ class BenchUpdate(Struct, frozen=True):
     history: HistoryWindow | None = None
     unsaved: int = 0  # edits of the project that are in no file
     unsaved_word: str = "addition"
-    facts: tuple[tuple[str, Facts], ...] = ()
+    facts: tuple[tuple[str, ConnectFacts], ...] = ()
     armed: str = ""
     fired: TriggerEvent | None = None
     recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
@@ -98,15 +98,15 @@ class BenchUpdate(Struct, frozen=True):
     position: ReplayPosition | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
-    doctor: DoctorSnapshot = NOBODY_LOOKED
+    doctor: DoctorSnapshot = NO_DOCTOR_SNAPSHOT
     messages: MessagesDelta | None = None
     begun_ns: int | None = None  # UTC of time 0, None: simulated time
 
 
-NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out
+UNSAVED_COMMANDS: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out
 
 
-def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:
+def restore_commands(snapshot: Snapshot, project: Project) -> Iterator[str]:
     """Yield the lines that bring a fresh bench to where this one stood: its inputs, what TCON had built.
 
     A pin whose edge does something is left out: nothing is sent or reset once more.

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 
 MOST_TABS: Final = 8  # of `serve`
-REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
-READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
+READ_ONLY: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
+READ_ONLY_COMMANDS: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
 
 
-def may_say(line: str) -> bool:
+def reads_only(line: str) -> bool:
     """Return whether a read-only screen may give a line: its engine carries out no other one."""
-    return line.strip().partition(" ")[0] in READ_ONLY_LINES
+    return line.strip().partition(" ")[0] in READ_ONLY_COMMANDS
 
 
 class EngineStopped(Exception):
@@ -44,10 +44,10 @@ class Driver(Protocol):
     def request(self, request: UpdateRequest) -> None:
         """Ask for a picture; at most one request is outstanding."""
 
-    def picture(self) -> BenchUpdate | None:
+    def poll_picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived since the last call."""
 
-    def cuts(self) -> str:
+    def describe_cuts(self) -> str:
         """Return what is cut when the screen quits, in words; "" for nothing."""
 
     def restart(self) -> None: ...

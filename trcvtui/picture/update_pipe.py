@@ -25,10 +25,10 @@ from trcvtui.plc.ledger import Line
 if TYPE_CHECKING:
     from trcvtui.picture.bench_update import BenchUpdate
 
-SLICE: Final = 64  # parts or lines: 200 us at most
+SLICE_ITEMS: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
 READ_BYTES: Final = 1 << 18
-LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
+LENGTH_HEAD: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
 MOST_PICTURE: Final = (1 << 31) - 1  # bytes: what a length can say
 
 T = TypeVar("T")
@@ -58,9 +58,9 @@ class UpdatePipe:
         return self._pickling is not None or bool(self._unsent)
 
     def begin(self, picture: BenchUpdate) -> None:
-        self._pickling = self._pickled(picture)
+        self._pickling = self._pickle_picture(picture)
 
-    def go_on(self, until: int) -> None:
+    def advance(self, until: int) -> None:
         """Pickle and write until the time is up, but one slice at least; stop when the channel is full."""
         while self._pickling is not None:
             message = next(self._pickling)
@@ -77,7 +77,7 @@ class UpdatePipe:
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
-    def _pickled(self, picture: BenchUpdate) -> Iterator[bytes]:
+    def _pickle_picture(self, picture: BenchUpdate) -> Iterator[bytes]:
         """Yield b"" after each slice, the whole message at last."""
         snapshot = picture.snapshot
         kinds = snapshot.instances, snapshot.connections, snapshot.data
@@ -91,7 +91,7 @@ class UpdatePipe:
         content = BytesIO()
         dump = pickle.Pickler(content, pickle.HIGHEST_PROTOCOL).dump
         dump(UpdateMessage(update, parts, len(lines)))
-        for some in chain(*changed, (map(_plain, each) for each in lines)):
+        for some in chain(*changed, (map(_flatten_line, each) for each in lines)):
             yield b""
             dump([*some])
         self._sent = kinds
@@ -101,7 +101,7 @@ class UpdatePipe:
         if sys.platform == "win32":
             self._channel.send_bytes(message)
         else:
-            self._unsent = memoryview(LENGTH.pack(len(message)) + message)
+            self._unsent = memoryview(LENGTH_HEAD.pack(len(message)) + message)
 
     def _write(self) -> bool:
         descriptor = self._channel.fileno()
@@ -125,17 +125,17 @@ class MessageReader:
         self._bytes = bytearray()
         self._has_ended = False
 
-    def take(self) -> bytes | None:
+    def read_message(self) -> bytes | None:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._channel.recv_bytes(self._most) if self._channel.poll() else None
         while True:
-            if len(self._bytes) >= LENGTH.size:
-                end = LENGTH.size + (size := LENGTH.unpack_from(self._bytes)[0])
+            if len(self._bytes) >= LENGTH_HEAD.size:
+                end = LENGTH_HEAD.size + (size := LENGTH_HEAD.unpack_from(self._bytes)[0])
                 if not 0 <= size <= self._most:
                     raise OSError(f"a message of {size} bytes")
                 if len(self._bytes) >= end:
-                    message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                    message = bytes(memoryview(self._bytes)[LENGTH_HEAD.size : end])
                     del self._bytes[:end]
                     return message
             if self._has_ended:
@@ -171,37 +171,37 @@ class UpdateReader(MessageReader):
 
     def next(self) -> Any:
         """Return the next message, None while no whole one is there; raise EOFError after the last one."""
-        message = self.take()
-        return None if message is None else self._read(message)
+        message = self.read_message()
+        return None if message is None else self._load_message(message)
 
-    def _read(self, message: bytes) -> Any:
+    def _load_message(self, message: bytes) -> Any:
         load = pickle.Unpickler(BytesIO(message)).load
         sent = load()
-        return self._picture(sent, load) if isinstance(sent, UpdateMessage) else sent
+        return self._merge_picture(sent, load) if isinstance(sent, UpdateMessage) else sent
 
-    def _picture(self, sent: UpdateMessage, load: Callable[[], Any]) -> BenchUpdate:
+    def _merge_picture(self, sent: UpdateMessage, load: Callable[[], Any]) -> BenchUpdate:
         for known, (size, slices) in zip(self._parts, sent.parts, strict=True):
             known[size:] = [None] * (size - len(known))
             for place, part in chain.from_iterable(load() for _ in range(slices)):
                 known[place] = part
-        lines = starmap(_line, chain.from_iterable(load() for _ in range(sent.lines)))
+        lines = starmap(_restore_line, chain.from_iterable(load() for _ in range(sent.lines)))
         instances, connections, data = map(tuple, self._parts)
         snapshot = replace(sent.update.snapshot, instances=instances, connections=connections, data=data)
         return replace(sent.update, snapshot=snapshot, lines=tuple(lines))
 
 
 def _slices(items: Sequence[T]) -> Iterator[Sequence[T]]:
-    return (items[first : first + SLICE] for first in range(0, len(items), SLICE))
+    return (items[first : first + SLICE_ITEMS] for first in range(0, len(items), SLICE_ITEMS))
 
 
 # Pickled as a plain tuple a line takes a quarter of the time.
 
 
-def _plain(line: Line) -> tuple[Any, ...]:
+def _flatten_line(line: Line) -> tuple[Any, ...]:
     seq, scan, t_ns, event = line
     kind, *fields = (event.__class__, *event) if isinstance(event, tuple) else (None, event)
     return seq, scan, t_ns, kind, fields
 
 
-def _line(seq: int, scan: int, t_ns: int, kind: Any, fields: list[Any]) -> Line:
+def _restore_line(seq: int, scan: int, t_ns: int, kind: Any, fields: list[Any]) -> Line:
     return Line(seq, scan, t_ns, fields[0] if kind is None else kind(*fields))

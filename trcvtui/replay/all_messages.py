@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.errors import UserError
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.messages import KeptRows, MessageRows, MessagesDelta
+from trcvtui.history.messages import MessageRows, MessagesDelta, NewestRows
 from trcvtui.history.received_streams import ReceivedStreams
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.packet_times import PacketTimes
@@ -25,55 +25,55 @@ class AllMessages:
 
     def __init__(self, keyframes: Keyframes, survey: Survey, path: str = "") -> None:
         self._keyframes, self._survey = keyframes, survey
-        self._run = keyframes.begin()
+        self._run = keyframes.start_run()
         self._reader = reader = LedgerReader(self._run.bench)
         if path:
             begun_ns, bench = self._run.begins.wall_ns, self._run.bench
-            reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + bench.now).of
+            reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + bench.now).find_time
         streams = ReceivedStreams(self._run.bench, reader)
         self._rows = MessageRows(self._run.bench, reader, streams, keyframes.offset)
 
     @property
-    def _at(self) -> int:
+    def _current_scan(self) -> int:
         return self._run.bench.runtime.scans
 
     @property
     def is_over(self) -> bool:
-        return self._survey.is_over and self._at >= self._survey.last
+        return self._survey.is_over and self._current_scan >= self._survey.last_scan
 
-    def go_on(self, until: int) -> None:
+    def advance(self, until: int) -> None:
         """Read until this moment of the clock; where the run cannot go on, the replay ends there, too."""
         run, survey = self._run, self._survey
-        run.limit = survey.last
+        run.limit = survey.last_scan
         while not self.is_over and clock.now_ns() < until:
-            stood = self._at
+            stood = self._current_scan
             try:
                 run.scan()
-                if self._at == stood:
-                    raise run.differs()
+                if self._current_scan == stood:
+                    raise run.make_end_error()
             except UserError as wrong:
-                survey.cut(stood, str(wrong))
+                survey.end_after(stood, str(wrong))
                 return
             self._reader.catch_up()
-            self._keyframes.seen(run)
+            self._keyframes.keep_if_due(run)
 
-    def news(self, instance: str, since: int) -> MessagesDelta:
+    def make_delta(self, instance: str, since: int) -> MessagesDelta:
         """Return the next rows of an instance, of all that are in the recording."""
-        first, last = self._survey.first, self._survey.last
-        share = 1.0 if self.is_over else min(0.99, (self._at - first) / max(1, last - first))
-        return replace(self._rows.news(instance, since), share=share)
+        first, last = self._survey.first, self._survey.last_scan
+        share = 1.0 if self.is_over else min(0.99, (self._current_scan - first) / max(1, last - first))
+        return replace(self._rows.make_delta(instance, since), share=share)
 
 
 class TimedRows:
     """Rows that are known already, with the scans of the run that shows them."""
 
-    def __init__(self, rows: KeptRows, survey: Survey) -> None:
+    def __init__(self, rows: NewestRows, survey: Survey) -> None:
         self._rows, self._survey = rows, survey
 
-    def news(self, instance: str, since: int) -> MessagesDelta:
+    def make_delta(self, instance: str, since: int) -> MessagesDelta:
         survey = self._survey
         if not survey.is_over:
             return MessagesDelta(instance, 0, 0, (), share=0.0)
-        news = self._rows.news(instance, since)
-        rows = [row._replace(scan=min(survey.last, survey.scan_at(row.t_ns))) for row in news.rows]
+        news = self._rows.make_delta(instance, since)
+        rows = [row._replace(scan=min(survey.last_scan, survey.scan_at(row.t_ns))) for row in news.rows]
         return replace(news, rows=tuple(rows))

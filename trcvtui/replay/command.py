@@ -10,21 +10,21 @@ from typing import Final
 from trcvtui.errors import UserError, mistake
 from trcvtui.recording.journal import HOLDS_SECRETS
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import ReplayRun, restored_state
+from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.runner import Runner, VirtualPace, deliveries
 
-SAME: Final = 0
-DIFFERS: Final = 1
+EXIT_SAME: Final = 0
+EXIT_DIFFERS: Final = 1
 
 
-def check(run: ReplayRun) -> str:
+def check_replay(run: ReplayRun) -> str:
     """Run to the end; return what is different, "" where nothing is."""
     try:
         while run.scan():
             pass
         if not run.is_whole:
-            raise run.differs()
+            raise run.make_end_error()
     except UserError as told:
         return str(told)
     return ""
@@ -40,7 +40,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
                 changed = bench.runtime.changed
                 report.scan(bench.runtime.scans, changed, deliveries(bench, changed))
         if not run.is_whole:
-            raise run.differs()
+            raise run.make_end_error()
         return True
     verdict = Runner(bench, scenario.name, VirtualPace(), report.scan).play(
         (*scenario.start, *scenario.steps)
@@ -51,7 +51,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
     return verdict.passed
 
 
-def what_if_file(
+def run_what_if(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
     """Run a recording again beside itself with other parameters; return 0 whether they part or not.
@@ -59,23 +59,23 @@ def what_if_file(
     1: the file is not as it was written.
     """
     from trcvtui.recording.recording import Recording
-    from trcvtui.replay.what_if import WhatIf, print_both
+    from trcvtui.replay.what_if import WhatIf, print_both_runs
 
     if is_check:
         raise mistake("trcvtui replay", "--check with --set or --dialect", "one of them")
     recording = Recording(path)
     keyframes = Keyframes(recording, str(path))
-    with restored_state(keyframes.first > 0, str(path)):
+    with guard_state(keyframes.first > 0, str(path)):
         run = WhatIf(keyframes, sets, dialect)
         if form is not None:
-            print_both(run, sys.stdout.write)
+            print_both_runs(run, sys.stdout.write)
         else:
-            run.play()
-            sys.stdout.writelines(f"{line}\n" for line in run.summary())
+            run.run_to_end()
+            sys.stdout.writelines(f"{line}\n" for line in run.describe())
     damage = recording.find_damage()
     if damage or run.trouble:
         sys.stderr.write(f"{damage or run.trouble}\n")
-    return DIFFERS if damage else SAME
+    return EXIT_DIFFERS if damage else EXIT_SAME
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
@@ -87,26 +87,26 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     recording = Recording(path)
     keyframes = Keyframes(recording, str(path))
     try:
-        run = keyframes.begin()
+        run = keyframes.start_run()
     except UserError as told:
         if not is_check or keyframes.first:
             raise
         sys.stdout.write(f"{told}\n")
-        return DIFFERS
+        return EXIT_DIFFERS
     if is_check:
-        wrong = recording.find_damage() or check(run)
+        wrong = recording.find_damage() or check_replay(run)
         scans = f"{run.bench.runtime.scans} scans"
         if keyframes.first:
             scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
         sys.stdout.write(f"{wrong or f'{path}: {scans}, the same again'}\n")
         if recording.has_secrets:
             sys.stderr.write(f"{path} {HOLDS_SECRETS}\n")
-        return DIFFERS if wrong else SAME
+        return EXIT_DIFFERS if wrong else EXIT_SAME
     try:
-        with restored_state(run.is_restored, str(path)):
-            result, wrong = SAME if print_jsonl(run, sys.stdout.write) else DIFFERS, ""
+        with guard_state(run.is_restored, str(path)):
+            result, wrong = EXIT_SAME if print_jsonl(run, sys.stdout.write) else EXIT_DIFFERS, ""
     except UserError as told:
-        result, wrong = DIFFERS, str(told)
+        result, wrong = EXIT_DIFFERS, str(told)
     if wrong := recording.find_damage() or wrong:
         sys.stderr.write(f"{wrong}\n")
-    return DIFFERS if wrong else result
+    return EXIT_DIFFERS if wrong else result

@@ -12,38 +12,38 @@ from typing import TYPE_CHECKING, Final
 from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import UserError, mistake
-from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, unpacked
+from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, decode_request
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import quote
-from trcvtui.replay.survey import END, FIRST, read_at
+from trcvtui.replay.survey import END, FIRST_EVENT, parse_place
 from trcvtui.signals import OF_A_TERMINAL, leave
 from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:
     from trcvtui.replay.time_line import TimeLine
 
-SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
-PLAY_S: Final = 0.02  # between two looks at the clock while it plays
+WORK_SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
+PLAY_POLL_S: Final = 0.02  # between two looks at the clock while it plays
 
 
-def replay_driver(path: Path, at: str | None) -> ProcessDriver:
+def make_replay_driver(path: Path, at: str | None) -> ProcessDriver:
     """Return the replay of a recording; `at` says where it opens, None: the first to see."""
     if at is not None:
-        read_at(at, "--at")  # found out here, where there is no screen yet
+        parse_place(at, "--at")  # found out here, where there is no screen yet
     return ProcessDriver(replay_main, path, at)
 
 
 def replay_main(channel: Channel, path: Path, at: str | None) -> None:
-    serve_screen(channel, lambda: opened(path, at))
+    serve_screen(channel, lambda: open_time_line(path, at))
 
 
-def opened(path: Path, at: str | None) -> TimeLine:
+def open_time_line(path: Path, at: str | None) -> TimeLine:
     """Return the replay at `at`; raise UserError where the recording has no such scan."""
     from trcvtui.recording.journal import STEP, CallRecord
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.time_line import TimeLine  # the screen's side needs none of it
 
-    recording, to = Recording(path), FIRST if at is None else read_at(at, "--at")
+    recording, to = Recording(path), FIRST_EVENT if at is None else parse_place(at, "--at")
     line = TimeLine(recording, str(path), to)
     if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.read_index():
         return line
@@ -64,7 +64,7 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
     def run() -> None:
         with closing(begin()) as time_line:
             channel.send(time_line.controller.bench.project)
-            _serve(channel, time_line)
+            _serve_time_line(channel, time_line)
 
     serve_until_gone(channel, run)
 
@@ -95,30 +95,30 @@ class ScreenChannel:
         self._channel, self.pipe = channel, UpdatePipe(channel)
         self._request: UpdateRequest | None = None
 
-    def take(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
+    def handle_messages(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
         """Take what comes, wait so many seconds for it, None: for ever."""
         while self._channel.poll(waits):
-            message, waits = unpacked(self._channel.recv_bytes()), 0.0
+            message, waits = decode_request(self._channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):
                 self._request = message
             else:
                 take(*message)
 
-    def show(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
+    def send(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
         """Begin the picture that was asked for, where the one before is through."""
         if self._request is not None and not self.pipe.is_busy():
             self.pipe.begin(picture(self._request))
             self._request = None
 
 
-def _serve(channel: Channel, time_line: TimeLine) -> None:
-    from trcvtui.replay.run_again import restored_state
+def _serve_time_line(channel: Channel, time_line: TimeLine) -> None:
+    from trcvtui.replay.run_again import guard_state
 
     screen, is_busy = ScreenChannel(channel), True
     while True:
-        waits = 0.0 if is_busy else PLAY_S if time_line.plays or screen.pipe.is_busy() else None
-        screen.take(time_line.take, waits)
-        with restored_state(time_line.controller.run.is_restored, time_line.where):
-            is_busy = time_line.work(clock.now_ns() + SLICE_NS)
-            screen.show(time_line.picture)
-        screen.pipe.go_on(clock.now_ns() + SLICE_NS)
+        waits = 0.0 if is_busy else PLAY_POLL_S if time_line.is_playing or screen.pipe.is_busy() else None
+        screen.handle_messages(time_line.handle_line, waits)
+        with guard_state(time_line.controller.run.is_restored, time_line.where):
+            is_busy = time_line.advance(clock.now_ns() + WORK_SLICE_NS)
+            screen.send(time_line.make_picture)
+        screen.pipe.advance(clock.now_ns() + WORK_SLICE_NS)

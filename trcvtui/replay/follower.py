@@ -29,17 +29,17 @@ from trcvtui.recording.journal import (
 )
 from trcvtui.recording.state import SharedObjects, encode_state
 from trcvtui.recording.writer import describe_program_error, run_writer
-from trcvtui.replay.keyframes import PlaceInJournal, restored
+from trcvtui.replay.keyframes import JournalPosition, restore_run
 from trcvtui.replay.run_again import ReplayRun
 
 SPACING_NS: Final = 30_000_000_000
-MOST_WAITING: Final = 64 << 20  # bytes
+MOST_WAITING_BYTES: Final = 64 << 20  # bytes
 MOST_LAZY: Final = 100_000  # entries
-NEVER: Final = 1 << 62
+NO_DEADLINE: Final = 1 << 62
 PATIENCE_NS: Final = 10_000_000_000  # for the first keyframe of a file that is to be closed
 
 
-class _ComingEntries(PlaceInJournal):
+class _IncomingEntries(JournalPosition):
     def __init__(self) -> None:
         super().__init__()
         self._waiting: deque[Entry] = deque()
@@ -48,7 +48,7 @@ class _ComingEntries(PlaceInJournal):
         self._has_begun = False
         self.frame: Keyframe | None = None  # where the run begins, of a journal that begins in the middle
 
-    def put(self, entries: Iterable[Entry]) -> None:
+    def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
             if isinstance(entry, Keyframe) and self.begins is not None and not self.steps_ahead:
                 self.frame = entry
@@ -87,14 +87,14 @@ class _ComingEntries(PlaceInJournal):
         return entry
 
 
-class FollowedRun:
+class RecordedRunWriter:
     """A sink and the run beside it; `go_on` lets that run as far as it may."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
         sink.is_followed = True
         self._why_off = self._fault = ""  # of these two the second is an error of the program
-        self._coming = _ComingEntries()
+        self._coming = _IncomingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
         self._run: ReplayRun | None = None
@@ -113,7 +113,7 @@ class FollowedRun:
         if not self._is_off:
             self._blocks.append(block)
             self._waiting += len(block)
-            if self._waiting > MOST_WAITING:
+            if self._waiting > MOST_WAITING_BYTES:
                 self._give_up("the run beside was more than 64 MiB late")
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
@@ -123,9 +123,9 @@ class FollowedRun:
         for begin, end in pairwise([0, *steps, len(some)]):  # a file that ends among them has its keyframe
             self._sink.add_entries(some[begin:end])
             if not self._is_off:
-                self._coming.put(some[begin:end])
+                self._coming.add_entries(some[begin:end])
                 if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                    self.go_on(NEVER)
+                    self.go_on(NO_DEADLINE)
 
     def close(self) -> None:
         """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""
@@ -142,7 +142,7 @@ class FollowedRun:
         self._why_off = self._why_off or why
         self._is_off, self._sink.is_followed = True, False
         self._blocks.clear()
-        self._run, self._coming = None, _ComingEntries()
+        self._run, self._coming = None, _IncomingEntries()
 
     def go_on(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
@@ -152,38 +152,38 @@ class FollowedRun:
                     return False
                 block = self._blocks.popleft()
                 self._waiting -= len(block)
-                self._coming.put(decode_entries([block], self._where))
+                self._coming.add_entries(decode_entries([block], self._where))
                 continue
-            self._follow()
-            if until < NEVER and clock.now_ns() >= until:
+            self._run_next_scan()
+            if until < NO_DEADLINE and clock.now_ns() >= until:
                 return True
         return False
 
-    def _follow(self) -> None:
+    def _run_next_scan(self) -> None:
         try:
-            run = self._run or self._begun()
+            run = self._run or self._start_run()
             if not run.scan():
                 self._no_secrets = bool(run.replay.gap_text) and not run.replay.is_in_the_middle
                 self._give_up(run.replay.gap_text or "the run beside has ended")
                 return
-            self._keep(run)
+            self._write_due_keyframe(run)
         except UserError as wrong:  # a replay of the file says what it is
             self._give_up(str(wrong))
         except Exception as wrong:
             self._fault = describe_program_error(wrong)
             self._give_up(self._fault)
 
-    def _begun(self) -> ReplayRun:
+    def _start_run(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
         if frame is None or begins is None:
             self._run = ReplayRun(self._coming, self._where)
             self._shared = SharedObjects(self._run.roots)
         else:
-            self._run, self._shared = restored(frame, begins, self._where)
+            self._run, self._shared = restore_run(frame, begins, self._where)
             self._run.replay.entries = self._coming
         return self._run
 
-    def _keep(self, run: ReplayRun) -> None:
+    def _write_due_keyframe(self, run: ReplayRun) -> None:
         scan, ns, first = run.bench.runtime.scans, run.bench.now, self._sink.first_scan
         is_new = first != self._file
         if scan < first or not (is_new or ns >= self._kept_at + SPACING_NS):
@@ -192,16 +192,16 @@ class FollowedRun:
         if scan == first and self._coming.beyond:  # what comes next stands in the file before
             return
         self._kept_at, self._file = ns, first
-        self._write_state(run)
+        self._write_keyframe(run)
 
-    def _write_state(self, run: ReplayRun) -> None:
+    def _write_keyframe(self, run: ReplayRun) -> None:
         assert self._shared is not None
         place = self._coming.steps, self._coming.beyond
         state = encode_state(run, self._shared)
         self._sink.add_keyframe(Keyframe.make(run.bench.runtime.scans, run.bench.now, *place, state))
 
 
-class LastKeyframe:
+class LastKeyframeSink:
     """A file with the last state of what it is given, and nothing else."""
 
     trouble = lack = ""
@@ -223,20 +223,20 @@ class LastKeyframe:
                 file.write(encode_value(self._frame))
 
 
-class _WholeRun(FollowedRun):
+class _CompleteRunWriter(RecordedRunWriter):
     """A run that has the time to come to the end of its entries."""
 
     def close(self) -> None:
-        self.go_on(NEVER)
+        self.go_on(NO_DEADLINE)
         if self._run is not None:
-            self._write_state(self._run)
+            self._write_keyframe(self._run)
         super().close()
 
 
 def writer_main(path: str, asked: str) -> None:
     """Be the process that writes a recording (recording/writer.py)."""
-    run_writer(asked, lambda record: FollowedRun(record.make_file_sink(Path(path)), path), path)
+    run_writer(asked, lambda record: RecordedRunWriter(record.make_file_sink(Path(path)), path), path)
 
 
 def state_main(path: str, asked: str) -> None:
-    run_writer(asked, lambda _: _WholeRun(LastKeyframe(path), path), path)
+    run_writer(asked, lambda _: _CompleteRunWriter(LastKeyframeSink(path), path), path)

@@ -30,27 +30,27 @@ from trcvtui.recording.journal import IN_GAP, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.writer import run_writer
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import ReplayRun, restored_state
+from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.replay.what_if import WhatIf
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
-LARGER: Final = "larger than LEN or DATA"
-HAS_ARRIVED, PATH = IN_GAP + ARRIVED, IN_GAP + "path"
+LARGER_REASON: Final = "larger than LEN or DATA"
+ARRIVED_CALL, PATH = IN_GAP + ARRIVED, IN_GAP + "path"
 SECOND: Final = 1_000_000_000
-GROWING: Final = 4  # seconds, one after the other
+LEAST_SECONDS: Final = 4  # seconds, one after the other
 RECENT_S: Final = 10
-GOOD_JOBS: Final = 2
+LEAST_GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
-NOT_CALLED: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
+NOT_CALLED_REMEDY: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
 
 
 # What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
 # `{instance}` in a remedy is the one that it is for.
 # fmt: off
-TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
+TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
                 (Remedy("keep EN_R at 1 until DONE"),
                  Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
@@ -67,7 +67,7 @@ TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 # fmt: on
 
 
-class _Stack:
+class _StackWaits:
     """What waits in the stack of each CONNECT, as the gaps of a run ask: the least of each second."""
 
     def __init__(self, run: ReplayRun) -> None:
@@ -76,31 +76,31 @@ class _Stack:
         self._read: dict[str, set[int]] = {}
         self._unread: dict[int, tuple[str, int]] = {}  # of each handle: owner, bytes
         self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # of each second
-        run.replay.entries = self._noted(run.replay.entries)
+        run.replay.entries = self._watch_entries(run.replay.entries)
 
-    def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
+    def _watch_entries(self, entries: Iterator[Entry]) -> Iterator[Entry]:
         for entry in entries:
             if isinstance(entry, CallRecord):
-                self._count(entry)
+                self._count_entry(entry)
             if isinstance(entry, CallRecord) and entry.call == PATH and isinstance(entry.answer, PathInfo):
                 second = self._run.bench.now // SECOND
                 self._paths.setdefault(entry.owner, []).append((second, entry.answer))
             yield entry
 
-    def _count(self, entry: CallRecord) -> None:
+    def _count_entry(self, entry: CallRecord) -> None:
         match entry:
             case CallRecord(_, call, _, int(now)) if call == STEP:
                 for owner, unread in self._unread.values():
                     known = self._least.setdefault(owner, {})
                     known[now // SECOND] = min(known.get(now // SECOND, unread), unread)
-            case CallRecord(owner, call, (int(handle), _, int(unread), _)) if call == HAS_ARRIVED:
+            case CallRecord(owner, call, (int(handle), _, int(unread), _)) if call == ARRIVED_CALL:
                 self._unread[handle] = owner, unread
             case CallRecord(owner, "recv", (int(handle), *_), (_, bytes(data))):
                 self._unread[handle] = owner, max(0, self._unread.get(handle, (owner, 0))[1] - len(data))
             case CallRecord(_, "close" | "abort", (int(handle),)):
                 self._unread.pop(handle, None)
 
-    def read(self, connect: str, t_ns: int) -> None:
+    def note_read(self, connect: str, t_ns: int) -> None:
         self._read.setdefault(connect, set()).add(t_ns // SECOND)
 
     def forget_before(self, second: int) -> None:
@@ -110,7 +110,7 @@ class _Stack:
         for connect, paths in self._paths.items():
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
-    def floods(self) -> Iterator[tuple[str, int, int]]:
+    def find_floods(self) -> Iterator[tuple[str, int, int]]:
         """Yield each CONNECT for which more waits each second although jobs run: since when, for how long."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
@@ -118,40 +118,40 @@ class _Stack:
             for before, second in pairwise(sorted(least)):
                 grows = least[second] > least[before] and second in read and second == before + 1
                 since, run = (since or second, run + 1) if grows else (0, 0)
-                if run == GROWING:
+                if run == LEAST_SECONDS:
                     yield connect, since, sum(least[s] > least[s - 1] for s in least if s - 1 in least)
                     break
 
-    def not_reading(self) -> Iterator[tuple[str, int, int]]:
+    def find_not_reading(self) -> Iterator[tuple[str, int, int]]:
         """Yield each CONNECT on which bytes wait and no job reads: since when, for how long."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             waiting = [second for second in sorted(least) if least[second] and second not in read]
-            yield from ((connect, *run) for run in _long_runs(waiting))
+            yield from ((connect, *run) for run in _find_long_run(waiting))
 
-    def partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
+    def find_partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
         """Yield each CONNECT on which bytes wait to leave, and what has left is acknowledged."""
         for connect, paths in self._paths.items():
             waiting = [second for second, path in paths if path.unsent and not path.unacked]
-            yield from ((connect, *run) for run in _long_runs(waiting))
+            yield from ((connect, *run) for run in _find_long_run(waiting))
 
-    def dead_links(self) -> Iterator[tuple[str, int, int]]:
+    def find_dead_links(self) -> Iterator[tuple[str, int, int]]:
         """Yield each CONNECT on which bytes have left, and nothing comes back."""
         for connect, paths in self._paths.items():
             silent = [second for second, path in paths if path.unacked and path.last_ack_ms >= SILENT_MS]
-            yield from ((connect, *run) for run in _long_runs(silent))
+            yield from ((connect, *run) for run in _find_long_run(silent))
 
 
-def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
+def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
     best, since, length = (0, 0), 0, 0
     for second in seconds:
         since, length = (since, length + 1) if second == since + length and length else (second, 1)
         best = max(best, (length, since))
-    if best[0] >= GROWING:
+    if best[0] >= LEAST_SECONDS:
         yield best[1], best[0]
 
 
-def recorded_facts(
+def collect_recorded_facts(
     path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
 ) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
@@ -167,28 +167,28 @@ def recorded_facts(
         return None
     if sets:
         what_if = WhatIf(keyframes, sets, None)
-        return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
+        return _collect(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
     try:
-        run = keyframes.begin()
+        run = keyframes.start_run()
         last = keyframes.offset + max([place.scans for place in recording.read_index()], default=0)
-        scan = run.scan if tell is None else partial(_scan, run, last, tell)
-        with restored_state(run.is_restored, path):
-            return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
+        scan = run.scan if tell is None else partial(_scan_and_report, run, last, tell)
+        with guard_state(run.is_restored, path):
+            return _collect(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:
         return None
 
 
 def judge_main(path: str, asked: str) -> None:
     """Be the process of the doctor (diagnosis/judges.py)."""
-    run_writer(asked, lambda _: DoctorInput(path, recorded_facts, load_bench), path)
+    run_writer(asked, lambda _: DoctorInput(path, collect_recorded_facts, load_bench), path)
 
 
-def _scan(run: ReplayRun, last: int, tell: TellScan) -> bool:
+def _scan_and_report(run: ReplayRun, last: int, tell: TellScan) -> bool:
     tell(run.bench.runtime.scans, last)
     return run.scan()
 
 
-def _facts_of(
+def _collect(
     run: ReplayRun,
     bench: Bench,
     scan: Callable[[], bool],
@@ -197,18 +197,18 @@ def _facts_of(
     is_running: bool = False,
 ) -> RecordedFacts:
     facts = _RunFacts(run, bench, project)
-    facts.take_all(scan)
+    facts.run_to_end(scan)
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
     project = bench.project if is_running else project  # as it has been edited
     receivers = receivers_of(project, held, pins)
-    receivers = tuple([facts.as_called(one, is_running) for one in receivers])
+    receivers = tuple([facts.adapt_receiver(one, is_running) for one in receivers])
     until_ns = facts.wall_ns + bench.now
     return RecordedFacts(
         receivers,
         facts.by_ends,
         facts.harms,
-        facts.troubles(is_running),
+        facts.find_troubles(is_running),
         until_ns,
         lint(project, pins),
         is_running,
@@ -227,7 +227,7 @@ class _RunFacts:
         self.wall_ns = run.begins.wall_ns
         self.by_ends: dict[tuple[int, str], str] = {}
         self.harms: dict[str, list[int]] = {}
-        self._bench, self._stack = bench, _Stack(run)
+        self._bench, self._stack = bench, _StackWaits(run)
         self.symptoms = BlockSymptoms(bench, self.wall_ns)
         self._found: dict[tuple[str, str], Finding] = {}
         self._times = Counter[tuple[str, str]]()
@@ -246,90 +246,90 @@ class _RunFacts:
         self._takers = {each.connect: each.name for each, row in rows if row.receives}
         self._senders = {each.connect: each.name for each, row in rows if row.sends}
         for link in bench.runtime.snapshot().connections:  # of a run that was on its way already
-            self._take_ends(link.name, link.local, link.remote)
+            self._add_ends(link.name, link.local, link.remote)
 
-    def take_all(self, pass_scan: Callable[[], bool]) -> None:
+    def run_to_end(self, pass_scan: Callable[[], bool]) -> None:
         ledger, seq = self._bench.runtime.ledger, 0
         try:
             while pass_scan() and self._bench.runtime.scans < MOST_SCANS:
                 if ledger.last_seq != seq:
                     news, seq = ledger.events_since(seq), ledger.last_seq
                     for scan, t_ns, event in news:
-                        self._take(scan, t_ns, event)
+                        self._add_event(scan, t_ns, event)
         except UserError:
             pass  # the recording ends here
 
-    def _take(self, scan: int, t_ns: int, event: object) -> None:
+    def _add_event(self, scan: int, t_ns: int, event: object) -> None:
         self.symptoms.take(scan, t_ns, event)
         match event:
             case InputEdge(instance, "REQ" | "EN_R" as pin, value) if value:
                 if pin == "REQ" and instance in self._sends:
-                    self._tell("request-too-fast", instance, scan, t_ns)
+                    self._add_trouble("request-too-fast", instance, scan, t_ns)
                 self._rose[instance] = scan
             case InputEdge(instance, "LEN" | "ADHOC") if instance in self._jobs:
                 self._changed[instance] = self.wall_ns + t_ns
                 self._until.setdefault(instance, self.wall_ns + t_ns)
             case ConnectionChanged():
-                self._take_ends(event.connection, event.local, event.peer)
+                self._add_ends(event.connection, event.local, event.peer)
                 if event.what is EventKind.CONNECTED:
-                    self._done_then["shifted", event.connection] = -GOOD_JOBS
+                    self._done_then["shifted", event.connection] = -LEAST_GOOD_JOBS
             case BytesReceived():
-                self._stack.read(event.connection, t_ns)
+                self._stack.note_read(event.connection, t_ns)
             case SendStarted():
                 self._sends.add(event.instance)
             case SendEnded():
                 self._sends.discard(event.instance)
             case StatusEdge() if event.outputs.error:
-                self._take_error(event.instance, Condition(event.condition), scan, t_ns)
-            case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
-                self._tell("datagram-size", self._takers.get(connection, connection), scan, t_ns)
+                self._add_error(event.instance, Condition(event.condition), scan, t_ns)
+            case BytesDropped(connection, _, _, _, reason) if reason == LARGER_REASON:
+                self._add_trouble("datagram-size", self._takers.get(connection, connection), scan, t_ns)
             case BytesDropped() if event.offset >= 0:
                 self._dropped[event.connection, event.incarnation] = scan, t_ns
             case JobStarted():
-                self._take_job(event)
+                self._add_job(event)
         if isinstance(event, SendEnded | JobEnded) and event.done:
             self._done[event.connection] += 1
         elif isinstance(event, SendEnded | JobEnded) and event.size:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
-    def _take_ends(self, connect: str, local: str, peer: str) -> None:
+    def _add_ends(self, connect: str, local: str, peer: str) -> None:
         """Take the ends of a socket, "" where one is not known."""
         port = int(local.rpartition(":")[2] or 0)
         for pair in ((port, peer), (port, ""), (0, peer)):
             if pair != (0, ""):
                 self.by_ends.setdefault(pair, connect)
 
-    def _take_error(self, instance: str, condition: Condition, scan: int, t_ns: int) -> None:
+    def _add_error(self, instance: str, condition: Condition, scan: int, t_ns: int) -> None:
         self.harms.setdefault(self._connects.get(instance, ""), []).append(self.wall_ns + t_ns)
         if condition is Condition.INTERNAL_FAULT:
             self._stopped.add(instance)  # what it leaves undone is no fault of the line
         elif condition is Condition.LINK_DEAD:
-            self._tell("dead-link", instance, scan, t_ns)
+            self._add_trouble("dead-link", instance, scan, t_ns)
         elif condition is Condition.MESSAGE_TOO_LONG and self._connects.get(instance) in self._datagrams:
-            self._tell("datagram-size", instance, scan, t_ns)
+            self._add_trouble("datagram-size", instance, scan, t_ns)
         elif condition is Condition.NOT_CONNECTED:
             # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
             is_asked = (
                 instance not in self._takers.values() or scan - self._rose.get(instance, -2) <= 1 < scan
             )
             if is_asked:
-                self._tell("not-connected-request", instance, scan, t_ns)
+                self._add_trouble("not-connected-request", instance, scan, t_ns)
 
-    def _take_job(self, started: JobStarted) -> None:
+    def _add_job(self, started: JobStarted) -> None:
         self._jobs.setdefault(started.instance, started)
         lost = self._dropped.pop((started.connection, started.incarnation), None)
         if lost is not None and started.connection in self._streams and not started.adhoc:
-            self._tell("shifted", started.instance, *lost)
+            self._add_trouble("shifted", started.instance, *lost)
 
-    def _tell(self, cause: str, instance: str, scan: int, t_ns: int) -> None:
+    def _add_trouble(self, cause: str, instance: str, scan: int, t_ns: int) -> None:
         connect = self._connects.get(instance, instance)
-        self._found.setdefault((cause, connect), self._trouble(cause, instance, connect, scan, t_ns))
+        self._found.setdefault((cause, connect), self._make_finding(cause, instance, connect, scan, t_ns))
         self._times[cause, connect] += 1
         # Jobs that begin inside messages end well, too: a new connection alone lets them begin anew.
         self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
 
-    def _trouble(self, cause: str, instance: str, connect: str, scan: int, t_ns: int) -> Finding:
-        (sure, text, mends), at = TROUBLES[cause], (self.wall_ns + t_ns, 0, 0, 0)
+    def _make_finding(self, cause: str, instance: str, connect: str, scan: int, t_ns: int) -> Finding:
+        (sure, text, mends), at = TROUBLE_ROWS[cause], (self.wall_ns + t_ns, 0, 0, 0)
         mend = tuple([
             replace(one, command=one.command and one.command.format(instance=instance),
                     set=one.set and one.set.format(instance=instance))
@@ -337,7 +337,7 @@ class _RunFacts:
         ])  # fmt: skip
         return Finding(sure, (text,), "", at, instance, mend, cause=cause, scan=scan, connect=connect)
 
-    def as_called(self, receiver: Receiver, is_running: bool) -> Receiver:
+    def adapt_receiver(self, receiver: Receiver, is_running: bool) -> Receiver:
         job = self._jobs.get(receiver.instance)
         if is_running:  # the pieces that static jobs took are none of an ad-hoc one
             return receiver._replace(
@@ -352,30 +352,30 @@ class _RunFacts:
         """Return whether bytes wait because the instance refuses its jobs, which is a symptom by itself."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
-    def troubles(self, is_running: bool) -> tuple[Finding, ...]:
+    def find_troubles(self, is_running: bool) -> tuple[Finding, ...]:
         """Return what the program did wrong, and what the stack of a CONNECT shows for long.
 
         In a run that goes on, a trouble is over after two good jobs, and the stack counts of late alone.
         """
         if is_running:
             then = self._done_then
-            over = [key for key in self._found if self._done[key[1]] - then[key] >= GOOD_JOBS]
+            over = [key for key in self._found if self._done[key[1]] - then[key] >= LEAST_GOOD_JOBS]
             for key in over:
                 del self._found[key], self._times[key]
             self._stack.forget_before(self._bench.now // SECOND - RECENT_S)
         for cause, blocks, some in (
-            ("flood", self._takers, self._stack.floods()),
-            ("plc-not-reading", self._takers, self._stack.not_reading()),
-            ("partner-not-reading", self._senders, self._stack.partner_not_reading()),
-            ("dead-link", self._senders, self._stack.dead_links()),
+            ("flood", self._takers, self._stack.find_floods()),
+            ("plc-not-reading", self._takers, self._stack.find_not_reading()),
+            ("partner-not-reading", self._senders, self._stack.find_partner_not_reading()),
+            ("dead-link", self._senders, self._stack.find_dead_links()),
         ):
             for connect, since, seconds in some:
                 if connect in blocks and not self._is_refused(cause, blocks[connect]):
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
-                    trouble = self._trouble(cause, blocks[connect], connect, scan, since * SECOND)
+                    trouble = self._make_finding(cause, blocks[connect], connect, scan, since * SECOND)
                     shown = self._bench.runtime.instance_snapshot(blocks[connect])
                     if cause == "plc-not-reading" and shown is not None and shown.pin("EN_R"):
-                        trouble = replace(trouble, mend=(NOT_CALLED,))
+                        trouble = replace(trouble, mend=(NOT_CALLED_REMEDY,))
                     self._found[cause, connect], self._times[cause, connect] = trouble, seconds
         found = [(key, one) for key, one in self._found.items() if one.instance not in self._stopped]
         return tuple(

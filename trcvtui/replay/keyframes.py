@@ -17,11 +17,11 @@ from trcvtui.recording.journal import STEP, CallRecord, Entry, Keyframe, RunBegi
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.recording.replay import ReplaySeam
 from trcvtui.recording.state import NO_STAND_INS, SharedObjects, StandIns, decode_state, encode_state
-from trcvtui.replay.run_again import ReplayRun, declared
+from trcvtui.replay.run_again import ReplayRun, roots_of
 
 OtherRun = TypeVar("OtherRun", bound=ReplayRun)
-SPACING: Final = 2_000  # scans from one to the next, at first
-MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
+KEYFRAME_SPACING: Final = 2_000  # scans from one to the next, at first
+MOST_KEYFRAME_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
 
 
 class Journal(Protocol):
@@ -36,7 +36,7 @@ class Journal(Protocol):
     def read_keyframe(self, place: BlockPlace) -> Keyframe: ...
 
 
-class PlaceInJournal:
+class JournalPosition:
     """How many scans have begun, and how many entries came since: a keyframe says where the run goes on."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class PlaceInJournal:
         return False
 
 
-class EntriesFrom(PlaceInJournal):
+class PositionedEntries(JournalPosition):
     """The entries of a journal from a place on; it knows where it is. No such place: raise StopIteration."""
 
     def __init__(self, journal: Journal, steps: int = 0, beyond: int = 0) -> None:
@@ -65,7 +65,7 @@ class EntriesFrom(PlaceInJournal):
         while self.steps < steps or self.beyond < beyond:
             next(self)
 
-    def __iter__(self) -> EntriesFrom:
+    def __iter__(self) -> PositionedEntries:
         return self
 
     def __next__(self) -> Entry:
@@ -82,12 +82,12 @@ class Keyframes:
         first = ReplaySeam(journal.read_entries(), where)
         if first.begins is None:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
-        self.roots = declared(first.begins, first.files) if project is None else (first.begins, None, project)
+        self.roots = roots_of(first.begins, first.files) if project is None else (first.begins, None, project)
         self._shared = SharedObjects(self.roots)
         self._scans: list[int] = []
         self._kept: list[Keyframe] = []
         self._size = 0
-        self._spacing = SPACING
+        self._spacing = KEYFRAME_SPACING
         self._places = [*journal.list_keyframes()]
         self.first = 0  # the last scan that cannot run: no keyframe is before it
         self.offset = 0  # the last scan of the run before the journal begins
@@ -96,43 +96,43 @@ class Keyframes:
             self.first = frame.scan
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
 
-    def begin(self) -> ReplayRun:
+    def start_run(self) -> ReplayRun:
         """Return the run before its first scan, or at the first keyframe of a file without that."""
         return self.run_at(self.first)
 
-    def beside(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
+    def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
         """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
-        return cast(OtherRun, _run_of(frame, self._shared, self._where, instead))
+        return cast(OtherRun, _decode(frame, self._shared, self._where, instead))
 
-    def entries(self) -> Iterator[Entry]:
+    def read_entries(self) -> Iterator[Entry]:
         if not self.first:
             return self._journal.read_entries()
-        replay = self.begin().replay
+        replay = self.start_run().replay
         return chain(() if replay.front is None else (replay.front,), replay.entries)
 
-    def seen(self, run: ReplayRun) -> None:
+    def keep_if_due(self, run: ReplayRun) -> None:
         """Keep the state of a run after a scan, where one is due."""
         scan = run.bench.runtime.scans
-        if scan % self._spacing == 0 and self.before(scan) + self._spacing <= scan:
-            self._keep(scan, run)
+        if scan % self._spacing == 0 and self.find_keyframe_scan(scan) + self._spacing <= scan:
+            self._add_keyframe(scan, run)
 
-    def _keep(self, scan: int, run: ReplayRun) -> None:
+    def _add_keyframe(self, scan: int, run: ReplayRun) -> None:
         entries = run.replay.entries
-        assert isinstance(entries, EntriesFrom)
+        assert isinstance(entries, PositionedEntries)
         state = encode_state(run, self._shared)
         frame = Keyframe.make(scan, run.bench.now, entries.steps, entries.beyond, state)
         at = bisect_right(self._scans, scan)
         self._scans.insert(at, scan)
         self._kept.insert(at, frame)
         self._size += len(frame.content)
-        while self._size > MOST_BYTES and len(self._kept) > 1:
+        while self._size > MOST_KEYFRAME_BYTES and len(self._kept) > 1:
             self._spacing *= 2
             del self._scans[::2], self._kept[::2]
             self._size = sum([len(frame.content) for frame in self._kept])
 
-    def before(self, scan: int) -> int:
+    def find_keyframe_scan(self, scan: int) -> int:
         """Return the last scan up to this one that has a keyframe, `first` where there is none."""
         kept = bisect_right(self._scans, scan)
         told = bisect_right(self._places, scan, key=lambda place: place.scans)
@@ -145,29 +145,29 @@ class Keyframes:
         Raise UserError where none fits.
         """
         if not scan:
-            return ReplayRun(EntriesFrom(self._journal), self._where, roots=self.roots)
+            return ReplayRun(PositionedEntries(self._journal), self._where, roots=self.roots)
         if scan in self._scans:
-            return self._run_from(self._kept[self._scans.index(scan)])
+            return self._restore_run(self._kept[self._scans.index(scan)])
         at = [place.scans for place in self._places].index(scan)
         try:
-            return self._run_from(self._journal.read_keyframe(self._places[at]))
+            return self._restore_run(self._journal.read_keyframe(self._places[at]))
         except UserError:
             if scan <= self.first:
                 raise
         del self._places[at]
-        return self.run_at(self.before(scan))
+        return self.run_at(self.find_keyframe_scan(scan))
 
-    def _run_from(self, frame: Keyframe) -> ReplayRun:
-        run = _run_of(frame, self._shared, self._where)
+    def _restore_run(self, frame: Keyframe) -> ReplayRun:
+        run = _decode(frame, self._shared, self._where)
         try:
-            run.replay.entries = EntriesFrom(self._journal, frame.steps, frame.beyond)
+            run.replay.entries = PositionedEntries(self._journal, frame.steps, frame.beyond)
         except StopIteration:
             where, found = f"{self._where}: keyframe of scan {frame.scan}", f"{frame.steps} scans before it"
             raise mistake(where, found, "no more than the journal has") from None
         return run
 
 
-def _run_of(
+def _decode(
     frame: Keyframe, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS
 ) -> ReplayRun:
     run = decode_state(frame.decompress_state(where), shared, where, instead)
@@ -177,8 +177,8 @@ def _run_of(
     return run
 
 
-def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, SharedObjects]:
+def restore_run(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, SharedObjects]:
     """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
-    shared = SharedObjects(declared(begins, files))
-    return _run_of(frame, shared, where), shared
+    shared = SharedObjects(roots_of(begins, files))
+    return _decode(frame, shared, where), shared

@@ -10,8 +10,8 @@ from trcvtui.capture.command import merge_packets
 from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
 
-MOST_KEPT: Final = 20_000  # packets of a connection
-AHEAD_NS: Final = 1_000_000_000  # a packet stands in the file so long after the scan at most
+MOST_KEPT_PACKETS: Final = 20_000  # packets of a connection
+READ_AHEAD_NS: Final = 1_000_000_000  # a packet stands in the file so long after the scan at most
 
 
 class PacketTimes:
@@ -19,13 +19,13 @@ class PacketTimes:
 
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
         self._packets = merge_packets([path], [])
-        self._found = Conversations(self._take)
+        self._found = Conversations(self._add_event)
         self._talks: dict[tuple[str, str], list[WireDirection]] = {}  # by partner and PLC end
         self._said: dict[WireDirection, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
         self._wall_ns, self._now_ns = wall_ns, now_ns
         self._reached_ns = 0
 
-    def of(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
+    def find_time(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
         """Return when a byte came, ns of the run, on the connection of that turn of its ends."""
         while True:
             talks = self._talks.get(ends, ())
@@ -35,11 +35,11 @@ class PacketTimes:
                     said.popleft()
                 if said:
                     return said[0][1] - self._wall_ns
-            if not self._read_on():
+            if not self._read_packet():
                 return None
 
-    def _read_on(self) -> bool:
-        found = next(self._packets, None) if self._reached_ns < self._now_ns() + AHEAD_NS else None
+    def _read_packet(self) -> bool:
+        found = next(self._packets, None) if self._reached_ns < self._now_ns() + READ_AHEAD_NS else None
         if found is not None:
             packet, reader = found
             self._found.names = reader.interface_name
@@ -47,12 +47,12 @@ class PacketTimes:
             self._reached_ns = packet.ns
         return found is not None
 
-    def _take(self, event: ConversationEvent) -> None:
+    def _add_event(self, event: ConversationEvent) -> None:
         ns, talk, direction, kind, at, size, _ = event
         if not talk.begins_with_syn:
             return
         if direction not in self._said:
-            self._said[direction] = deque(maxlen=MOST_KEPT)
+            self._said[direction] = deque(maxlen=MOST_KEPT_PACKETS)
             ends = address_text(direction.address), address_text(direction.other.address)
             self._talks.setdefault(ends, []).append(direction)
         if kind is SegmentKind.BYTES:

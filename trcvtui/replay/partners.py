@@ -21,12 +21,12 @@ from trcvtui.recording.journal import STEP, CallRecord
 from trcvtui.recording.replay import ReplaySeam
 from trcvtui.replay.recorded_run import (
     CLOSED,
+    LASTING_CALLS,
     MOST_UNREAD,
-    NEVER,
+    NEVER_PLACE,
+    OWN_CALLS,
     RESET,
     SHUT,
-    STAYS,
-    TRANSPARENT,
     UNKNOWN_END,
     CallPlace,
     DatedMessage,
@@ -39,10 +39,10 @@ from trcvtui.replay.recorded_run import (
 
 T = TypeVar("T")
 FIRST_MADE: Final = 1 << 32  # the number of the first socket; smaller ones were there before the file begins
-LAST: Final = 1 << 30  # a call after all others of a scan
+LAST_CALL: Final = 1 << 30  # a call after all others of a scan
 
 
-class WhyGuess(StrEnum):
+class GuessReason(StrEnum):
     """Why an answer is a guess from a scan on."""
 
     PARTNER = "partner"  # it would have seen something else of us, or at another time
@@ -75,7 +75,7 @@ class ReplayedPartners(ReplaySeam):
     def __init__(self, told: RecordedRun, peers: Collection[str]) -> None:
         super().__init__(iter(() if told.begins is None else (told.begins,)), "what-if")
         self.guess_from: int | None = None
-        self.guess_why: WhyGuess | None = None
+        self.guess_why: GuessReason | None = None
         self.bytes_read = 0
         self.peers = peers
         self.intervals_ns: tuple[int, int] | None = None
@@ -99,9 +99,9 @@ class ReplayedPartners(ReplaySeam):
             if name.startswith("_at_")
         }
         for one in told.standing:
-            self._sockets[one.handle] = self._standing(one)
+            self._sockets[one.handle] = self._make_inherited(one)
 
-    def _standing(self, one: InheritedSocket) -> _Socket:
+    def _make_inherited(self, one: InheritedSocket) -> _Socket:
         socket = _Socket(one.owner)
         socket.listens = one.use is SocketUse.LISTENS
         socket.is_udp = one.use is SocketUse.DATAGRAMS
@@ -112,23 +112,23 @@ class ReplayedPartners(ReplaySeam):
         return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        if call in TRANSPARENT:
+        if call in OWN_CALLS:
             return do()
         if call == STEP:
-            return cast(T, do() if self._is_between else self._step())
+            return cast(T, do() if self._is_between else self._begin_scan())
         if self.is_busy and owner not in self.peers:
             self._calls += 1
         found = self._calls_at.get(call)
         if owner in self.peers and args and type(args[0]) is int and args[0] < FIRST_MADE:
             args = (~args[0], *args[1:])  # it was there before the file begins; no CONNECT has this number
         if found is None:
-            return cast(T, self._as_told(owner, call))
+            return cast(T, self._get_recorded_answer(owner, call))
         return cast(T, found(owner, *args))
 
     @contextmanager
-    def nothing_coming(self) -> Iterator[None]:
+    def pause_partners(self) -> Iterator[None]:
         """Let scans pass that the recorded run has counted and not run: partners do nothing in these."""
-        self._is_between, self._calls = True, LAST
+        self._is_between, self._calls = True, LAST_CALL
         try:
             yield
         finally:
@@ -141,16 +141,16 @@ class ReplayedPartners(ReplaySeam):
         return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
 
     @property
-    def due(self) -> int:
+    def due_ns(self) -> int:
         """Return when the next scan of a bench with another interval begins."""
         return self._steps * self.intervals_ns[0] if self.intervals_ns is not None else 0
 
     @property
-    def slack(self) -> int:
+    def slack_ns(self) -> int:
         """Return by how much two scans may differ and begin at one time."""
         return (min(self.intervals_ns) - 1) // 2 if self.intervals_ns is not None else 0
 
-    def _step(self) -> int:
+    def _begin_scan(self) -> int:
         told = self._told
         self._calls = 0
         self._nth.clear()
@@ -159,26 +159,26 @@ class ReplayedPartners(ReplaySeam):
             if self.scan <= told.scan:
                 self._now = told.time_of(self.scan)
         else:
-            self._go_on_to(self.due)
+            self._advance_to(self.due_ns)
             self._steps += 1
         if self.scan in told.failures:
-            self.note_guess(WhyGuess.PARTNER)
+            self.note_guess(GuessReason.PARTNER)
         if told.is_broken:
-            self.note_guess(WhyGuess.BYTES)
+            self.note_guess(GuessReason.BYTES)
         return self._now
 
-    def _go_on_to(self, due: int) -> None:
-        told, latest = self._told, due + self.slack
+    def _advance_to(self, due: int) -> None:
+        told, latest = self._told, due + self.slack_ns
         while self.scan < told.scan and told.time_of(self.scan + 1) <= latest:
             self.scan += 1
             if told.injected == self.scan:
-                self.note_guess(WhyGuess.TIME)  # a planned fault counts calls
+                self.note_guess(GuessReason.TIME)  # a planned fault counts calls
         self._now = due
-        self._is_on_time = self.scan > told.first and told.time_of(self.scan) >= due - self.slack
+        self._is_on_time = self.scan > told.first and told.time_of(self.scan) >= due - self.slack_ns
         if not self._is_on_time and told.came > self.scan:
-            self.note_guess(WhyGuess.TIME)
+            self.note_guess(GuessReason.TIME)
 
-    def look_back(self) -> None:
+    def compare_scan(self) -> None:
         """Find out, after a scan, whether partners saw something then that they do not see now."""
         told, before = self._told, self.scan
         for socket in self._sockets.values():
@@ -187,60 +187,62 @@ class ReplayedPartners(ReplaySeam):
                 self._compare_acts(partner.acts, before, partner.was_reset)
                 unread = self._arrived(socket) - socket.read
                 if unread > max(partner.most_unread, MOST_UNREAD):
-                    self.note_guess(WhyGuess.PARTNER)  # the window closes
+                    self.note_guess(GuessReason.PARTNER)  # the window closes
                 if partner.is_full and socket.read >= partner.whole:
-                    self.note_guess(WhyGuess.PARTNER)  # it was held back then, and would say more from now on
+                    self.note_guess(
+                        GuessReason.PARTNER
+                    )  # it was held back then, and would say more from now on
         for written in told.written.values():
             self._compare_acts(written, before)
         for attempts in told.attempts.values():
             if attempts and attempts[0].began <= before:
-                self.note_guess(WhyGuess.PARTNER)
+                self.note_guess(GuessReason.PARTNER)
         for owner in {*told.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
             if owner and owner not in self.peers:
                 self._compare_listening(owner, before)
         while told.dropped and told.dropped[0][0] <= before:
             _, owner, read = told.dropped.pop(0)
             if self._datagrams_read[owner] > read:
-                self.note_guess(WhyGuess.PARTNER)  # here was room
+                self.note_guess(GuessReason.PARTNER)  # here was room
 
     def _compare_acts(self, acts: deque[OwnAct], before: int, is_deaf: bool = False) -> None:
         while acts and acts[0].scan <= before:
             acts.popleft()
             if not is_deaf:
-                self.note_guess(WhyGuess.PARTNER)
+                self.note_guess(GuessReason.PARTNER)
 
     def _compare_listening(self, owner: str, before: int) -> None:
         listens = any(one.owner == owner and one.listens for one in self._sockets.values())
         if listens and not self._told.listens(owner, before):
-            self.note_guess(WhyGuess.PARTNER)
+            self.note_guess(GuessReason.PARTNER)
         clients = self._told.clients.get(owner)
         if not listens and clients and clients[0].since.scan <= before:
-            self.note_guess(WhyGuess.PARTNER)
+            self.note_guess(GuessReason.PARTNER)
 
-    def _act(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
+    def _match(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
         """Do what a partner sees; return the same of the recorded run, None where that did another thing."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:
-            self.note_guess(WhyGuess.PARTNER)
+            self.note_guess(GuessReason.PARTNER)
         return None
 
-    def note_guess(self, why: WhyGuess) -> None:
+    def note_guess(self, why: GuessReason) -> None:
         if self.guess_from is None:
             self.guess_from, self.guess_why = max(self.scan, 1), why
 
     def _has_come(self, at: CallPlace) -> bool:
         return at <= (self.scan, self._calls)
 
-    def _as_told(self, owner: str, call: str) -> object:
+    def _get_recorded_answer(self, owner: str, call: str) -> object:
         key = owner, call
-        self._nth[key] += LAST if self._is_between else 1
+        self._nth[key] += LAST_CALL if self._is_between else 1
         now, answers = CallPlace(self.scan, self._nth[key]), self._told.answers.get(key)
         while answers and answers[0][0] <= now:
             at, answer = answers.popleft()
             self._newest[key] = at, answer
-        at, newest = self._newest.get(key, (NEVER, None))
-        is_of_once = call not in STAYS or (isinstance(newest, Fault) and newest.injected)
+        at, newest = self._newest.get(key, (NEVER_PLACE, None))
+        is_of_once = call not in LASTING_CALLS or (isinstance(newest, Fault) and newest.injected)
         return newest if at == now or not is_of_once else None
 
     def peek_call(self) -> CallRecord | None:
@@ -254,7 +256,7 @@ class ReplayedPartners(ReplaySeam):
 
     def _at_socket(self, owner: str, is_udp: bool = False) -> int | Fault:
         if owner not in self.peers:
-            failed = self._as_told(owner, "datagram_socket" if is_udp else "socket")
+            failed = self._get_recorded_answer(owner, "datagram_socket" if is_udp else "socket")
             if isinstance(failed, Fault):
                 return failed
         self._made += 1
@@ -265,12 +267,12 @@ class ReplayedPartners(ReplaySeam):
     _at_datagram_socket = partialmethod(_at_socket, is_udp=True)
 
     def _at_local_addresses(self, owner: str) -> object:
-        known = self._as_told(owner, "local_addresses")
+        known = self._get_recorded_answer(owner, "local_addresses")
         found = known if isinstance(known, tuple) else ()
         return tuple([each for each in found if isinstance(each, LocalAddress)])
 
     def _at_is_free(self, owner: str, end: Endpoint) -> bool:
-        return self._as_told(owner, "is_free") is not False
+        return self._get_recorded_answer(owner, "is_free") is not False
 
     def _at_link(self, owner: str, up: bool) -> tuple[str, str]:
         return "", "as it was recorded"
@@ -281,39 +283,39 @@ class ReplayedPartners(ReplaySeam):
     def _at_set_options(self, owner: str, *args: object) -> object:
         if args[-1]:
             self._sessions.add(owner)
-        refused = self._as_told(owner, "set_options")
+        refused = self._get_recorded_answer(owner, "set_options")
         return refused if isinstance(refused, tuple) else ()
 
     def _at_bind(self, owner: str, handle: int, end: Endpoint) -> object:
         self._sockets[handle].port = end
         self._sockets[handle].is_hearing = end.address in self._told.broadcasts
-        return None if owner in self.peers else self._as_told(owner, "bind")
+        return None if owner in self.peers else self._get_recorded_answer(owner, "bind")
 
     def _at_local_end(self, owner: str, handle: int) -> object:
-        found = self._as_told(owner, "local_end")
+        found = self._get_recorded_answer(owner, "local_end")
         return found if isinstance(found, Endpoint) else self._sockets[handle].port
 
     def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
-        failed = None if owner in self.peers else self._as_told(owner, "listen")
+        failed = None if owner in self.peers else self._get_recorded_answer(owner, "listen")
         self._sockets[handle].listens = failed is None
         clients = self._told.clients.get(owner)
         if clients and clients[0].since.scan <= self.scan:
-            self.note_guess(WhyGuess.PARTNER)  # it came when there was no listener yet
+            self.note_guess(GuessReason.PARTNER)  # it came when there was no listener yet
         return failed
 
     def _at_poll_add(self, owner: str, handle: int) -> object:
         self._sockets[handle].is_polled = True
-        return self._as_told(owner, "poll_add")
+        return self._get_recorded_answer(owner, "poll_add")
 
     def _at_poll_del(self, owner: str, handle: int) -> object:
         self._sockets[handle].is_polled = False
         self._seen.pop(Handle(handle), None)
-        return self._as_told(owner, "poll_del")
+        return self._get_recorded_answer(owner, "poll_del")
 
     def _at_poll(self, owner: str) -> None:
         if owner not in self.peers:
             self._seen = {
-                Handle(h): s.owner for h, s in self._sockets.items() if s.is_polled and self._has_news(s)
+                Handle(h): s.owner for h, s in self._sockets.items() if s.is_polled and self._is_ready(s)
             }
 
     def _at_ready_handles(self, owner: str) -> dict[Handle, str] | None:
@@ -324,29 +326,27 @@ class ReplayedPartners(ReplaySeam):
 
     def _at_renew(self, owner: str, handle: int) -> bool:
         socket = self._sockets[handle]
-        if self._has_news(socket):
+        if self._is_ready(socket):
             self._seen[Handle(handle)] = socket.owner
         return self._is_over(socket)
 
-    def _has_news(self, socket: _Socket) -> bool:
+    def _is_ready(self, socket: _Socket) -> bool:
         if socket.owner in self.peers:
             return False
         if socket.listens:
             clients = self._told.clients.get(socket.owner)
             return bool(clients and self._has_come(clients[0].since))
         if socket.is_udp:
-            return self._message(socket) is not None
+            return self._peek(socket) is not None
         if socket.attempt is not None:
             return self._has_come(socket.attempt.answered)
-        return (
-            self._arrived(socket) > socket.read or self._message(socket) is not None or self._is_over(socket)
-        )
+        return self._arrived(socket) > socket.read or self._peek(socket) is not None or self._is_over(socket)
 
     def _arrived(self, socket: _Socket) -> int:
         """Return how many bytes have come in all, known ones or not."""
-        return socket.partner.come_by(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
+        return socket.partner.size_at(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
 
-    def _message(self, socket: _Socket) -> DatedMessage | None:
+    def _peek(self, socket: _Socket) -> DatedMessage | None:
         if socket.is_udp:
             messages = self._told.datagrams.get((socket.owner, socket.is_hearing))
         else:
@@ -361,15 +361,15 @@ class ReplayedPartners(ReplaySeam):
         if owner in self.peers or not clients or not self._has_come(clients[0].since):
             return WOULD_BLOCK
         partner = clients.popleft()
-        if partner.accepted > (self.scan, LAST):
-            self.note_guess(WhyGuess.BYTES)  # who it is, what it says before the recorded run hears it
+        if partner.accepted > (self.scan, LAST_CALL):
+            self.note_guess(GuessReason.BYTES)  # who it is, what it says before the recorded run hears it
         if partner.refused is not None:
             return partner.refused
         if owner in self._sessions and partner.accepted.scan != self.scan:
-            self.note_guess(WhyGuess.PARTNER)  # the handshake is answered at another time
+            self.note_guess(GuessReason.PARTNER)  # the handshake is answered at another time
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
-                self._give_up(socket.partner)
+                self._end_released(socket.partner)
         made = self._at_socket(owner)
         if isinstance(made, Fault):
             return made
@@ -377,8 +377,8 @@ class ReplayedPartners(ReplaySeam):
         self._sockets[made].port = self._sockets[handle].port
         return NewClient(Handle(made), partner.end)
 
-    def _give_up(self, partner: Partner) -> None:
-        if partner.ended is NEVER and partner.let_go <= (self.scan, self._calls):
+    def _end_released(self, partner: Partner) -> None:
+        if partner.ended is NEVER_PLACE and partner.let_go <= (self.scan, self._calls):
             partner.ended = CallPlace(self.scan)
 
     def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
@@ -386,7 +386,7 @@ class ReplayedPartners(ReplaySeam):
             return None
         attempts = self._told.attempts.get(owner)
         if not attempts or attempts[0].began != self.scan:
-            self.note_guess(WhyGuess.PARTNER)  # it is called at another time
+            self.note_guess(GuessReason.PARTNER)  # it is called at another time
         while attempts and attempts[0].is_before(self.scan):
             attempts.popleft()
         if not attempts:
@@ -408,21 +408,21 @@ class ReplayedPartners(ReplaySeam):
         partner = socket.partner
         if owner in self.peers or partner is None:
             return WOULD_BLOCK, b""
-        failed = self._as_told(owner, "recv")
+        failed = self._get_recorded_answer(owner, "recv")
         fault = failed[0] if isinstance(failed, tuple) else None
         if isinstance(fault, Fault) and fault.error == "EAGAIN":
             return fault, b""
         if not partner.is_known and partner.read < socket.read + size:
-            self.note_guess(WhyGuess.BYTES)
+            self.note_guess(GuessReason.BYTES)
         there = self._arrived(socket)
         size = min(size, there - socket.read)
         if size > 0:
             data = partner.bytes_at(socket.read, socket.read + size)
             if data is None:
-                self.note_guess(WhyGuess.BYTES)
+                self.note_guess(GuessReason.BYTES)
             socket.read += size
             self.bytes_read += size
-            self._told.forget(partner, socket.read)
+            self._told.forget_bytes(partner, socket.read)
             return size, bytes(size) if data is None else data
         if self._is_over(socket):
             return partner.fault or 0, b""
@@ -432,10 +432,10 @@ class ReplayedPartners(ReplaySeam):
         self, owner: str, handle: int, size: int
     ) -> tuple[Datagram | WouldBlock | Fault, bytes]:
         socket = self._sockets[handle]
-        found = self._message(socket)
+        found = self._peek(socket)
         if owner in self.peers or found is None:
-            if not self._told.knows(owner, socket.partner):
-                self.note_guess(WhyGuess.BYTES)
+            if not self._told.knows_messages(owner, socket.partner):
+                self.note_guess(GuessReason.BYTES)
             fault = socket.partner.fault if socket.partner is not None else None
             return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
         hears = owner, socket.is_hearing
@@ -447,7 +447,7 @@ class ReplayedPartners(ReplaySeam):
         self._datagrams_read[owner] += 1
         socket.read += 1
         if len(data) < was.size:
-            self.note_guess(WhyGuess.BYTES)
+            self.note_guess(GuessReason.BYTES)
         size = min(size, was.size)
         self.bytes_read += size
         return Datagram(size, was.source, was.whole), data[:size].ljust(size, b"\0")
@@ -456,23 +456,23 @@ class ReplayedPartners(ReplaySeam):
         socket = self._sockets[handle]
         if socket.partner is None or not self._is_over(socket):
             return None
-        return KernelLoss(socket.partner.fault, self._left(socket))
+        return KernelLoss(socket.partner.fault, self._count_unread(socket))
 
     def _at_discard(self, owner: str, handle: int, most: int) -> int:
         socket = self._sockets[handle]
-        size = min(most, self._left(socket))
+        size = min(most, self._count_unread(socket))
         socket.read += size
         return size
 
-    def _left(self, socket: _Socket) -> int:
+    def _count_unread(self, socket: _Socket) -> int:
         return max(0, self._arrived(socket) - socket.read)  # of messages `read` counts these, not bytes
 
     def _at_unread(self, owner: str, handle: int) -> int:
         socket = self._sockets.get(handle)
-        return 0 if socket is None else self._left(socket)
+        return 0 if socket is None else self._count_unread(socket)
 
     def _at_path(self, owner: str, handle: int) -> object:
-        known = self._as_told(owner, "path")
+        known = self._get_recorded_answer(owner, "path")
         return known if isinstance(known, PathInfo) else None
 
     def _at_send(self, owner: str, handle: int, size: int, check: int) -> object:
@@ -481,8 +481,8 @@ class ReplayedPartners(ReplaySeam):
         if partner is None:
             return WOULD_BLOCK
         is_deaf = partner.was_reset and self._is_over(socket)
-        same = self._act(partner.acts, (size, check), is_deaf)
-        told = self._as_told(owner, "send")
+        same = self._match(partner.acts, (size, check), is_deaf)
+        told = self._get_recorded_answer(owner, "send")
         if isinstance(told, Fault):
             return told
         if is_deaf:
@@ -498,15 +498,15 @@ class ReplayedPartners(ReplaySeam):
     def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
         if owner in self.peers:
             return WOULD_BLOCK
-        self._act(self._told.written.get(owner, deque()), (size, check, end))
-        told = self._as_told(owner, "send_to")
+        self._match(self._told.written.get(owner, deque()), (size, check, end))
+        told = self._get_recorded_answer(owner, "send_to")
         return told if isinstance(told, Fault) else size
 
     def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
         partner = self._sockets[handle].partner
         if partner is not None:
-            self._act(partner.acts, (SHUT,), partner.was_reset)
-        return self._as_told(owner, "shutdown")
+            self._match(partner.acts, (SHUT,), partner.was_reset)
+        return self._get_recorded_answer(owner, "shutdown")
 
     def _at_close(self, owner: str, handle: int, call: str = CLOSED) -> object:
         socket = self._sockets.pop(handle, None)
@@ -514,8 +514,8 @@ class ReplayedPartners(ReplaySeam):
         partner = socket.partner if socket is not None else None
         if socket is not None and partner is not None:
             how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
-            self._act(partner.acts, (how,), partner.was_reset and self._is_over(socket))
-        told = self._as_told(owner, call)
+            self._match(partner.acts, (how,), partner.was_reset and self._is_over(socket))
+        told = self._get_recorded_answer(owner, call)
         return told if isinstance(told, Fault) else None
 
     _at_abort = partialmethod(_at_close, call=RESET)
@@ -524,7 +524,7 @@ class ReplayedPartners(ReplaySeam):
 
     def _at_port_read(self, owner: str, most: int) -> object:
         parts = self._told.serial.get(owner)
-        told = self._as_told(owner, "port read")
+        told = self._get_recorded_answer(owner, "port read")
         if isinstance(told, Fault):
             return told
         if not parts or not self._has_come(parts[0][0]):
@@ -536,8 +536,8 @@ class ReplayedPartners(ReplaySeam):
         return data[:most]
 
     def _at_port_write(self, owner: str, size: int, check: int) -> object:
-        self._act(self._told.written.get(owner, deque()), (size, check))
-        told = self._as_told(owner, "port write")
+        self._match(self._told.written.get(owner, deque()), (size, check))
+        told = self._get_recorded_answer(owner, "port write")
         return told if isinstance(told, Fault) else size
 
     def _at_port_arrive(self, owner: str, size: int, check: int) -> bool:

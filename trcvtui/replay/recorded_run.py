@@ -18,16 +18,16 @@ from trcvtui.plc.containment import EXCEPTION
 from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
 from trcvtui.recording.journal import CLOSE, DO, IN_GAP, REST, SKIP, STEP, CallRecord, Entry, RunBegins
 
-MOST_BYTES: Final = 128 << 20  # of all partners together
+MOST_PARTNER_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
 UNKNOWN_END: Final = Endpoint("127.0.0.1", 0)
-TRANSPARENT: Final = ("grant", "wait", EXCEPTION)  # each bench has its own bound of work, and errors
-STAYS: Final = (  # calls whose newest answer holds until another one comes
+OWN_CALLS: Final = ("grant", "wait", EXCEPTION)  # each bench has its own bound of work, and errors
+LASTING_CALLS: Final = (  # calls whose newest answer holds until another one comes
     "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
     "is_free",
 )  # fmt: skip
-BENCH: Final = "bench"
-BETWEEN: Final = (DO, REST, SKIP, CLOSE, STEP)  # what is told to a bench
+BENCH_OWNER: Final = "bench"
+BENCH_CALLS: Final = (DO, REST, SKIP, CLOSE, STEP)  # what is told to a bench
 CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connection went
 
 
@@ -38,7 +38,7 @@ class CallPlace(NamedTuple):
     call: int = 0
 
 
-NEVER: Final = CallPlace(1 << 62)
+NEVER_PLACE: Final = CallPlace(1 << 62)
 DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
@@ -63,8 +63,8 @@ class Partner:
         self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
         self._come = 0
         self.messages: deque[DatedMessage] = deque()
-        self.ended, self.fault = NEVER, cast(Fault | None, None)
-        self.let_go = NEVER  # by the PLC
+        self.ended, self.fault = NEVER_PLACE, cast(Fault | None, None)
+        self.let_go = NEVER_PLACE  # by the PLC
         self.most_unread = MOST_UNREAD
         self.full_from = 1 << 62  # unread bytes from which on the window may be small
         self.refused: Fault | None = None  # what accept answered in its place
@@ -91,7 +91,7 @@ class Partner:
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
-    def come_by(self, place: CallPlace) -> int:
+    def size_at(self, place: CallPlace) -> int:
         """Return how many bytes have come in all up to a place, known ones or not; places go on."""
         while self._arrived and self._arrived[0][0] <= place:
             self._come = self._arrived.popleft()[1]
@@ -112,8 +112,8 @@ class DialledAttempt:
 
     def __init__(self, began: int) -> None:
         self.began = began  # in which scan
-        self.answered, self.answer = NEVER, cast(Fault | None, None)
-        self.gone = NEVER
+        self.answered, self.answer = NEVER_PLACE, cast(Fault | None, None)
+        self.gone = NEVER_PLACE
         self.is_at_once = False  # answered by the call itself
         self.partner: Partner | None = None
 
@@ -177,7 +177,7 @@ class RecordedRun:
         self.stands: dict[int, Partner] = {}  # what was there at the beginning, by the handle
         self.tried: dict[int, DialledAttempt] = {}
         for one in self.standing:
-            self._stand(one)
+            self._add_inherited(one)
 
     def time_of(self, scan: int) -> int:
         """Return when a scan began, and forget those before the one before it."""
@@ -185,7 +185,7 @@ class RecordedRun:
             self._times.popleft()
         return self._times[scan - self.scan - 1]
 
-    def _stand(self, one: InheritedSocket) -> None:
+    def _add_inherited(self, one: InheritedSocket) -> None:
         if one.use is SocketUse.STANDS:
             partner = Partner(UNKNOWN_END, CallPlace(self.first), is_known=False)
             self.stands[one.handle] = self._partners[one.handle] = partner
@@ -197,9 +197,9 @@ class RecordedRun:
                 self.hearing.add(one.handle)
             self._unknown.add(one.owner)
         elif one.use is SocketUse.LISTENS:
-            self._listen(one.owner, frozenset((one.handle,)))
+            self._update_listening(one.owner, frozenset((one.handle,)))
 
-    def _listen(self, owner: str, more: frozenset[int], less: frozenset[int] = frozenset()) -> None:
+    def _update_listening(self, owner: str, more: frozenset[int], less: frozenset[int] = frozenset()) -> None:
         known = self.listening.setdefault(owner, [(0, frozenset())])
         now = (known[-1][1] | more) - less
         if now != known[-1][1]:
@@ -210,37 +210,37 @@ class RecordedRun:
         known = self.listening.get(owner, ())
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
-    def follow(self, entries: Iterator[Entry]) -> None:
+    def read_beginning(self, entries: Iterator[Entry]) -> None:
         """Take what stands before the first scan; `go_on` takes what a bench is told then, and the scan."""
         self._entries, self._next = entries, next(entries, None)
-        self._take_to(BETWEEN)
+        self._read_to(BENCH_CALLS)
 
-    def go_on(self) -> None:
-        self._take_to((STEP,))
+    def advance(self) -> None:
+        self._read_to((STEP,))
         if self._next is not None:
-            self._take_one(self._next)
-        self._take_to(BETWEEN)
+            self._read_one(self._next)
+        self._read_to(BENCH_CALLS)
 
-    def _take_to(self, calls: tuple[str, ...]) -> None:
+    def _read_to(self, calls: tuple[str, ...]) -> None:
         while (entry := self._next) is not None:
-            if isinstance(entry, CallRecord) and entry.owner == BENCH and entry.call in calls:
+            if isinstance(entry, CallRecord) and entry.owner == BENCH_OWNER and entry.call in calls:
                 return
-            self._take_one(entry)
+            self._read_one(entry)
 
-    def _take_one(self, entry: Entry) -> None:
-        self.take(entry)
+    def _read_one(self, entry: Entry) -> None:
+        self.add_entry(entry)
         self._next = next(self._entries, None)
 
-    def take(self, entry: Entry) -> None:
+    def add_entry(self, entry: Entry) -> None:
         if isinstance(entry, RunBegins):
             self.begins = entry
         elif isinstance(entry, CallRecord) and not self.is_broken:
             try:
-                self._take_call(entry)
+                self._add_call(entry)
             except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
                 self.is_broken = True
 
-    def _take_call(self, entry: CallRecord) -> None:
+    def _add_call(self, entry: CallRecord) -> None:
         owner, call, args, answer = entry
         if call == STEP:
             self.scan += 1
@@ -253,49 +253,49 @@ class RecordedRun:
             return
         handle = cast(int, args[0]) if args else 0
         is_arrival = call.startswith(IN_GAP)
-        self._calls += not is_arrival and call not in TRANSPARENT
+        self._calls += not is_arrival and call not in OWN_CALLS
         if call == EXCEPTION:
             self.failures.setdefault(self.scan, owner)
-        note = _NOTES.get(call)
+        note = _CALL_HANDLERS.get(call)
         if note is not None:
             note(self, owner, handle, args, answer)
         if not is_arrival:
-            self._keep((owner, call), answer)
+            self._keep_answer((owner, call), answer)
 
-    def _keep(self, key: tuple[str, str], answer: object) -> None:
+    def _keep_answer(self, key: tuple[str, str], answer: object) -> None:
         self._nth[key] += 1
         fault = answer[0] if isinstance(answer, tuple) and answer else answer
         if isinstance(fault, Fault) and fault.injected:
             self.injected = self.scan
         known = self.answers.get(key, ())
-        if isinstance(fault, Fault) or (key[1] in STAYS and not (known and known[-1][1] == answer)):
+        if isinstance(fault, Fault) or (key[1] in LASTING_CALLS and not (known and known[-1][1] == answer)):
             place = CallPlace(self.scan, self._nth[key])
             self.answers.setdefault(key, deque()).append((place, answer))
 
-    def _now(self, handle: int) -> CallPlace:
+    def _current_place(self, handle: int) -> CallPlace:
         was_seen = handle in self._polled and handle not in self._short
         return CallPlace(self.scan, 0 if was_seen else self._calls)
 
-    def _seen(self, handle: int) -> CallPlace:
+    def _polled_place(self, handle: int) -> CallPlace:
         return CallPlace(self.scan, 0 if handle in self._polled else self._calls)
 
     # -- what lies unread ----------------------------------------------------------------------------------
 
-    def _there(self, flags: int, handle: int) -> CallPlace:
-        there = CallPlace(self.scan + 1) if flags & LATE else self._now(handle)
+    def _arrival_place(self, flags: int, handle: int) -> CallPlace:
+        there = CallPlace(self.scan + 1) if flags & LATE else self._current_place(handle)
         self.came = max(self.came, there.scan)
         return there
 
-    def _arrived(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_arrived(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         _, unread, flags = cast(tuple[int, int, int], args[1:])
         partner = self._partners.get(handle)
         if partner is None:
             return
-        data, there, whole = cast(bytes, answer), self._there(flags, handle), partner.read + unread
+        data, there, whole = cast(bytes, answer), self._arrival_place(flags, handle), partner.read + unread
         start = max(partner.known, partner.read)
         if not partner.is_known and partner.known == partner.read:
             start = partner.hole = whole - len(data)  # what is before it lay there when the file begins
-        self._more(partner, start, data)
+        self._add_bytes(partner, start, data)
         partner.note_bytes(there, whole)
         partner.most_unread = max(partner.most_unread, unread)
         if flags & FULL:
@@ -303,28 +303,28 @@ class RecordedRun:
         if self.scan == self.first:
             partner.is_known = len(data) == unread  # the file begins with what lies there
 
-    def _more(self, partner: Partner, start: int, data: bytes) -> None:
+    def _add_bytes(self, partner: Partner, start: int, data: bytes) -> None:
         """Take bytes of a stream from a position on; what lies between it and what is known is lost."""
         if start < partner.hole:
-            self._put(partner, start, data[: partner.hole - start])
+            self._keep_bytes(partner, start, data[: partner.hole - start])
         new = data[max(0, partner.known - start) :]
         partner.known = max(partner.known, start + len(data))
-        self._put(partner, partner.known - len(new), new)
+        self._keep_bytes(partner, partner.known - len(new), new)
 
-    def _put(self, partner: Partner, start: int, data: bytes) -> None:
-        if data and self.kept + len(data) <= MOST_BYTES:
+    def _keep_bytes(self, partner: Partner, start: int, data: bytes) -> None:
+        if data and self.kept + len(data) <= MOST_PARTNER_BYTES:
             is_next = start == partner.known - len(data)
             at = len(partner.chunks) if is_next else sum(at < start for at, _ in partner.chunks)
             partner.chunks.insert(at, (start, data))
             self.kept += len(data)
 
-    def forget(self, partner: Partner, position: int) -> None:
+    def forget_bytes(self, partner: Partner, position: int) -> None:
         """Forget the bytes of a partner before a position: the run that asks has read them."""
         chunks = partner.chunks
         while chunks and chunks[0][0] + len(chunks[0][1]) <= position:
             self.kept -= len(chunks.popleft()[1])
 
-    def _message_came(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_message(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         source, whole, flags = cast(tuple[Endpoint, int, int], args[1:])
         data, partner = cast(bytes, answer), self._partners.get(handle)
         self._unread[handle] += 1
@@ -333,43 +333,43 @@ class RecordedRun:
             partner.full_from = (
                 min(partner.full_from, self._unread[handle]) if flags & FULL else partner.full_from
             )
-        queue = self._messages_of(owner, handle, partner)
+        queue = self._get_message_queue(owner, handle, partner)
         got = Datagram(len(data), source, whole)
-        is_kept = self.kept + len(data) <= MOST_BYTES
+        is_kept = self.kept + len(data) <= MOST_PARTNER_BYTES
         self.kept += len(data) * is_kept
-        queue.append((self._there(flags, handle), got, data if is_kept else b""))
+        queue.append((self._arrival_place(flags, handle), got, data if is_kept else b""))
 
-    def _has_ended(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_end(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
             fault = Fault("recv", "ECONNRESET") if answer == "rst" else None
-            partner.note_end(self._seen(handle), fault, is_told=False)
+            partner.note_end(self._polled_place(handle), fault, is_told=False)
 
-    def _client_waits(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_clients(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         waiting = self._waiting.setdefault(owner, deque())
         while len(waiting) < cast(int, answer):
-            waiting.append(Partner(UNKNOWN_END, self._there(cast(int, args[1]), handle)))
-            waiting[-1].accepted = NEVER
+            waiting.append(Partner(UNKNOWN_END, self._arrival_place(cast(int, args[1]), handle)))
+            waiting[-1].accepted = NEVER_PLACE
             self.clients.setdefault(owner, deque()).append(waiting[-1])
 
-    def _datagrams_gone(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_dropped(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         self.dropped.append((self.scan, owner, self.datagrams_read[owner]))
 
     # -- calls ---------------------------------------------------------------------------------------------
 
-    def _ready(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+    def _note_ready(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         self._polled = set(answer or ())
         if answer is None:
             self.looks_at_all.add(self.scan)
 
-    def _readable(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_readable(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is True:
             self._polled.add(handle)
 
-    def _listens(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_listen(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is None:
-            self._listen(owner, frozenset((handle,)))
+            self._update_listening(owner, frozenset((handle,)))
 
-    def _accepted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_accept(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if not isinstance(answer, NewClient | Fault):
             self._short.add(handle)  # a client that comes now was not there before
             return
@@ -377,9 +377,9 @@ class RecordedRun:
         if waiting:
             partner = waiting.popleft()
         else:
-            partner = Partner(UNKNOWN_END, self._now(handle))
+            partner = Partner(UNKNOWN_END, self._current_place(handle))
             self.clients.setdefault(owner, deque()).append(partner)
-        partner.accepted = self._now(handle)
+        partner.accepted = self._current_place(handle)
         self.came = max(self.came, self.scan)
         if isinstance(answer, Fault):
             partner.refused = answer
@@ -387,15 +387,15 @@ class RecordedRun:
             partner.end = answer.peer
             self._partners[answer.handle] = partner
 
-    def _dial(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_connect(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         attempt = DialledAttempt(self.scan)
         self._dialled[handle] = cast(Endpoint, args[1]), attempt
         self.attempts.setdefault(owner, deque()).append(attempt)
         if answer is not None:
             attempt.is_at_once = True
-            self._answered(owner, handle, args, answer)
+            self._note_connect_result(owner, handle, args, answer)
 
-    def _answered(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_connect_result(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is WOULD_BLOCK or handle not in self._dialled:
             return
         end, attempt = self._dialled.pop(handle)
@@ -404,9 +404,9 @@ class RecordedRun:
         if answer is None:
             attempt.partner = self._partners[handle] = Partner(end, attempt.answered)
 
-    def _received(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+    def _note_recv(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         got, data = answer
-        partner, at = self._partners.get(handle), self._now(handle)
+        partner, at = self._partners.get(handle), self._current_place(handle)
         if len(data) < cast(int, args[1]):
             self._short.add(handle)  # what comes now was not there before
         if partner is None:
@@ -416,27 +416,27 @@ class RecordedRun:
         elif isinstance(got, Fault) and not got.injected:
             partner.is_known = True
         if data:
-            self._more(partner, partner.read, data)
+            self._add_bytes(partner, partner.read, data)
             partner.read += len(data)
             partner.note_bytes(at, partner.read)
             self.bytes_read += len(data)
             self.came = max(self.came, self.scan)
         elif got == 0 or isinstance(got, Fault):
-            partner.note_end(self._seen(handle), got or None)
+            partner.note_end(self._polled_place(handle), got or None)
 
-    def _threw_away(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_discard(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
             partner.read += cast(int, answer)
 
-    def _received_whole(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+    def _note_recv_from(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         got, data = answer
-        partner, at = self._partners.get(handle), self._now(handle)
+        partner, at = self._partners.get(handle), self._current_place(handle)
         if isinstance(got, Datagram):
             if not self._unread[handle]:  # noted before the file begins
                 self._unread[handle] = 1
                 if partner is not None:
                     partner.whole += 1
-                self._messages_of(owner, handle, partner).append((at, got, data))
+                self._get_message_queue(owner, handle, partner).append((at, got, data))
             self._unread[handle] -= 1
             if partner is not None:
                 partner.read += 1
@@ -449,59 +449,59 @@ class RecordedRun:
         elif got is WOULD_BLOCK:
             self._unknown.discard(owner)
         if isinstance(got, Fault) and partner is not None:
-            partner.note_end(self._seen(handle), got)
+            partner.note_end(self._polled_place(handle), got)
         elif isinstance(got, Fault):
-            self._messages_of(owner, handle, None).append((at, got, data))
+            self._get_message_queue(owner, handle, None).append((at, got, data))
 
-    def _messages_of(self, owner: str, handle: int, partner: Partner | None) -> deque[DatedMessage]:
+    def _get_message_queue(self, owner: str, handle: int, partner: Partner | None) -> deque[DatedMessage]:
         if partner is not None:
             return partner.messages
         return self.datagrams.setdefault((owner, handle in self.hearing), deque())
 
-    def _know_broadcasts(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+    def _note_broadcasts(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         self.broadcasts.update(each.broadcast for each in answer)
 
-    def _bind(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_bind(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         is_hearing = cast(Endpoint, args[1]).address in self.broadcasts
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
-    def knows(self, owner: str, partner: Partner | None) -> bool:
+    def knows_messages(self, owner: str, partner: Partner | None) -> bool:
         """Return whether it is known which messages lie there: not where the file begins with some."""
         return owner not in self._unknown if partner is None else partner.is_known
 
-    def _sent(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_send(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
         if partner is None:
             return
         if isinstance(answer, Fault) and answer.error != "EAGAIN":
-            partner.note_end(self._seen(handle), answer)
+            partner.note_end(self._polled_place(handle), answer)
         partner.acts.append(OwnAct(self.scan, args[1:], answer))
         size = answer if isinstance(answer, int) else 0
         partner.taken, partner.took_all = partner.taken + size, size == args[1]
 
-    def _wrote(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_write(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         self.written.setdefault(owner, deque()).append(OwnAct(self.scan, args[-3:], answer))
 
-    def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_loss(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
-            partner.note_end(self._seen(handle), answer.fault)
+            partner.note_end(self._polled_place(handle), answer.fault)
 
-    def _looked(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_renew(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is True and (partner := self._partners.get(handle)):
-            partner.note_end(self._seen(handle), None)
+            partner.note_end(self._polled_place(handle), None)
 
-    def _shut(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_shutdown(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
             partner.acts.append(OwnAct(self.scan, (SHUT,)))
 
-    def _closed(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_close(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
-        self._left(owner, handle, RESET if partner is not None and partner.whole > partner.read else CLOSED)
+        self._end(owner, handle, RESET if partner is not None and partner.whole > partner.read else CLOSED)
 
-    def _aborted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        self._left(owner, handle, RESET)
+    def _note_abort(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        self._end(owner, handle, RESET)
 
-    def _left(self, owner: str, handle: int, how: str) -> None:
+    def _end(self, owner: str, handle: int, how: str) -> None:
         now = CallPlace(self.scan, self._calls)
         if handle in self._dialled:
             self._dialled.pop(handle)[1].gone = now
@@ -509,44 +509,44 @@ class RecordedRun:
             for client in self._waiting.pop(owner, ()):  # reset with the listener
                 if client in self.clients[owner]:
                     self.clients[owner].remove(client)
-            self._listen(owner, frozenset(), frozenset((handle,)))
+            self._update_listening(owner, frozenset(), frozenset((handle,)))
         partner = self._partners.pop(handle, None)
         if partner is not None:
             partner.let_go = now
             partner.acts.append(OwnAct(self.scan, (how,)))
 
-    def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_serial_read(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, bytes) and answer:
             self.serial.setdefault(owner, deque()).append((CallPlace(self.scan), answer))
             self.bytes_read += len(answer)
             self.came = max(self.came, self.scan)
 
 
-Note = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
-_NOTES: Final[dict[str, Note]] = {
-    IN_GAP + ARRIVED: RecordedRun._arrived,
-    IN_GAP + MESSAGE: RecordedRun._message_came,
-    IN_GAP + ENDED: RecordedRun._has_ended,
-    IN_GAP + WAITING: RecordedRun._client_waits,
-    IN_GAP + DROPPED: RecordedRun._datagrams_gone,
-    "ready_handles": RecordedRun._ready,
-    "readable": RecordedRun._readable,
-    "local_addresses": RecordedRun._know_broadcasts,
-    "bind": RecordedRun._bind,
-    "listen": RecordedRun._listens,
-    "accept": RecordedRun._accepted,
-    "connect": RecordedRun._dial,
-    "connect_result": RecordedRun._answered,
-    "recv": RecordedRun._received,
-    "discard": RecordedRun._threw_away,
-    "recv_from": RecordedRun._received_whole,
-    "send": RecordedRun._sent,
-    "send_to": RecordedRun._wrote,
-    "port write": RecordedRun._wrote,
-    "loss": RecordedRun._lost,
-    "renew": RecordedRun._looked,
-    "shutdown": RecordedRun._shut,
-    "close": RecordedRun._closed,
-    "abort": RecordedRun._aborted,
-    "port read": RecordedRun._line,
+CallHandler = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
+_CALL_HANDLERS: Final[dict[str, CallHandler]] = {
+    IN_GAP + ARRIVED: RecordedRun._note_arrived,
+    IN_GAP + MESSAGE: RecordedRun._note_message,
+    IN_GAP + ENDED: RecordedRun._note_end,
+    IN_GAP + WAITING: RecordedRun._note_clients,
+    IN_GAP + DROPPED: RecordedRun._note_dropped,
+    "ready_handles": RecordedRun._note_ready,
+    "readable": RecordedRun._note_readable,
+    "local_addresses": RecordedRun._note_broadcasts,
+    "bind": RecordedRun._note_bind,
+    "listen": RecordedRun._note_listen,
+    "accept": RecordedRun._note_accept,
+    "connect": RecordedRun._note_connect,
+    "connect_result": RecordedRun._note_connect_result,
+    "recv": RecordedRun._note_recv,
+    "discard": RecordedRun._note_discard,
+    "recv_from": RecordedRun._note_recv_from,
+    "send": RecordedRun._note_send,
+    "send_to": RecordedRun._note_write,
+    "port write": RecordedRun._note_write,
+    "loss": RecordedRun._note_loss,
+    "renew": RecordedRun._note_renew,
+    "shutdown": RecordedRun._note_shutdown,
+    "close": RecordedRun._note_close,
+    "abort": RecordedRun._note_abort,
+    "port read": RecordedRun._note_serial_read,
 }

@@ -27,14 +27,14 @@ Roots = tuple[RunBegins, Scenario | None, Project]
 NO_LIMIT: Final = 1 << 62
 MOST_LINES: Final = 10_000  # that wait until they are asked for
 REST_LINE: Final = ""  # how REST stands among lines
-UNTOLD: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
+IDLE_VERBS: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
 
 
-def _look_at_nothing() -> None:
+def _do_nothing() -> None:
     """Do nothing."""
 
 
-def declared(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
+def roots_of(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
     """Return what a run is made of; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
     with reading_only(files):
@@ -45,7 +45,7 @@ def declared(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> R
 
 
 @contextmanager
-def restored_state(is_restored: bool, where: str) -> Iterator[None]:
+def guard_state(is_restored: bool, where: str) -> Iterator[None]:
     """Let whatever goes wrong with a run of a keyframe be one line: bytes of a file have made it."""
     try:
         yield
@@ -72,13 +72,13 @@ class ReplayRun:
         self.is_whole = self.is_restored = False
         self.limit = NO_LIMIT  # the scan after which no scan is counted that was not run
         self._skipped = 0  # of the scans that come next and were not run
-        self.before_close: Callable[[], None] = _look_at_nothing  # the last look at the bench
+        self.before_close: Callable[[], None] = _do_nothing  # the last look at the bench
         self.where = where
         begins = self.replay.begins
         if begins is None or begins.kernel not in KERNELS:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.begins = begins
-        self.roots = roots or declared(begins, self.replay.files)
+        self.roots = roots or roots_of(begins, self.replay.files)
         _, self.scenario, project = self.roots
         self.bench = Bench(project, begins.kernel, self.replay)
 
@@ -96,14 +96,14 @@ class ReplayRun:
 
         Raise UserError at the first difference.
         """
-        with restored_state(self.is_restored, self.where):
+        with guard_state(self.is_restored, self.where):
             return self._scan()
 
     def _scan(self) -> bool:
         while (entry := self.replay.peek_call()) is not None:
             if entry.call == DO and len(entry.args) == 1:
                 self._lines.append(str(entry.args[0]))
-                self._do(self._lines[-1])
+                self._run_line(self._lines[-1])
             elif entry.call == REST and not entry.args:  # with a time: a part of the next step
                 self._lines.append(REST_LINE)
                 self.bench.rest()
@@ -137,8 +137,8 @@ class ReplayRun:
         self.bench.skip(scans)
         return runtime.scans < self.limit
 
-    def _do(self, line: str) -> None:
-        if line.partition(" ")[0] in UNTOLD:
+    def _run_line(self, line: str) -> None:
+        if line.partition(" ")[0] in IDLE_VERBS:
             self.bench.told(line)
             return
         project, where = self.bench.project, f"{self.where}: scan {self.replay.scan}"
@@ -154,12 +154,12 @@ class ReplayRun:
                 return
             command = parse_unbounded_line(line, project, where)
         if command is not None:
-            self.act(command)
+            self.run_command(command)
 
-    def act(self, command: BenchCommand) -> None:
+    def run_command(self, command: BenchCommand) -> None:
         self.bench.do(command)
 
-    def differs(self) -> UserError:
+    def make_end_error(self) -> UserError:
         """Return what is said of a journal that ends before its run."""
         left = self.replay.count_scans_left() if self.replay.gap_text else 0
         return make_early_end_error(self.where, self.replay.gap_text, self.bench.runtime.scans, left)

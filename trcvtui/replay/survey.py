@@ -16,18 +16,18 @@ from trcvtui.recording.replay import make_early_end_error
 from trcvtui.udt.literals import parse_time
 
 END: Final = 1 << 62  # a scan that no recording has
-PIECES: Final = 1000  # of the run: in which of them an ERROR comes
-READ_AT_ONCE: Final = 256  # entries
-NOTE: Final = "note "  # how a line begins that tells of a capture
+MARK_PIECES: Final = 1000  # of the run: in which of them an ERROR comes
+ENTRIES_PER_READ: Final = 256  # entries
+NOTE_PREFIX: Final = "note "  # how a line begins that tells of a capture
 NOTES_SHOWN: Final = 2
 DONE_AT, ERROR_AT = 3, 4  # in what SHOWS tells
-AT_LINES: Final = "a scan, T#.., end, edge +1 INSTANCE or error +1"
+PLACE_SYNTAX: Final = "a scan, T#.., end, edge +1 INSTANCE or error +1"
 
 Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose; FIRST
-FIRST: Final = "first", 1, ""  # the first ERROR; where there is none, finding; else DONE
+FIRST_EVENT: Final = "first", 1, ""  # the first ERROR; where there is none, finding; else DONE
 
 
-def read_at(text: str, where: str) -> int | Search:
+def parse_place(text: str, where: str) -> int | Search:
     """Return the scan that a text names, or what is looked for; raise UserError."""
     words = text.split()
     words = words[1:] if words[:1] == ["scan"] else words
@@ -42,7 +42,7 @@ def read_at(text: str, where: str) -> int | Search:
             return "error", int(step), ""
         case ["edge", "+1" | "-1" as step, name]:
             return "edge", int(step), name
-    expected = f"+1, -1, {AT_LINES}" if where == "prompt" else AT_LINES
+    expected = f"+1, -1, {PLACE_SYNTAX}" if where == "prompt" else PLACE_SYNTAX
     raise mistake(where, quote(text) if text else "nothing more", expected)
 
 
@@ -71,26 +71,26 @@ class Survey:
         self._marks = (0, 0), b""
 
     @property
-    def last(self) -> int:
+    def last_scan(self) -> int:
         return self._scans[-1] if self._scans else self.first
 
     def time_of(self, scan: int) -> int:
         """Return the time of a scan, ns; that of the nearest one that was seen."""
         if not self.times or scan <= 0:
             return 0
-        scan = max(self.first + 1, min(scan, self.last))
-        before, ns, scans, took = self._stretch(bisect_left(self._scans, scan))
+        scan = max(self.first + 1, min(scan, self.last_scan))
+        before, ns, scans, took = self._get_stretch(bisect_left(self._scans, scan))
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
         """Return the first scan at this time or after it; after all that were seen, the next one."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
-            return self.last + 1
-        before, began, scans, took = self._stretch(at)
+            return self.last_scan + 1
+        before, began, scans, took = self._get_stretch(at)
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
-    def _stretch(self, at: int) -> tuple[int, int, int, int]:
+    def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
         """Return the scan that was run before another one, its time, and how many scans and ns it took."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
@@ -99,16 +99,16 @@ class Survey:
         before = bisect_right(self._notes, scan, key=lambda note: note[0])
         return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
 
-    def go_on(self, until: int) -> None:
+    def advance(self, until: int) -> None:
         while not self.is_over and clock.now_ns() < until:
-            some = [*islice(self._entries, READ_AT_ONCE)]
+            some = [*islice(self._entries, ENTRIES_PER_READ)]
             for entry in some:
-                if self._take(entry):
+                if self._add_entry(entry):
                     return
-            if len(some) < READ_AT_ONCE:
-                self._end()
+            if len(some) < ENTRIES_PER_READ:
+                self._finish()
 
-    def _take(self, entry: Entry) -> bool:
+    def _add_entry(self, entry: Entry) -> bool:
         if self._lost:
             self._left += isinstance(entry, CallRecord) and entry.call == STEP
             return False
@@ -117,39 +117,39 @@ class Survey:
             if not self._is_whole:
                 self._lost = str(entry)
                 return False
-            self._end()
+            self._finish()
             return True
         if not isinstance(entry, CallRecord):
             return False
         if entry.call == STEP and isinstance(entry.answer, int):
-            self._step(entry.answer)
+            self._add_scan(entry.answer)
         elif entry.call == SKIP:
             self._skipped += cast(int, entry.args[0])
         elif entry.call == SHOWS and self.times:
-            self.edges.setdefault(entry.owner, array("q")).append(self.last)
+            self.edges.setdefault(entry.owner, array("q")).append(self.last_scan)
             if entry.args[DONE_AT : DONE_AT + 1] == (True,):
-                self.first_done = self.first_done or self.last
-            if entry.args[ERROR_AT : ERROR_AT + 1] == (True,) and self.last not in self.errors[-1:]:
-                self.errors.append(self.last)
-        elif entry.call == DO and str(entry.args[0]).startswith(NOTE):
-            self._notes.append((self.last + self._skipped, str(entry.args[0]).removeprefix(NOTE)))
+                self.first_done = self.first_done or self.last_scan
+            if entry.args[ERROR_AT : ERROR_AT + 1] == (True,) and self.last_scan not in self.errors[-1:]:
+                self.errors.append(self.last_scan)
+        elif entry.call == DO and str(entry.args[0]).startswith(NOTE_PREFIX):
+            self._notes.append((self.last_scan + self._skipped, str(entry.args[0]).removeprefix(NOTE_PREFIX)))
         elif entry.call == CLOSE:
             self._is_whole = True
         return False
 
-    def _step(self, ns: int) -> None:
+    def _add_scan(self, ns: int) -> None:
         self.passed += self._skipped + 1  # those that were counted and not run have no time of their own
         self._skipped = 0
         if self.passed > self.first:
             self.times.append(ns)
             self._scans.append(self.passed)
 
-    def _end(self) -> None:
+    def _finish(self) -> None:
         self.is_over = True
         if not self._is_whole:
-            self.trouble = str(make_early_end_error(self._where, self._lost, self.last, self._left))
+            self.trouble = str(make_early_end_error(self._where, self._lost, self.last_scan, self._left))
 
-    def cut(self, scan: int, why: str) -> None:
+    def end_after(self, scan: int, why: str) -> None:
         """Let the run end after a scan: it cannot go on."""
         known = bisect_right(self._scans, scan)
         del self.times[known:], self._scans[known:]
@@ -157,20 +157,20 @@ class Survey:
             del scans[bisect_right(scans, scan) :]
         self.trouble, self.is_over = why, True
 
-    def found(self, search: Search, start: int) -> int | None:
+    def find_scan(self, search: Search, start: int) -> int | None:
         """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
         kind, step, name = search
         if kind == "time":
             scan = self.scan_at(step)
-            return scan if scan <= self.last else self.last if self.is_over else None
+            return scan if scan <= self.last_scan else self.last_scan if self.is_over else None
         is_read = self.is_over and (self.is_judged or kind == "edge")
-        if search == FIRST:
+        if search == FIRST_EVENT:
             seen = self.errors or self.findings or (self.first_done or self.first + 1,)
             return min(seen) if self.errors or is_read else None
         scans: Sequence[int] = (
             self.edges.get(name, ()) if kind == "edge" else sorted({*self.errors, *self.findings})
         )
-        if step < 0 and (start <= self.last or self.is_over):
+        if step < 0 and (start <= self.last_scan or self.is_over):
             before = bisect_left(scans, start)
             return scans[before - 1] if before else END if is_read else None
         after = bisect_right(scans, start)
@@ -178,12 +178,12 @@ class Survey:
             return scans[after]
         return END if is_read else None
 
-    def marks(self) -> bytes:
+    def make_error_marks(self) -> bytes:
         """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
-        known = self.last, len(self.errors)
+        known = self.last_scan, len(self.errors)
         if known != self._marks[0]:
-            marks = bytearray(PIECES)
+            marks = bytearray(MARK_PIECES)
             for scan in self.errors:
-                marks[(scan - self.first - 1) * PIECES // (self.last - self.first)] = 1
+                marks[(scan - self.first - 1) * MARK_PIECES // (self.last_scan - self.first)] = 1
             self._marks = known, bytes(marks)
         return self._marks[1]

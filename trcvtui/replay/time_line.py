@@ -19,8 +19,8 @@ from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, reading_only
 from trcvtui.history.ledger_reader import LedgerReader
-from trcvtui.history.messages import KeptRows, MessagesDelta
-from trcvtui.history.pin_waveform import WaveformDelta, up_to
+from trcvtui.history.messages import MessagesDelta, NewestRows
+from trcvtui.history.pin_waveform import WaveformDelta, cut_delta
 from trcvtui.history.waveform_recorder import WaveformRecorder
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
@@ -29,17 +29,17 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.all_messages import AllMessages, TimedRows
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun
-from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
+from trcvtui.replay.survey import END, FIRST_EVENT, Search, Survey, parse_place
 from trcvtui.replay.what_if import Change, WhatIf
 from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF, ReplayPosition
 from trcvtui.udt.literals import parse_time
 
-MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
-LOOKS: Final = frozenset(("trigger", "expect", "doctor"))  # lines that look only
+MOVE_VERBS: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
+VIEW_VERBS: Final = frozenset(("trigger", "expect", "doctor"))  # lines that look only
 SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
-FASTEST: Final = "fastest"
-LEAST_SEEN: Final = 500  # scans before the one that is shown: what panes tell of earlier
+FASTEST_NAME: Final = "fastest"
+LEAST_SCANS_BEFORE: Final = 500  # scans before the one that is shown: what panes tell of earlier
 
 
 class WhatIfRun:
@@ -50,30 +50,30 @@ class WhatIfRun:
         self._asked = asked
         self._seen: tuple[LedgerReader, WaveformRecorder] | None = None
 
-    def go_on(self, until: int) -> None:
+    def advance(self, until: int) -> None:
         while not self.is_over and clock.now_ns() < until:
-            reader, _ = self._looking_on()
+            reader, _ = self._get_readers()
             self.is_over = not self.run.scan()
             reader.catch_up()
 
-    def _looking_on(self) -> tuple[LedgerReader, WaveformRecorder]:
+    def _get_readers(self) -> tuple[LedgerReader, WaveformRecorder]:
         if self._seen is None:
             reader = LedgerReader(self.run.what_if)
             self._seen = reader, WaveformRecorder(self.run.what_if, reader)
         return self._seen
 
-    def lines(self) -> tuple[str, ...]:
+    def describe(self) -> tuple[str, ...]:
         if not self.is_over:
             return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
-        first, *rest = self.run.summary()
+        first, *rest = self.run.describe()
         return (f"what if {self._asked}: {first}", *rest, *filter(None, [self.run.trouble]))
 
-    def wave(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
+    def make_wave_delta(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
         """Return what is new of an instance up to a scan, after its change `number`."""
-        ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
+        ledger, (_, waves) = self.run.what_if.runtime.ledger, self._get_readers()
         asked = name.removeprefix(WHAT_IF)
-        news = waves.news(asked, number, (ledger.scan, ledger.t_ns))
-        known = up_to(news, scan, t_ns) if news is not None else None
+        news = waves.make_delta(asked, number, (ledger.scan, ledger.t_ns))
+        known = cut_delta(news, scan, t_ns) if news is not None else None
         return replace(known, instance=name) if known is not None else None
 
 
@@ -95,17 +95,17 @@ class ReplayController(Controller):
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
-    def at(self) -> int:
+    def scans(self) -> int:
         return self.bench.runtime.scans
 
     @property
-    def armed(self) -> str:
+    def armed_trigger(self) -> str:
         """Return the trigger that is looked for, "" for none."""
         return self.trigger_watch.armed
 
     def step(self, now: int | None = None) -> bool:
         passed = self.run.scan()
-        if self.armed:
+        if self.armed_trigger:
             fired = self.trigger_watch.scanned()
             if fired is not None:
                 self.trigger_watch.take_kept()  # it stands at this very scan
@@ -114,23 +114,23 @@ class ReplayController(Controller):
 
     def disarm(self) -> None:
         self.fired = ""
-        if self.armed:
+        if self.armed_trigger:
             self.trigger_watch.arm("off", "")
 
-    def follow(self, before: Controller) -> None:
+    def continue_from(self, before: Controller) -> None:
         self._answers.extend(before._answers)
         self._bench_number = before._bench_number + 1
         self._project_number = before._project_number + 1
 
     def _carry_out(self, line: str) -> str:
         verb, _, rest = line.partition(" ")
-        if verb in MOVES:
+        if verb in MOVE_VERBS:
             try:
                 self._told = self._move(line)
             except UserError as wrong:
                 return wrong.lines()[0]
             return ""
-        if verb in LOOKS or (verb == "framing" and len(rest.split()) == 1):
+        if verb in VIEW_VERBS or (verb == "framing" and len(rest.split()) == 1):
             return super()._carry_out(line)
         return CANNOT_CHANGE_TEXT
 
@@ -140,7 +140,7 @@ class ReplayController(Controller):
         if beside is None:
             return waves
         others = (
-            beside.wave(name, number if known else 0, ledger.scan, ledger.t_ns)
+            beside.make_wave_delta(name, number if known else 0, ledger.scan, ledger.t_ns)
             for name, number in asked
             if name.startswith(WHAT_IF)
         )
@@ -150,7 +150,7 @@ class ReplayController(Controller):
         """Return rows of the whole recording, wherever it stands."""
         if request.messages is None or self.messages is None:
             return None
-        return self.messages.news(*request.messages[:2])
+        return self.messages.make_delta(*request.messages[:2])
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan, with the position in the recording."""
@@ -173,7 +173,7 @@ class CaptureRun(NamedTuple):
     notes: tuple[str, ...]
     change: Change  # the project with other parameters
     judge: FilesJudge
-    rows: KeptRows | None = None
+    rows: NewestRows | None = None
 
 
 class TimeLine:
@@ -189,7 +189,7 @@ class TimeLine:
         self._judge = judge = capture.judge if capture is not None else judge
         self._wants_findings, self.survey.is_judged = False, judge is None
         self._doctor = BenchDoctor(), judge
-        self.controller = ReplayController(keyframes.begin(), self._obey, self._doctor)
+        self.controller = ReplayController(keyframes.start_run(), self._run_line, self._doctor)
         self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
         self._wanted = self._least = keyframes.first + 1
         self._search: Search | None = None
@@ -198,45 +198,45 @@ class TimeLine:
         self._note = ""
         self._beside: WhatIfRun | None = None
         self._messages: AllMessages | TimedRows | None = None  # once somebody asks for them
-        self._go(at)
+        self._go_to(at)
 
     # -- lines -----------------------------------------------------------------------------------------
 
-    def take(self, number: int, line: str) -> None:
+    def handle_line(self, number: int, line: str) -> None:
         self._note = ""
         self.controller.take(number, line)
-        if line.startswith("trigger ") and self.controller.armed:
+        if line.startswith("trigger ") and self.controller.armed_trigger:
             self.controller.holding, self._since, self._search = True, None, None
             self._wanted = END
 
-    def _obey(self, line: str) -> str:
+    def _run_line(self, line: str) -> str:
         verb, _, rest = line.partition(" ")
         rest = rest.strip()
         if verb == "speed":
             return self._set_speed(rest)
         if verb == "if":
-            return self._run_beside(rest)
+            return self._set_what_if(rest)
         if verb == "go":
-            self._stop()
-            self._play()
+            self._stop_moving()
+            self._start_playing()
             return ""
         if verb == "hold":
-            self._stop()
-            self._wanted = self.controller.at
+            self._stop_moving()
+            self._wanted = self.controller.scans
             return ""
         if verb == "run" and "#" in rest:
-            self._go(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
+            self._go_to(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
         elif verb == "run" or rest[:1] in ("+", "-"):
             if not rest.lstrip("+-").isdecimal():
                 raise mistake("prompt", quote(line), "a number of scans")
-            self._go(
-                max(self._least, (self._wanted if self._wanted < END else self.controller.at) + int(rest))
+            self._go_to(
+                max(self._least, (self._wanted if self._wanted < END else self.controller.scans) + int(rest))
             )
         else:
-            self._go(read_at(rest, "prompt"))
+            self._go_to(parse_place(rest, "prompt"))
         return ""
 
-    def _run_beside(self, rest: str) -> str:
+    def _set_what_if(self, rest: str) -> str:
         self._beside = None
         verb, _, name = rest.partition(" ")
         if rest != "off":
@@ -247,20 +247,20 @@ class TimeLine:
             self._beside = WhatIfRun(WhatIf(self._keyframes, sets, dialect, change), rest)
         return ""
 
-    def _go(self, to: int | Search) -> None:
-        self._stop()
+    def _go_to(self, to: int | Search) -> None:
+        self._stop_moving()
         if isinstance(to, int):
             self._wanted = max(self._least, to)
         else:
             self._search = to
-            self._wants_findings |= to[0] in ("error", FIRST[0])
+            self._wants_findings |= to[0] in ("error", FIRST_EVENT[0])
 
-    def _stop(self) -> None:
+    def _stop_moving(self) -> None:
         self.controller.disarm()
         self.controller.holding, self._since, self._search = True, None, None
 
     def _set_speed(self, rest: str) -> str:
-        names = [_speed_text(speed) for speed in SPEEDS]
+        names = [_format_speed(speed) for speed in SPEEDS]
         if rest in ("+", "-"):
             self._speed = max(0, min(len(SPEEDS) - 1, self._speed + int(f"{rest}1")))
         elif rest in names:
@@ -268,57 +268,57 @@ class TimeLine:
         else:
             raise mistake("prompt", quote(f"speed {rest}"), "+, -, or one of " + ", ".join(names))
         if self._since is not None:
-            self._play()
+            self._start_playing()
         return names[self._speed]
 
-    def _play(self) -> None:
-        self._wanted = self.controller.at
+    def _start_playing(self) -> None:
+        self._wanted = self.controller.scans
         self.controller.holding = False
         self._since = clock.now_ns(), self.survey.time_of(self._wanted)
 
     # -- moving ----------------------------------------------------------------------------------------
 
-    def work(self, until: int) -> bool:
+    def advance(self, until: int) -> bool:
         """Move, or look through the recording, until this moment; return whether there is more to do."""
-        self._look()
+        self._update_goal()
         if self._move(until):
             return True
         if self._beside is not None and not self._beside.is_over:
-            self._go_on_beside(self._beside, until)
+            self._advance_what_if(self._beside, until)
             return True
         if not self.survey.is_over:
-            self.survey.go_on(until)
+            self.survey.advance(until)
             return True
         if isinstance(self._messages, AllMessages) and not self._messages.is_over:
-            self._messages.go_on(until)
+            self._messages.advance(until)
             return True
-        return self._goal() != self.controller.at  # for the doctor nothing here has to be done
+        return self._goal_scan() != self.controller.scans  # for the doctor nothing here has to be done
 
-    def _go_on_beside(self, beside: WhatIfRun, until: int) -> None:
-        beside.go_on(until)
+    def _advance_what_if(self, beside: WhatIfRun, until: int) -> None:
+        beside.advance(until)
         if beside.is_over and beside.run.parts_at is not None:
-            self._go(beside.run.parts_at)
+            self._go_to(beside.run.parts_at)
 
     @property
-    def plays(self) -> bool:
+    def is_playing(self) -> bool:
         return self._since is not None
 
-    def _goal(self) -> int:
-        is_unknown = self._wanted > self.survey.last and not self.survey.is_over
-        if is_unknown and not self._passes_each:
-            return self.controller.at
-        return min(self._wanted, self.survey.last)
+    def _goal_scan(self) -> int:
+        is_unknown = self._wanted > self.survey.last_scan and not self.survey.is_over
+        if is_unknown and not self._visits_each_scan:
+            return self.controller.scans
+        return min(self._wanted, self.survey.last_scan)
 
     @property
-    def _passes_each(self) -> bool:
-        return self.plays or bool(self.controller.armed)
+    def _visits_each_scan(self) -> bool:
+        return self.is_playing or bool(self.controller.armed_trigger)
 
-    def _look(self) -> None:
+    def _update_goal(self) -> None:
         survey = self.survey
         if survey.is_over and not survey.is_judged and self._doctor[0].snapshot.looks:
             for one in self._doctor[0].snapshot.findings:
                 if one.scan or one.t_ns:
-                    scan = min(one.scan or survey.scan_at(one.t_ns or 0), survey.last)
+                    scan = min(one.scan or survey.scan_at(one.t_ns or 0), survey.last_scan)
                     survey.findings.setdefault(max(self._least, scan), one.cause)
             survey.is_judged = True
         if self._since is not None:
@@ -327,7 +327,7 @@ class TimeLine:
             now = t_ns + int((clock.now_ns() - began) * speed) if speed < END else None
             self._wanted = END if now is None else max(self._wanted, survey.scan_at(now + 1) - 1)
         if self._search is not None:
-            found = survey.found(self._search, self._wanted)
+            found = survey.find_scan(self._search, self._wanted)
             if found is None:
                 return
             _, step, name = self._search
@@ -340,52 +340,52 @@ class TimeLine:
                 self._wanted = found
                 if not name and found in survey.findings:
                     self._note = f"finding: {survey.findings[found]} (J)"
-        if survey.is_over and self._wanted >= survey.last:
-            self._wanted = survey.last
-            if self.controller.at >= survey.last:
-                self._arrive_at_the_end()
+        if survey.is_over and self._wanted >= survey.last_scan:
+            self._wanted = survey.last_scan
+            if self.controller.scans >= survey.last_scan:
+                self._handle_end()
 
-    def _arrive_at_the_end(self) -> None:
+    def _handle_end(self) -> None:
         if self._since is not None:
-            self._stop()
-        if self.controller.armed:
-            self._note = f"the end: trigger {self.controller.armed} did not fire"
+            self._stop_moving()
+        if self.controller.armed_trigger:
+            self._note = f"the end: trigger {self.controller.armed_trigger} did not fire"
             self.controller.disarm()
 
     def _move(self, until: int) -> bool:
-        goal, at = self._goal(), self.controller.at
-        start = self._keyframes.before(0 if self._passes_each else goal - LEAST_SEEN)
+        goal, at = self._goal_scan(), self.controller.scans
+        start = self._keyframes.find_keyframe_scan(0 if self._visits_each_scan else goal - LEAST_SCANS_BEFORE)
         if start <= at <= goal:
             self._coming = None
-        elif self._coming is None or not start <= self._coming.at <= goal:
-            self._coming = ReplayController(self._keyframes.run_at(start), self._obey, self._doctor)
+        elif self._coming is None or not start <= self._coming.scans <= goal:
+            self._coming = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
         moving = self._coming or self.controller
-        has_moved = moving.at < goal
-        while moving.at < goal and clock.now_ns() < until:
-            stood = moving.at
+        has_moved = moving.scans < goal
+        while moving.scans < goal and clock.now_ns() < until:
+            stood = moving.scans
             moving.run.limit = goal
             try:
                 moving.scan()
-                if moving.at == stood:  # the survey has counted scans to which the run does not come
-                    raise moving.run.differs()
+                if moving.scans == stood:  # the survey has counted scans to which the run does not come
+                    raise moving.run.make_end_error()
             except UserError as wrong:
-                self.survey.cut(stood, str(wrong))
+                self.survey.end_after(stood, str(wrong))
                 self._coming = None
-                fresh = ReplayController(self._keyframes.run_at(start), self._obey, self._doctor)
-                fresh.follow(self.controller)
+                fresh = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
+                fresh.continue_from(self.controller)
                 self.controller = fresh
                 return True
-            self._keyframes.seen(moving.run)
+            self._keyframes.keep_if_due(moving.run)
             if moving.fired:
                 self._note = f"trigger {moving.fired}"
-                self._stop()
-                self._wanted = goal = moving.at
-        if self._coming is not None and self._coming.at == goal:
-            self._coming.follow(self.controller)
+                self._stop_moving()
+                self._wanted = goal = moving.scans
+        if self._coming is not None and self._coming.scans == goal:
+            self._coming.continue_from(self.controller)
             self.controller, self._coming = self._coming, None
         return has_moved
 
-    def _whole(self) -> AllMessages | TimedRows:
+    def _make_messages(self) -> AllMessages | TimedRows:
         """Return what has the messages of the whole recording."""
         journal, capture = self._journal, self._capture
         if capture is not None and capture.rows is not None:
@@ -397,34 +397,34 @@ class TimeLine:
         if self._judge is not None:
             self._judge.close()
 
-    def picture(self, request: UpdateRequest) -> BenchUpdate:
+    def make_picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
         if request.messages is not None and self._messages is None:
-            self._messages = self._whole()
+            self._messages = self._make_messages()
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.begun_ns = self._capture.first_ns if self._capture else controller.run.begins.wall_ns
         controller.position = ReplayPosition(
-            controller.at,
-            survey.last,
-            self.survey.time_of(controller.at),
+            controller.scans,
+            survey.last_scan,
+            self.survey.time_of(controller.scans),
             survey.times[-1] if survey.times else 0,
             survey.is_over,
             self._wanted if self._search is None else END,
-            _speed_text(SPEEDS[self._speed]),
+            _format_speed(SPEEDS[self._speed]),
             len(survey.errors),
-            survey.marks(),
+            survey.make_error_marks(),
             survey.first,
             self._note or survey.trouble,
-            beside.lines() if beside is not None else (),
+            beside.describe() if beside is not None else (),
             beside.run.parts_at or 0 if beside is not None else 0,
             self._capture.first_ns if self._capture else None,
-            (*self._capture.notes, *survey.notes_before(controller.at)) if self._capture else (),
+            (*self._capture.notes, *survey.notes_before(controller.scans)) if self._capture else (),
         )
         wants = self._wants_findings and survey.is_over and not survey.is_judged
         request = replace(request, doctor=request.doctor or wants)
         return controller.picture(request, EngineTiming(mode="replay"), request.most_lines)
 
 
-def _speed_text(speed: float) -> str:
-    return f"{speed:g}x" if speed < END else FASTEST
+def _format_speed(speed: float) -> str:
+    return f"{speed:g}x" if speed < END else FASTEST_NAME

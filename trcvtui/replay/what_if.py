@@ -23,26 +23,26 @@ from trcvtui.project.convert_dialect import convert_project, find_dialect
 from trcvtui.project.keys import is_replayable
 from trcvtui.project.project import Project
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.partners import ReplayedPartners, WhyGuess
+from trcvtui.replay.partners import GuessReason, ReplayedPartners
 from trcvtui.replay.recorded_run import InheritedSocket, RecordedRun
-from trcvtui.replay.run_again import REST_LINE, ReplayRun, Roots, declared
+from trcvtui.replay.run_again import REST_LINE, ReplayRun, Roots, roots_of
 from trcvtui.scenario.report import JsonLines, outputs_record
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.wording import count
 
-RECORDED, WHAT_IF = "recorded", "what-if"
-GUESS: Final = {
-    WhyGuess.PARTNER: "the partner would perhaps do something else",
-    WhyGuess.BYTES: "it needs bytes that the recording does not have",
-    WhyGuess.TIME: "something came between two scans, and the recording does not say when",
+RECORDED_RUN, WHAT_IF_RUN = "recorded", "what-if"
+GUESS_TEXTS: Final = {
+    GuessReason.PARTNER: "the partner would perhaps do something else",
+    GuessReason.BYTES: "it needs bytes that the recording does not have",
+    GuessReason.TIME: "something came between two scans, and the recording does not say when",
 }
-LEAVES_AT_ONCE: Final = 1024
-QUIET: Final = 3  # scans without a change, after which time alone changes something
+LEAVES_PER_READ: Final = 1024
+QUIET_SCANS: Final = 3  # scans without a change, after which time alone changes something
 Change = Callable[[Sequence[str], str | None], tuple[Project, Sequence[str]]]
 
 
-class Sum(NamedTuple):
+class RunTotals(NamedTuple):
     """What has come of a run: jobs with DONE, ERRORs, bytes that blocks have read."""
 
     jobs: int
@@ -50,7 +50,7 @@ class Sum(NamedTuple):
     bytes: int
 
 
-class ValueDiffers(NamedTuple):
+class ValueDifference(NamedTuple):
     """The first DONE of both runs with another value: its scan, the member, both values."""
 
     scan: int
@@ -66,7 +66,7 @@ class _HeldPins:
         self._pins = pins
         self.skipped = 0
 
-    def left_of(self, command: words.BenchCommand) -> words.BenchCommand | None:
+    def filter_command(self, command: words.BenchCommand) -> words.BenchCommand | None:
         """Return what is left of a command, None where nothing is."""
         match command:
             case words.Set(name, pins):
@@ -79,54 +79,54 @@ class _HeldPins:
         return command
 
 
-def _paths(sets: Sequence[str]) -> list[list[str]]:
+def _split_paths(sets: Sequence[str]) -> list[list[str]]:
     paths = [text.partition("=")[0].strip().split(".") for text in sets]
     return [path for path in paths if len(path) == 3]
 
 
-def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
-    return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
+def find_changed_pins(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
+    return frozenset((path[1], path[2]) for path in _split_paths(sets) if path[0] == "instance")
 
 
-class _RunChanged(ReplayRun):
+class _ChangedRun(ReplayRun):
     """The run with other parameters: it is told what the recorded run was told."""
 
-    def begin(self, partners: ReplayedPartners, held: _HeldPins) -> None:
+    def prepare(self, partners: ReplayedPartners, held: _HeldPins) -> None:
         self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
-        self.bench.leave_out(held.left_of)
+        self.bench.leave_out(held.filter_command)
 
-    def follow(self, lines: Sequence[str]) -> None:
+    def run_lines_and_scan(self, lines: Sequence[str]) -> None:
         self._quiet = 0
         for line in lines:
             if line == REST_LINE:
                 self.bench.rest()
                 continue
             try:
-                self._do(line)
+                self._run_line(line)
             except UserError as wrong:
                 self.notes.append(f"scan {self.bench.runtime.scans + 1}: left out: {wrong.problems[0]}")
         self.bench.step()
-        self._partners.look_back()
+        self._partners.compare_scan()
 
-    def pass_between(self, most: int) -> None:
+    def pass_quiet_scans(self, most: int) -> None:
         runtime, interval = self.bench.runtime, self.bench.runtime.interval_ns
-        if self._quiet >= QUIET:
+        if self._quiet >= QUIET_SCANS:
             until = self.bench.quiet_until()
             scans = most if until is None else min(most, -(-until // interval) - runtime.scans)
             if scans > 0:
                 self.bench.skip(scans)
                 return
         seq = runtime.ledger.last_seq
-        with self._partners.nothing_coming():
+        with self._partners.pause_partners():
             self.bench.step()
         is_quiet = not runtime.changed and runtime.ledger.last_seq == seq
         self._quiet = self._quiet + 1 if is_quiet else 0
 
-    def act(self, command: words.BenchCommand) -> None:
-        left = self._held.left_of(command)
+    def run_command(self, command: words.BenchCommand) -> None:
+        left = self._held.filter_command(command)
         if left is not None:
-            super().act(left)
+            super().run_command(left)
 
 
 class WhatIf:
@@ -139,35 +139,35 @@ class WhatIf:
         self, keyframes: Keyframes, sets: Sequence[str], dialect: str | None, change: Change | None = None
     ) -> None:
         self._keyframes, self._sets = keyframes, tuple(sets)
-        self.recorded_run = recorded = keyframes.begin()
+        self.recorded_run = recorded = keyframes.start_run()
         recorded.take_lines()  # a keyframe may have some that were told long before
         self._where = recorded.where
         if recorded.replay.is_in_the_middle:
             found = "a file that begins in the middle, without a keyframe"
             raise mistake(self._where, found, "the run's beginning, or a keyframe, for a what-if")
         self._is_late = keyframes.first > 0
-        self._refuse_not_played()
-        self._changed, self._notes = self._with_sets(dialect, change)
+        self._check_answerable()
+        self._changed, self._notes = self._change_roots(dialect, change)
         self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
         standing = [InheritedSocket(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
         self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
-        self._told.follow(keyframes.entries())
+        self._told.read_beginning(keyframes.read_entries())
         self._held = _HeldPins(self.pins)
         self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
         self._is_over = False
-        self._before = self._counted(self.recorded)
+        self._before = self._count_results(self.recorded)
         self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
         self._later: list[tuple[int, Sequence[str], Sequence[StatusEdge]]] = []  # recorded scans, by time
         # What the last scan has changed in the recorded run and in the other one.
         self.edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
         self.parts_at: int | None = None
         self.guess_from: int | None = None
-        self.guess_why: WhyGuess | None = None
-        self.value: ValueDiffers | None = None
+        self.guess_why: GuessReason | None = None
+        self.value: ValueDifference | None = None
         self.trouble = ""  # why the recorded run ends early
-        self._what_if = self._begin()
+        self._what_if = self._start_what_if()
 
-    def _refuse_not_played(self) -> None:
+    def _check_answerable(self) -> None:
         """Raise UserError for what decides what a partner meets, or does."""
         for text in self._sets:
             path = text.partition("=")[0].strip()
@@ -179,23 +179,23 @@ class WhatIf:
                 expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
             raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
 
-    def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
+    def _change_roots(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
         begins, scenario, project = self._keyframes.roots
         if change is not None:
             made, told = change(self._sets, dialect)
             return (begins, None, made), [*told]
         notes: list[str] = []
         if self._sets:
-            begins, scenario, project = declared(begins, self.recorded_run.replay.files, self._sets)
+            begins, scenario, project = roots_of(begins, self.recorded_run.replay.files, self._sets)
         if dialect is not None:
             project, told = convert_project(project, find_dialect(dialect))
             notes += told
         if self._is_late:
-            self._refuse_late(project, dialect)
+            self._check_late_changes(project, dialect)
             notes.append(f"changed from scan {self._keyframes.first + 1} on: the file begins there")
         return (begins, scenario, project), notes
 
-    def _refuse_late(self, project: Project, dialect: str | None) -> None:
+    def _check_late_changes(self, project: Project, dialect: str | None) -> None:
         """Raise UserError for what cannot be changed in the midst of a run."""
         wrong = "" if dialect is None else "--dialect"
         for text in self._sets:
@@ -217,7 +217,7 @@ class WhatIf:
 
     @property
     def pins(self) -> frozenset[tuple[str, str]]:
-        return pins_of(self._sets)
+        return find_changed_pins(self._sets)
 
     @property
     def project(self) -> Project:
@@ -236,89 +236,89 @@ class WhatIf:
         if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
             return False
         if self.parts_at is not None and self.what_if.plan.active:
-            self._partners.note_guess(WhyGuess.TIME)  # a planned fault counts calls
+            self._partners.note_guess(GuessReason.TIME)  # a planned fault counts calls
         if self.guess_from is None and self._partners.guess_from is not None:
-            self.guess_from, self.guess_why = self.at, self._partners.guess_why
+            self.guess_from, self.guess_why = self.scans, self._partners.guess_why
         return True
 
     def _scan_in_step(self) -> bool:
         if self._lines is None and not self._is_over:
-            self._is_over = not self._go_first()
+            self._is_over = not self._scan_recorded()
         between = self.recorded.runtime.scans - self.what_if.runtime.scans - (not self._is_over)
         if between > 0:
-            self._what_if.pass_between(between)
+            self._what_if.pass_quiet_scans(between)
         elif self._lines is None:
             return False
         else:
-            self._what_if.follow(self._lines)
+            self._what_if.run_lines_and_scan(self._lines)
             self._lines = None
         was = () if self._lines is not None else self.recorded.runtime.changed
         self.edges = was, now = was, self.what_if.runtime.changed
-        if self.parts_at is None and _shown(was) != _shown(now):
-            self.parts_at = self.at
+        if self.parts_at is None and _map_outputs(was) != _map_outputs(now):
+            self.parts_at = self.scans
         if self.value is None:
             self._compare_values(was, now)
         return True
 
     def _scan_in_time(self) -> bool:
         partners, recorded = self._partners, self.recorded
-        until = partners.due + partners.slack
+        until = partners.due_ns + partners.slack_ns
         if not self._is_over and (not self._later or self._later[-1][0] <= until):
-            self._is_over = not self._go_first()
+            self._is_over = not self._scan_recorded()
             if not self._is_over:
                 self._later.append((recorded.now, self._lines or (), recorded.runtime.changed))
                 self.edges, self._lines = (recorded.runtime.changed, ()), None
                 return True
-        if self._is_over and recorded.now < partners.due:
+        if self._is_over and recorded.now < partners.due_ns:
             return False
         passed = [each for each in self._later if each[0] <= until]
         self._later = self._later[len(passed) :]
-        self._what_if.follow([line for _, lines, _ in passed for line in lines])
+        self._what_if.run_lines_and_scan([line for _, lines, _ in passed for line in lines])
         self.edges = (), self.what_if.runtime.changed
         was = [edge for *_, edges in passed for edge in edges]
         for shown, edges in zip(self._shown, (was, self.edges[1]), strict=True):
-            shown.update(_shown(edges))
+            shown.update(_map_outputs(edges))
         if self.parts_at is None and self._shown[0] != self._shown[1]:
-            self.parts_at = self.at
+            self.parts_at = self.scans
         return True
 
-    def _begin(self) -> _RunChanged:
+    def _start_what_if(self) -> _ChangedRun:
         partners = self._partners = ReplayedPartners(self._told, self._peers)
         if not self._is_late:
-            run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
+            run = _ChangedRun(iter(()), self._where, partners, roots=self._changed)
         else:
-            run = self._keyframes.beside(_RunChanged, partners)
-        run.begin(partners, self._held)
+            run = self._keyframes.start_other_run(_ChangedRun, partners)
+        run.prepare(partners, self._held)
         intervals = run.bench.runtime.interval_ns, self.recorded.runtime.interval_ns
         if intervals[0] != intervals[1]:
             partners.intervals_ns = intervals
         if not self._is_late:
             return run
         project = self._changed[2]
-        for kind, name, key in _paths(self._sets):
+        for kind, name, key in _split_paths(self._sets):
             decl = project.instance(name) if kind == "instance" else None
             if decl is not None:
                 run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))
         run.bench.project = replace(run.bench.project, data=project.data)
         return run
 
-    def _go_first(self) -> bool:
+    def _scan_recorded(self) -> bool:
         try:
             if self.recorded_run.scan():
-                self._told.go_on()
+                self._told.advance()
                 self._lines = self.recorded_run.take_lines()
                 return True
-            self.trouble = "" if self.recorded_run.is_whole else str(self.recorded_run.differs())
+            self.trouble = "" if self.recorded_run.is_whole else str(self.recorded_run.make_end_error())
         except UserError as wrong:
             self.trouble = str(wrong)
         return False
 
     @property
-    def at(self) -> int:
+    def scans(self) -> int:
         """Return the scan in which the run with other parameters stands."""
         return self.what_if.runtime.scans
 
-    def play(self) -> None:
+    def run_to_end(self) -> None:
         while self.scan():
             pass
 
@@ -326,9 +326,9 @@ class WhatIf:
         also = {edge.instance for edge in now if edge.outputs.done}
         for edge in was:
             if edge.outputs.done and edge.instance in also and self.value is None:
-                self.value = self._value_of(edge.instance)
+                self.value = self._find_difference(edge.instance)
 
-    def _value_of(self, instance: str) -> ValueDiffers | None:
+    def _find_difference(self, instance: str) -> ValueDifference | None:
         both = [(bench, bench.project.instance(instance)) for bench in (self.recorded, self.what_if)]
         found = [(b, b.project.data_decl(d.data)) for b, d in both if d is not None and d.data is not None]
         if len(found) < 2 or found[0][1] is None or found[1][1] is None:
@@ -339,8 +339,8 @@ class WhatIf:
         if decl.layout is other.layout and before == after:
             return None
         count = min(decl.layout.leaf_count, other.layout.leaf_count)
-        for start in range(0, count, LEAVES_AT_ONCE):
-            stop = min(start + LEAVES_AT_ONCE, count)
+        for start in range(0, count, LEAVES_PER_READ):
+            stop = min(start + LEAVES_PER_READ, count)
             pairs = zip(
                 decode_leaves(decl.layout, before, start, stop),
                 decode_leaves(other.layout, after, start, stop),
@@ -350,25 +350,25 @@ class WhatIf:
                 if one != two and not (one != one and two != two):
                     path = decl.layout.leaf(number).path
                     member = f"{decl.name}.{path}" if path else decl.name
-                    return ValueDiffers(was.runtime.scans, member, one, two)
+                    return ValueDifference(was.runtime.scans, member, one, two)
         return None
 
-    def sums(self) -> tuple[Sum, Sum]:
+    def get_totals(self) -> tuple[RunTotals, RunTotals]:
         return (
-            Sum(*self._since(self.recorded), self._told.bytes_read),
-            Sum(*self._since(self.what_if), self._partners.bytes_read),
+            RunTotals(*self._count_since_begin(self.recorded), self._told.bytes_read),
+            RunTotals(*self._count_since_begin(self.what_if), self._partners.bytes_read),
         )
 
     @staticmethod
-    def _counted(bench: Bench) -> tuple[int, int]:
+    def _count_results(bench: Bench) -> tuple[int, int]:
         instances = bench.runtime.snapshot().instances
         return sum(i.jobs_done for i in instances), sum(i.errors for i in instances)
 
-    def _since(self, bench: Bench) -> tuple[int, int]:
-        return cast(tuple[int, int], tuple(map(sub, self._counted(bench), self._before)))
+    def _count_since_begin(self, bench: Bench) -> tuple[int, int]:
+        return cast(tuple[int, int], tuple(map(sub, self._count_results(bench), self._before)))
 
-    def record(self) -> dict[str, object]:
-        was, now = self.sums()
+    def make_record(self) -> dict[str, object]:
+        was, now = self.get_totals()
         return {
             "parts_at_scan": self.parts_at,
             "guess_from_scan": self.guess_from,
@@ -377,20 +377,20 @@ class WhatIf:
             "what_if": now._asdict(),
         }
 
-    def summary(self) -> Iterator[str]:
-        was, now = self.sums()
+    def describe(self) -> Iterator[str]:
+        was, now = self.get_totals()
         same = "in each scan" if self._partners.intervals_ns is None else "at each time"
         yield f"they part at scan {self.parts_at}" if self.parts_at else f"STATUS is the same {same}"
         if self.value is not None:
             value = self.value
             yield (
-                f"scan {value.scan}: {value.member} is {_text(value.recorded)} recorded, "
-                f"{_text(value.what_if)} what-if"
+                f"scan {value.scan}: {value.member} is {_format_value(value.recorded)} recorded, "
+                f"{_format_value(value.what_if)} what-if"
             )
         yield f"recorded: {was.jobs} DONE, {was.errors} ERROR, {was.bytes} bytes read"
         yield f"what-if:  {now.jobs} DONE, {now.errors} ERROR, {now.bytes} bytes read"
         if self.guess_why is not None:
-            yield f"from scan {self.guess_from} on it is a guess: {GUESS[self.guess_why]}"
+            yield f"from scan {self.guess_from} on it is a guess: {GUESS_TEXTS[self.guess_why]}"
         if self._held.skipped:
             yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
         for scan, part in self._told.failures.items():
@@ -398,22 +398,22 @@ class WhatIf:
         yield from (*self._notes, *self._what_if.notes)
 
 
-def _shown(edges: Sequence[StatusEdge]) -> Mapping[str, Outputs]:
+def _map_outputs(edges: Sequence[StatusEdge]) -> Mapping[str, Outputs]:
     return {edge.instance: edge.outputs for edge in edges}
 
 
-def _text(value: Value | None) -> str:
+def _format_value(value: Value | None) -> str:
     return json.dumps(value) if isinstance(value, str) else str(value)
 
 
-def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
+def print_both_runs(run: WhatIf, write: Callable[[str], object]) -> None:
     """Write the records of both runs in scan order, then what has come of them."""
-    benches, names = (run.recorded, run.what_if), (RECORDED, WHAT_IF)
+    benches, names = (run.recorded, run.what_if), (RECORDED_RUN, WHAT_IF_RUN)
     reports = [JsonLines(write, bench.runtime.interval_ns, bench) for bench in benches]
     while run.scan():
         guess = {"guess": True} if run.guess_from is not None else {}
         for report, bench, name, edges in zip(reports, benches, names, run.edges, strict=True):
-            more = guess if name == WHAT_IF else {}
+            more = guess if name == WHAT_IF_RUN else {}
             for edge in edges:
                 report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
-    reports[0].write(run.record())
+    reports[0].write(run.make_record())

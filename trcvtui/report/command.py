@@ -21,9 +21,9 @@ from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
 from trcvtui.history.records import ScanStamp
 from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.job_facts import recorded_facts
+from trcvtui.replay.job_facts import collect_recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
-from trcvtui.replay.run_again import ReplayRun, restored_state
+from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.report.page import MARK, ReportSource, page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import Runner, Verdict
@@ -45,7 +45,7 @@ class _NotedScans:
 
     def next_scan(self, bench: Bench) -> None:
         if self._run.replay.peek_call() is None:
-            raise self._run.differs()
+            raise self._run.make_end_error()
         bench.step()
         self._notes.scanned()
 
@@ -79,9 +79,9 @@ def look_at(
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
-    with restored_state(keyframes.first > 0, where):
+    with guard_state(keyframes.first > 0, where):
         if keyframes.first:
-            run = keyframes.begin()
+            run = keyframes.start_run()
             heard = _CommandNotes(run.replay.entries, keyframes.first + 1)
             run.replay.entries = iter(heard)
         else:
@@ -101,7 +101,7 @@ def look_at(
                 while run.scan():
                     notes.scanned()
                 if not run.is_whole:
-                    raise run.differs()
+                    raise run.make_end_error()
         except UserError as told:
             stopped = str(told)
             run.replay.is_busy = False  # the last look is one in a gap
@@ -165,7 +165,7 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
     source = source._replace(findings=findings)
     is_restored = recording is not None and run.is_restored
-    with restored_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
+    with guard_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
         for part in page(source, notes, verdict):
             for folder in folders:
                 part = part.replace(folder, "")
@@ -176,7 +176,7 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
 
 def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
     receivers = () if project is None else receivers_of(load_bench(project))
-    answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, recorded_facts))
+    answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, collect_recorded_facts))
     if isinstance(answer, UserError):
         return ()
     found = [finding for verdict in answer[0] for finding in verdict.findings]

@@ -193,7 +193,7 @@ class _BenchMessages:
         self._warned = set[str]()
 
     def take(self, is_last: bool = False) -> None:
-        new = [*self._messages.take()]
+        new = [*self._messages.take_rows()]
         if self._rows.table is None and (new or is_last):  # columns are of the types that the first row has
             self._project = self._bench.project
             self._rows.begin(self._project, self._rows.begun_ns)
@@ -207,7 +207,7 @@ class _BenchMessages:
             self._warned.add(name)
             _say(f"{name}: its DATA has another type than in the first row; later rows have no members")
         for stream in self._streams.streams.values():
-            stream.forget(LEAST_SPANS_KEPT, 0)  # what has become rows
+            stream.forget_oldest(LEAST_SPANS_KEPT, 0)  # what has become rows
 
 
 def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
@@ -230,26 +230,26 @@ def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
 def _run_again(rows: _Rows, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
     from trcvtui.replay.packet_times import PacketTimes
-    from trcvtui.replay.run_again import restored_state
+    from trcvtui.replay.run_again import guard_state
 
     recording = Recording(path)
     keyframes = Keyframes(recording, path)
-    run = keyframes.begin()
+    run = keyframes.start_run()
     begun_ns = run.begins.wall_ns
     rows.begun_ns = rows.begun_ns or begun_ns
     found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
-    found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).of
+    found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).find_time
     run.before_close = found.take
     stopped: UserError | None = None
 
     def scan() -> bool:
         nonlocal stopped
         try:
-            with restored_state(run.is_restored, path):
+            with guard_state(run.is_restored, path):
                 if run.scan():
                     return True
                 if not run.is_whole:
-                    raise run.differs()
+                    raise run.make_end_error()
         except UserError as wrong:
             stopped = wrong
         return False

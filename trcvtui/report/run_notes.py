@@ -20,7 +20,7 @@ from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
-from trcvtui.history.stream_index import ENDINGS, StreamIndex
+from trcvtui.history.stream_index import ENDING_EVENTS, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
@@ -164,9 +164,9 @@ class RunNotes:
         missed, self._seq = ledger.last_seq - self._seq - len(news), ledger.last_seq
         if missed:
             self.lost += missed
-            self._index.lose()
-            self._statistics.lose(self._seq, ledger.scan, ledger.t_ns)
-        self._index.take(news)
+            self._index.forget_unread()
+            self._statistics.forget_all(self._seq, ledger.scan, ledger.t_ns)
+        self._index.add_lines(news)
         for scan, t_ns, event in news:
             self._take(ScanStamp(scan, t_ns), event)
         for name in self._receiving:
@@ -273,7 +273,7 @@ class RunNotes:
     def _connection(self, at: ScanStamp, event: ConnectionChanged) -> None:
         if event.detail != "UDP":
             lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
-            if event.what is EventKind.CONNECTED or event.what in ENDINGS:
+            if event.what is EventKind.CONNECTED or event.what in ENDING_EVENTS:
                 lane.mark(at.t_ns, UP if event.what is EventKind.CONNECTED else 0)
         fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""
         detail = ", ".join(filter(None, (event.peer, fault, event.detail)))

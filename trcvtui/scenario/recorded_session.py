@@ -31,7 +31,7 @@ from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.pin_waveform import PinChange
-from trcvtui.history.waveform_recorder import PinRecord, WaveformRecorder
+from trcvtui.history.waveform_recorder import PinHistory, WaveformRecorder
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
@@ -272,8 +272,8 @@ class Session:
         record.on_drop = partial(self._dropped, showing, record)
         return showing
 
-    def _dropped(self, showing: _Shown, record: PinRecord, change: PinChange) -> None:
-        if record.total - record.kept > showing.read:
+    def _dropped(self, showing: _Shown, record: PinHistory, change: PinChange) -> None:
+        if record.total - record.kept_count > showing.read:
             self._look(showing, change)
             showing.read += 1
             if showing.seen.is_full:
@@ -287,7 +287,7 @@ class Session:
         """Look at what the pins have done up to here, and count the calls up to scan `until`."""
         for name, record in self._waves.records.items():
             showing = self._shown.get(name) or self._new(name)
-            changes = record.after(showing.read)
+            changes = record.list_changes_after(showing.read)
             if len(changes) < record.total - showing.read:
                 showing.seen.leave_out()
                 showing.again = NEVER

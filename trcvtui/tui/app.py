@@ -18,8 +18,8 @@ from textual.screen import Screen
 from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
-from trcvtui.picture.bench_update import NEVER_SAVED, BenchUpdate, lines_again
-from trcvtui.picture.protocol import REFUSED, Driver, EngineStopped, may_say
+from trcvtui.picture.bench_update import UNSAVED_COMMANDS, BenchUpdate, restore_commands
+from trcvtui.picture.protocol import READ_ONLY, Driver, EngineStopped, reads_only
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -48,7 +48,7 @@ ENGINE_ENDED: Final = 1
 LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
 
 
-# What a read-only screen may do: this and `may_say`, and nothing else. A new command or screen is refused
+# What a read-only screen may do: this and `reads_only`, and nothing else. A new command or screen is refused
 # too. The files of the screen's process and of its engine are closed beside that (`files.close_files`).
 
 
@@ -167,13 +167,13 @@ class BenchApp(TerminalApp):
         if self.last_words:
             return
         try:
-            picture = self._engine.picture()
+            picture = self._engine.poll_picture()
             before, unsaved = self.view_model.bench, self.view_model.unsaved
             if picture is not None:
                 self.view_model.take(picture)
                 self._edits += [answer.edit for answer in picture.answers if answer.edit]
             if unsaved and not self.view_model.unsaved:
-                self._edits = [line for line in self._edits if line.startswith(NEVER_SAVED)]
+                self._edits = [line for line in self._edits if line.startswith(UNSAVED_COMMANDS)]
             if asks:
                 self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
             if picture is not None:
@@ -210,8 +210,8 @@ class BenchApp(TerminalApp):
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; some are for this screen."""
-        if self.only_looks and not may_say(line):
-            self.main.prompt.did(line, "", REFUSED)
+        if self.only_looks and not reads_only(line):
+            self.main.prompt.did(line, "", READ_ONLY)
             return
         if self._is_replay and line == SCENARIOS:
             self._refuse()
@@ -242,13 +242,13 @@ class BenchApp(TerminalApp):
         return self.only_looks
 
     def _refuse(self) -> None:
-        text = REFUSED
+        text = READ_ONLY
         if self._is_replay:
             from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT as text
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:
-        if self.only_looks and not may_say(line):
+        if self.only_looks and not reads_only(line):
             self._refuse()
             return None
         if not self.last_words:
@@ -281,7 +281,7 @@ class BenchApp(TerminalApp):
         if self.screen is not self.main:
             return
         if self.only_looks:
-            self.main.prompt.complain(REFUSED)
+            self.main.prompt.complain(READ_ONLY)
             return
         picture = self.view_model.live
         is_recording = picture is not None and picture.is_recording
@@ -300,7 +300,7 @@ class BenchApp(TerminalApp):
         if picture is not None:
             self._again = ()
         if picture is not None and self._is_on_a_bench:
-            self._again = *self._edits, *lines_again(picture.snapshot, self.view_model.project)
+            self._again = *self._edits, *restore_commands(picture.snapshot, self.view_model.project)
         for line in self._again:
             self._engine.submit(line)
         self.view_model.restart()
@@ -465,7 +465,7 @@ class BenchApp(TerminalApp):
                 return
         if isinstance(self.screen, CutScreen):
             self.screen.action_leave()
-        elif cuts := self._engine.cuts():
+        elif cuts := self._engine.describe_cuts():
             self.push_screen(CutScreen(cuts), self._cut)
         else:
             self.exit()

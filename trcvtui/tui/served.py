@@ -130,7 +130,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 def revive(engine: EngineDriver) -> str:
     """Start another engine where the one before has ended, and say why it has; return why none begins."""
     try:
-        engine.picture()
+        engine.poll_picture()
     except EngineStopped as stopped:
         sys.stderr.write(f"{str(stopped).strip()}\n")
         engine.restart()

@@ -12,7 +12,7 @@ from tests.tui.looking import BOTH, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import on_a_line
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.picture.protocol import REFUSED
+from trcvtui.picture.protocol import READ_ONLY
 from trcvtui.project.file import load_project
 from trcvtui.tui.forms.fields import all_parts, fields_to_change, set_line, text_of, values_of
 
@@ -188,7 +188,7 @@ async def test_a_read_only_screen_changes_nothing_and_reads_no_line() -> None:
         looker.app.only_looks = True
         for key in ("E", "ctrl+z"):
             await looker.press(key)
-            assert REFUSED in " ".join(looker.text.split())
+            assert READ_ONLY in " ".join(looker.text.split())
             assert looker.app.screen is looker.app.main and not looker.app.main.prompt.is_open
         await looker.press("colon")
         await looker.type("set C1 LocalPort=2600")

@@ -44,7 +44,7 @@ async def test_panes_show_the_newest_picture_when_the_dialog_is_left(monkeypatch
     async with on_a_bench() as screen:
         screen.app.action_add("connect")
         await frames(screen, 5)
-        screen.driver.picture = lambda: None  # type: ignore[method-assign]  # no further one comes
+        screen.driver.poll_picture = lambda: None  # type: ignore[method-assign]  # no further one comes
         assert screen.app.view_model.picture is not None
         scan = f"scan {screen.app.view_model.picture.snapshot.scan}"
         await screen.press("escape")
@@ -57,7 +57,7 @@ async def test_panes_below_an_open_dialog_show_the_last_picture_too(monkeypatch:
     async with on_a_bench() as screen:
         screen.app.action_add("connect")
         await frames(screen, 5)
-        screen.driver.picture = lambda: None  # type: ignore[method-assign]  # no further one comes
+        screen.driver.poll_picture = lambda: None  # type: ignore[method-assign]  # no further one comes
         for _ in range(100):
             if screen.app.main._owed is None:
                 break

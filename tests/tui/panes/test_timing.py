@@ -253,7 +253,7 @@ async def test_the_prompt_exports_too_and_names_what_is_wrong(tmp_path: Path) ->
             await look.say(line)
             assert told in " ".join(look.text.split()), line
         assert (tmp_path / "a b.vcd").read_text().startswith("$")
-        assert look.driver.picture() is not None, "the engine was not asked"
+        assert look.driver.poll_picture() is not None, "the engine was not asked"
 
 
 # -- edges --------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ def border(desk: Desk) -> str:
 
 
 def level(desk: Desk, pin: str, scan: int) -> int | None:
-    return desk.app.main.timing.wave.lanes[pin].at(scan)
+    return desk.app.main.timing.wave.lanes[pin].value_at(scan)
 
 
 async def test_the_wave_of_an_instance_seen_before_goes_up_to_the_frozen_scan_and_no_further() -> None:
@@ -44,7 +44,7 @@ async def test_the_wave_of_an_instance_seen_before_goes_up_to_the_frozen_scan_an
 
 async def test_a_wave_that_is_no_longer_kept_is_said_to_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(waves, "KEPT_CHANGES", 4)
-    monkeypatch.setattr(waves, "LEAST_KEPT", 4)
+    monkeypatch.setattr(waves, "LEAST_CHANGES", 4)
     async with at_the_desk(LARGE, *UP) as desk:
         await desk.press("F")
         await desk.do("set TRCV_C_2 CONT=blink", "run 40")

@@ -7,8 +7,8 @@ import random
 import struct
 
 from tests.tui.fakes import bench_project
-from trcvtui.history.messages import HOLE, MessageRow, MessagesDelta
-from trcvtui.history.records import NOW
+from trcvtui.history.messages import HOLE_REASON, MessageRow, MessagesDelta
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.member_numbers import MemberNumbers, number_in
 
@@ -25,8 +25,12 @@ def test_a_message_brings_a_number_or_leaves_what_was_there_or_brings_what_is_no
     assert number_in(LAYOUT, SPEED, message(1, 2.5)) == 2.5
     assert number_in(LAYOUT, SPEED, message(1, 2.5, "FIN", 20, 20)) is None, "cut: DATA keeps what it had"
     assert number_in(LAYOUT, SPEED, message(1, 2.5, size=11)) is None, "too short for it"
-    assert number_in(LAYOUT, SPEED, message(1, 2.5, HOLE, 12)) == 2.5, "it stands before the hole"
-    for row in (message(1, 2.5, HOLE, 11), message(1, 2.5)._replace(content=None), message(1, math.nan)):
+    assert number_in(LAYOUT, SPEED, message(1, 2.5, HOLE_REASON, 12)) == 2.5, "it stands before the hole"
+    for row in (
+        message(1, 2.5, HOLE_REASON, 11),
+        message(1, 2.5)._replace(content=None),
+        message(1, math.nan),
+    ):
         number = number_in(LAYOUT, SPEED, row)
         assert number is not None and math.isnan(number)
 
@@ -40,7 +44,7 @@ def test_numbers_that_are_followed_are_those_of_all_messages_that_are_known() ->
         first = count + 3000 * (seed.random() < 0.02)  # some came too fast to cross
         rows = tuple(message(first + n + 1, seed.random()) for n in range(seed.randrange(120)))
         count = first + len(rows)
-        known.take(MessagesDelta("X", first, count, rows, max(0, count - 500)), NOW)
+        known.take(MessagesDelta("X", first, count, rows, max(0, count - 500)), MAX_SCAN)
         stop = seed.choice([known.stop, max(known.first, known.stop - 30)])
         whole = MemberNumbers(LAYOUT, SPEED).follow(known, stop)
         assert [*map(repr, kept.follow(known, stop))] == [*map(repr, whole)]

@@ -13,7 +13,7 @@ from typing import Final
 
 from trcvtui.diagnosis.stream_messages import StreamMessage
 from trcvtui.errors import UserError, mistake
-from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
+from trcvtui.history.records import AT_END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -145,7 +145,7 @@ class LabBytes:
             mine = [span for span in window.jobs if span.instance == instance.name and span.done]
             self._last = mine[-1] if mine else self._last
             job = self._last.position if self._last is not None else None
-        return HistoryRequest(instance.connect, END, MOST_WINDOW, job_at=job)
+        return HistoryRequest(instance.connect, AT_END, MOST_WINDOW, job_at=job)
 
     def window(self) -> HistoryWindow | None:
         window, instance = self._view_model.past, self._view_model.instance

@@ -7,7 +7,7 @@ from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 
-from trcvtui.history.waveform_text import merged
+from trcvtui.history.waveform_text import merge_pieces
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
@@ -155,7 +155,7 @@ class LabHex(HexView):
         marked = [
             (signs.get(start + n, c), style) for n, (c, style) in enumerate(zip(text, styles, strict=True))
         ]
-        return [bar, *merged(marked)]
+        return [bar, *merge_pieces(marked)]
 
 
 def _bytes_of(place: Place) -> range:

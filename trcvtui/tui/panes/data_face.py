@@ -181,7 +181,7 @@ class DataFace(Face):
 
     def _marks(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
         index, selected = self._view_model.stream_index, self._view_model.selected
-        return index.message_starts(selected, of_job), index.holes(selected, of_job)
+        return index.list_message_starts(selected, of_job), index.list_holes(selected, of_job)
 
     def _show_origin(self) -> None:
         lack = self.lack() if self._view_model.instance is not None else ""
@@ -196,7 +196,7 @@ class DataFace(Face):
     def _origin(self, view: HexView, byte: int) -> str:
         value, is_hole = view.content[byte], view.is_hole(byte)
         words = [f"byte {byte}: {NOT_CAPTURED}" if is_hole else f"byte {byte} = 16#{value:02X} = {value}"]
-        origin = self._view_model.stream_index.origin(self._view_model.selected, view.of_job, byte)
+        origin = self._view_model.stream_index.find_origin(self._view_model.selected, view.of_job, byte)
         if origin is not None:
             recv, message = origin.recv, origin.message
             words.append(f"job {origin.job.number}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
-from trcvtui.history.records import NOW
+from trcvtui.history.records import MAX_SCAN
 from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
 from trcvtui.tui.messages import MessageChosen
@@ -106,13 +106,13 @@ class MessageLines(LineView):
         last = len(self._found) - 1
         if self._at is not None:
             return min(last, bisect_left(self._found, self._at))
-        return bisect_right(self._found, self._now, key=self._scan_of) - 1 if self._now < NOW else last
+        return bisect_right(self._found, self._now, key=self._scan_of) - 1 if self._now < MAX_SCAN else last
 
     @property
     def _now(self) -> int:
         """Return the scan after which messages are still to come."""
         position = self._view_model.position
-        return position.scan if position is not None else NOW
+        return position.scan if position is not None else MAX_SCAN
 
     def _scan_of(self, number: int) -> int:
         shown = self._row(number)

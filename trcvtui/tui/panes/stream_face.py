@@ -160,7 +160,7 @@ class StreamFace(Face):
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
-        return found[0] if found else of_job if self.stream.window.knows(of_job) else range(0)
+        return found[0] if found else of_job if self.stream.window.has_values(of_job) else range(0)
 
     def copied(self) -> tuple[bytes, bytes]:
         """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
@@ -168,7 +168,7 @@ class StreamFace(Face):
         between = range(0)
         if mark is not None and place is not None:
             between = range(min(mark[0].start, place), max(place + 1, mark[0].stop * (place < mark[0].start)))
-        return window.cut(self.message_here()), window.cut(between) if window.knows(between) else b""
+        return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
 
     def mark_message(self) -> str:
         """Compare others with the message under the cursor, until it is marked again; return what lacks."""

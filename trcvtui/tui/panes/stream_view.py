@@ -13,19 +13,19 @@ from typing import Any, ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.history.records import (
-    END,
+    AT_END,
     MOST_WINDOW,
     HistoryRequest,
     HistoryWindow,
     JobSpan,
     MessageSpan,
     RecvSpan,
-    Seek,
+    SeekRequest,
     Span,
+    find_spans,
     span_at,
-    spans_within,
 )
-from trcvtui.history.waveform_text import merged
+from trcvtui.history.waveform_text import merge_pieces
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
@@ -73,7 +73,7 @@ class Stroke(NamedTuple):
 
 def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
     found = set()
-    for job in spans_within(window.jobs, start, stop):
+    for job in find_spans(window.jobs, start, stop):
         message = span_at(window.messages, job.position) if job.position >= start else None
         if message is not None and message.first + job.position - message.position > 0:
             found.add(job.position)
@@ -120,7 +120,7 @@ def brackets(
 ) -> list[Stroke]:
     """Return the brackets of the spans over a row; `column` tells where a byte of it stands."""
     found = []
-    for span in spans_within(spans, start, stop):
+    for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
         first, last = max(span.position, start), min(span.stop, stop) - 1
         here = begins and span.position >= start, ends and span.stop <= stop
@@ -211,9 +211,9 @@ class StreamView(ByteLines):
         self._compared_to: dict[int, int] = {}
         self.marked: tuple[range, bytes] | None = None  # a message that others are compared with
         self._compared = range(0)  # the one that is
-        self.seek: Seek | None = None
+        self.seek: SeekRequest | None = None
         self._seeks = os.getpid() << 32  # tabs of a bench share none
-        self._asked = END, 0
+        self._asked = AT_END, 0
 
     # -- what comes in ----------------------------------------------------------------------------------
 
@@ -230,7 +230,7 @@ class StreamView(ByteLines):
             start, stop = max(0, self._top() - page), self._top() + 2 * page
             if self.marked is not None and stop - self.marked[0].start < MOST_WINDOW:
                 start = min(start, self.marked[0].start)  # what lies between can be copied
-            self._asked = END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
+            self._asked = AT_END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def take(self, window: HistoryWindow) -> int | None:
@@ -327,7 +327,7 @@ class StreamView(ByteLines):
     def look_for(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
         """Look for a place; `what`: other things that a Seek can be for."""
         self._seeks += 1
-        self.seek = Seek(self._seeks, start, is_forward, patterns, **what)
+        self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
         self.patterns = patterns
@@ -410,8 +410,8 @@ class StreamView(ByteLines):
         if start >= stop:
             return EMPTY
         signs = dict.fromkeys(message_splits(self.window, start, stop), SPLIT)
-        signs |= frame_signs(spans_within(self.window.jobs, start, stop))
-        begins = {m.position for m in spans_within(self.window.messages, start, stop) if m.begins}
+        signs |= frame_signs(find_spans(self.window.jobs, start, stop))
+        begins = {m.position for m in find_spans(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
@@ -422,7 +422,7 @@ class StreamView(ByteLines):
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._signs_of(position)[1] for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
-        return Row(tuple(merged([part for part in parts if part[0]])))
+        return Row(tuple(merge_pieces([part for part in parts if part[0]])))
 
     def _byte(self, place: int) -> int | None:
         window = self.window
@@ -492,7 +492,7 @@ class StreamView(ByteLines):
             for character in text:
                 found.append((SPLIT, "warn strong") if place in columns else (character, style))
                 place += 1
-        return merged(found)
+        return merge_pieces(found)
 
     # -- one byte -----------------------------------------------------------------------------------------
 

@@ -8,18 +8,18 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
+from trcvtui.history.pin_waveform import PinWaveform, Waveform, Window, find_lamp
 from trcvtui.history.waveform_text import (
     CODES,
     WATCH,
-    Mark,
-    drawn,
-    lane_of,
-    pin_of,
+    RulerMark,
+    draw_row,
+    draw_ruler,
+    format_value,
+    get_lane,
+    get_row_pin,
+    restyle_column,
     row_names,
-    ruler,
-    split_at,
-    value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.snapshots.replay import WHAT_IF
@@ -138,10 +138,10 @@ def label_width(rows: Sequence[Drawn]) -> int:
 
 
 def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
-    marks = [Mark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
+    marks = [RulerMark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
     if view.cursor is not None:
-        marks.append(Mark(view.cursor, "▼"))
-    pieces = ruler(window, until, marks)
+        marks.append(RulerMark(view.cursor, "▼"))
+    pieces = draw_ruler(window, until, marks)
     return row(("".ljust(label), ""), *[(text, STYLES.get(kind, kind)) for text, kind in pieces])
 
 
@@ -157,7 +157,7 @@ def wave_row(
 
 
 def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
-    value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
+    value = "" if name == CODES else format_value(get_row_pin(name), get_lane(wave, name).value_at(at))
     if wave.instance.startswith(WHAT_IF) and name != CODES:
         name = f"  {WHAT_IF}"
     kind = "ghost" if name.startswith(WATCH) else "label"
@@ -166,17 +166,17 @@ def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: i
 
 
 def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> list[Part]:
-    pieces = drawn(wave, name, window)
+    pieces = draw_row(wave, name, window)
     if name.startswith(WATCH):
         parts = [(text, "ghost") for text, _ in pieces]
     else:
-        high = lamp_of(name) or "strong"
+        high = find_lamp(name) or "strong"
         parts = [
             (text, high if kind in ("high", "pulse") else STYLES.get(kind, kind)) for text, kind in pieces
         ]
     if cursor is None:
         return parts
-    return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")
+    return restyle_column(parts, window.find_column(cursor), lambda style: f"{style} byte-cursor")
 
 
 NOT_KEPT: Final = "its wave begins after the frozen scan"
@@ -223,11 +223,11 @@ class Timing(LineView):
 
     @property
     def wave(self) -> Waveform:
-        return self._view_model.waves.of(self._view_model.selected)
+        return self._view_model.waves.get_wave(self._view_model.selected)
 
     @property
     def waves(self) -> list[Waveform]:
-        return [self._view_model.waves.of(name) for name in self._view_model.drawn_waves]
+        return [self._view_model.waves.get_wave(name) for name in self._view_model.drawn_waves]
 
     @property
     def _until(self) -> int:
@@ -282,10 +282,10 @@ class Timing(LineView):
 
     def _what_a_watch_table_saw(self) -> str:
         window = self._window
-        first, last = window.scans_of(0)[0], window.scans_of(window.width - 1)[1]
-        pin = self.wave.pin_that_shows("done")
-        done = self.wave.lanes[pin].rises(first, last) if pin else 0
-        seen = self.wave.polled(pin).rises(first, last) if pin else 0
+        first, last = window.column_scans(0)[0], window.column_scans(window.width - 1)[1]
+        pin = self.wave.find_pin("done")
+        done = self.wave.lanes[pin].count_rises(first, last) if pin else 0
+        seen = self.wave.get_polled(pin).count_rises(first, last) if pin else 0
         return f"a 100 ms watch table saw {seen} of {done} {pin}" if done else ""
 
     def row_count(self) -> int:
@@ -305,7 +305,7 @@ class Timing(LineView):
 
     def _lane(self) -> PinWaveform | None:
         shown = self._rows[self._chosen] if self._rows else None
-        return lane_of(*shown) if shown is not None and shown.name else None
+        return get_lane(*shown) if shown is not None and shown.name else None
 
     # -- moving -------------------------------------------------------------------------------------
 
@@ -327,12 +327,12 @@ class Timing(LineView):
         self.go_to(self._here + scans)
 
     def action_any_edge(self, direction: int) -> None:
-        self.go_to(self.wave.next_edge(self._here, direction), "no further edge is known")
+        self.go_to(self.wave.find_next_edge(self._here, direction), "no further edge is known")
 
     def action_row_edge(self, direction: int) -> None:
         lane = self._lane()
         if lane is not None:
-            self.go_to(lane.next_edge(self._here, direction), "no further edge of this row is known")
+            self.go_to(lane.find_next_edge(self._here, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; from the present to the newest one, after the last to the first."""
@@ -351,7 +351,7 @@ class Timing(LineView):
             newest = (e for e in reversed(wave.edges) if isinstance(e.event, StatusEdge) and holds(e.event))
             found = next((line.scan for line in newest), None)
         else:
-            found = wave.next_where(here, holds) or wave.next_where(0, holds)
+            found = wave.find_next_where(here, holds) or wave.find_next_where(0, holds)
         self.go_to(found, f"{nothing} in what is known of {wave.instance}")
 
     def action_move(self, rows: int) -> None:
@@ -409,9 +409,9 @@ class Timing(LineView):
         if not 0 <= x < window.width or not self._rows:
             self.show()
             return
-        first, last = window.scans_of(x)
+        first, last = window.column_scans(x)
         lane = self._lane()
-        edge = lane.next_edge(first - 1, 1) if lane is not None and window.zoom > 1 else None
+        edge = lane.find_next_edge(first - 1, 1) if lane is not None and window.zoom > 1 else None
         self.go_to(edge if edge is not None and edge <= last else first)
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:

@@ -90,11 +90,11 @@ class Explainer:
         return self._edge[2]
 
     def _explained(self, line: Line, edge: StatusEdge) -> Advice:
-        from trcvtui.history.link_statistics import facts_while  # read when the past is first asked about
+        from trcvtui.history.link_statistics import past_facts  # read when the past is first asked about
 
         project = self._view_model.project
         decl = project.instance(edge.instance)
-        facts, until = facts_while(self._view_model.lines, line, edge, decl.connect if decl else "")
+        facts, until = past_facts(self._view_model.lines, line, edge, decl.connect if decl else "")
         return advice_on(evidence_then(line, edge, facts, until, project, self._interval_ns))
 
     @property

@@ -5,8 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from typing import Final
 
-from trcvtui.history.messages import ROWS, MessageRow, MessagesDelta
-from trcvtui.history.records import NOW
+from trcvtui.history.messages import MOST_INSTANCE_ROWS, MessageRow, MessagesDelta
+from trcvtui.history.records import MAX_SCAN
 
 SLACK: Final = 256  # rows that are forgotten at once
 
@@ -69,7 +69,7 @@ class KnownMessages:
             self.left_out += (news.first - self.stop) * bool(self.rows)
             self.first, self.rows = news.first, []
         self.rows += rows
-        if until == NOW:  # a frozen view keeps what it shows
+        if until == MAX_SCAN:  # a frozen view keeps what it shows
             self._forget(news.oldest)
 
     def _forget(self, oldest: int) -> None:
@@ -77,6 +77,6 @@ class KnownMessages:
             row = self.rows[at]
             self.rows[at] = row._replace(content=None) if row.size else row
         self._emptied = max(self._emptied, min(oldest, self.stop))
-        if len(self.rows) > ROWS + SLACK:
-            self.first += len(self.rows) - ROWS
-            del self.rows[:-ROWS]
+        if len(self.rows) > MOST_INSTANCE_ROWS + SLACK:
+            self.first += len(self.rows) - MOST_INSTANCE_ROWS
+            del self.rows[:-MOST_INSTANCE_ROWS]

@@ -6,7 +6,7 @@ import math
 import sys
 from typing import Final
 
-from trcvtui.history.messages import HOLE, MessageRow
+from trcvtui.history.messages import HOLE_REASON, MessageRow
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -23,7 +23,7 @@ def is_number(layout: Layout, leaf: Leaf) -> bool:
 
 def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
     """Return the number that a message has brought to DATA; None: it has not touched it."""
-    is_cut = row.reason not in ("", HOLE)
+    is_cut = row.reason not in ("", HOLE_REASON)
     if is_cut or row.size < leaf.offset + leaf.size:
         return None
     part = (row.content or b"")[leaf.offset : leaf.offset + leaf.size]

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
 from trcvtui.history.pin_waveform import WaveformCache
-from trcvtui.history.records import NOW, HistoryRequest, HistoryWindow
+from trcvtui.history.records import MAX_SCAN, HistoryRequest, HistoryWindow
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.containment import Containment, ExceptionNote
@@ -214,7 +214,7 @@ class ViewModel:
 
     def _take_index(self, lines: Sequence[Line]) -> None:
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
-        self._containment.attempt_unless_out(INDEX, partial(self.stream_index.take, stamped))
+        self._containment.attempt_unless_out(INDEX, partial(self.stream_index.add_lines, stamped))
         if INDEX in self._containment.out:
             self.stream_index = new_index()
         internal = self._containment.take_messages()
@@ -229,16 +229,16 @@ class ViewModel:
     def _take_waves(self, picture: BenchUpdate) -> None:
         interval_ns = picture.snapshot.interval_ns
         if self.is_frozen and self.snapshot is not None:
-            self.waves.take_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
+            self.waves.add_deltas_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
         else:
-            self.waves.take(picture.waves, interval_ns)
+            self.waves.add_deltas(picture.waves, interval_ns)
 
     def _note_skipped(self, first: int) -> None:
         """Take from the waves the STATUS edges whose lines were left out before line `first`."""
         for name in self.drawn_instances:
             known = self.history.of(name)
             last = known[-1].seq if known else 0
-            newest = takewhile(lambda line: line.seq > last, reversed(self.waves.of(name).edges))  # noqa: B023
+            newest = takewhile(lambda line: line.seq > last, reversed(self.waves.get_wave(name).edges))  # noqa: B023
             for line in reversed([line for line in newest if line.seq < first]):
                 assert isinstance(line.event, StatusEdge)
                 self.history.note(line, line.event)
@@ -293,10 +293,10 @@ class ViewModel:
         data = tuple(dict.fromkeys(each.data for each in shown if each.data))
         partial = tuple(each.name for each in shown)
         most = THAW_LINES if self._thawing else MOST_LINES
-        waves = self.waves.asked(self.drawn_waves, self.frozen_at)
+        waves = self.waves.make_requests(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
         past, recordings = self.past_wanted, self.recordings_wanted
-        until = NOW if self.frozen_at is None else self.frozen_at
+        until = MAX_SCAN if self.frozen_at is None else self.frozen_at
         past = replace(past, scan=until) if past is not None else None
         messages = *self.known_messages.asked(self.selected), self._messages_until
         return UpdateRequest(
@@ -328,7 +328,7 @@ class ViewModel:
 
     @property
     def _messages_until(self) -> int:
-        return NOW if self.frozen_at is None or self.position is not None else self.frozen_at
+        return MAX_SCAN if self.frozen_at is None or self.position is not None else self.frozen_at
 
     @property
     def position(self) -> ReplayPosition | None:

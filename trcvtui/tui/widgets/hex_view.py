@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from trcvtui.history.records import JobSpan, PreviousJobBytes
-from trcvtui.history.waveform_text import merged
+from trcvtui.history.waveform_text import merge_pieces
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
@@ -330,7 +330,7 @@ class HexView(ByteLines):
             offset = start + index
             parts.append((self._signs_of(offset)[0], styles[index]))
             parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
-        return merged(parts)
+        return merge_pieces(parts)
 
     def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
         """Return what stands after a byte: room, or the mark of a message that begins with the next one."""
@@ -347,7 +347,7 @@ class HexView(ByteLines):
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         text = [self._signs_of(start + index)[1] for index in range(len(styles))]
-        return [(" │", "faint"), *merged(list(zip(text, styles, strict=True)))]
+        return [(" │", "faint"), *merge_pieces(list(zip(text, styles, strict=True)))]
 
     # -- the cursor ---------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.dialects.status_report import REACH_TEXT, Explanation, add_scenarios, find_explanations
-from trcvtui.scenario.scenario_index import scenarios_of
+from trcvtui.scenario.scenario_index import find_scenarios
 
 HERE: Final = Path(__file__).parent
 BASES: Final = {"siemens-legacy": "siemens", "twincat": "baosky"}  # a page, and the one that it refers to
@@ -63,7 +63,7 @@ def pages() -> dict[str, tuple[Dialect, ...]]:
 def page(dialects: tuple[Dialect, ...]) -> str:
     """Return the atlas of dialects that have one table."""
     first, name = dialects[0], dialects[0].scenario_folder
-    found = add_scenarios(find_explanations([first], None, None), {first.name: scenarios_of(name)})
+    found = add_scenarios(find_explanations([first], None, None), {first.name: find_scenarios(name)})
     reach = "\n".join(f"- {reach}: {text}" for reach, text in REACH_TEXT.items())
     parts = ["# STATUS atlas: " + "; ".join(dialect.title for dialect in dialects)]
     base = BASES.get(name)

@@ -41,7 +41,7 @@ class LocalDriver:
 
     def submit(self, line: str) -> int:
         self._number += 1
-        self.console.take(self._number, line)
+        self.console.handle_line(self._number, line)
         return self._number
 
     @property

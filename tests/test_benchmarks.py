@@ -90,12 +90,12 @@ def test_a_scan_is_late_after_work_when_the_engine_has_not_slept_before_it() -> 
 
 def test_the_engine_writes_what_each_scan_cost_and_waiting_costs_nothing(tmp_path: Path) -> None:
     timing = ScanTiming("slice")
-    timing.keep_every()
-    timing.scanned(due=0, began=5, ended=20 * MS, interval=10 * MS)
+    timing.keep_every_scan()
+    timing.count_scan(due=0, began=5, ended=20 * MS, interval=10 * MS)
     used = clock.used_ns()
     while clock.used_ns() < used + 11 * MS:
         pass
-    timing.scanned(due=30 * MS, began=30 * MS, ended=50 * MS, interval=10 * MS)
+    timing.count_scan(due=30 * MS, began=30 * MS, ended=50 * MS, interval=10 * MS)
     timing.write_to(tmp_path / "timing.json")
     scans = Scans.read(tmp_path / "timing.json", 10 * MS)
     waited, computed = scans.scans

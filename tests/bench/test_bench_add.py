@@ -32,7 +32,7 @@ def holds(folder: Path, steps: str, kernel: str) -> None:
     file = folder / "added.toml"
     file.write_text(EMPTY.format(steps=steps))
     played = play(file, kernel)
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
 
 
 def test_what_it_shows_scan_by_scan_is_what_one_of_the_file_shows(tmp_path: Path) -> None:
@@ -99,4 +99,4 @@ def test_a_peer_that_talks_by_itself_does_so_from_the_scan_it_was_added_in(tmp_p
     file = tmp_path / "talks.toml"
     file.write_text(f"project = 'p.toml'\n[scenario]\nsteps = '''{steps}'''\n")
     played = play(file, "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)

@@ -117,7 +117,7 @@ def test_undo_takes_back_the_edits_one_by_one_and_no_pin_and_no_byte(desk: Desk)
     desk.do("undo", "undo")
     assert desk.bench.runtime.data("rx") == b"\x07" + bytes(7)
     assert desk.bench.runtime.inputs("R1")["EN_R"] is True
-    assert desk.console._edits.unsaved == 0, "everything is as in the file"
+    assert desk.console._edits.unsaved_count == 0, "everything is as in the file"
     assert desk.answer("undo").startswith("✗")
 
 
@@ -175,7 +175,7 @@ def test_save_project_writes_the_keys_that_changed_and_leaves_the_rest(desk: Des
     text = PROJECT.replace("LocalPort = 2000\n", "LocalPort = 2500\nSendDelayOpt = true\n")
     text = text.replace("0..7", "0..9").replace('[[peer]]\nname = "P1"\nremote = "@C1"\n\n', "")
     assert desk.path.read_text(encoding="utf-8") == text
-    assert desk.console._edits.unsaved == 0
+    assert desk.console._edits.unsaved_count == 0
     desk.do("undo", "undo", "undo", "save project")
     assert load_project(desk.path).peer("P1") is not None
     assert load_project(desk.path).connect("C1").local.port == 2000  # type: ignore[union-attr]
@@ -202,4 +202,4 @@ def test_the_lines_work_in_a_scenario_and_a_saved_session_plays_them_again(
 def test_what_cannot_be_is_one_line_and_changes_nothing(desk: Desk) -> None:
     before = desk.bench.project
     golden.answers("mending", lambda line: [desk.answer(line)])
-    assert desk.bench.project is before and desk.console._edits.unsaved == 0
+    assert desk.bench.project is before and desk.console._edits.unsaved_count == 0

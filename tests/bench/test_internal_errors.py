@@ -96,7 +96,7 @@ PLACES: dict[str, tuple[str, tuple[str, ...], Callable[[pytest.MonkeyPatch], Non
 def contained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
     monkeypatch.setenv(EXCEPTIONS_VARIABLE, "")
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
-    monkeypatch.setattr("trcvtui.bench.error_report._written", {})
+    monkeypatch.setattr("trcvtui.bench.error_report._written_reports", {})
     yield
 
 
@@ -237,10 +237,10 @@ def test_a_command_that_raises_is_an_answer_and_in_the_scan_a_note(
     raising(monkeypatch, Peer, "stall", lambda peer: True, 0)
     raising(monkeypatch, DataArea, "resize", lambda area: True, 0)
     console = Controller(fresh_bench(load_project(tmp_path / "four.toml"), "sim"))
-    console.take(1, "peer P1 stall")
+    console.handle_line(1, "peer P1 stall")
     console.scan()
     assert console._answers[-1].error == INTERNAL_ERROR
-    console.take(2, "resize dA ARRAY[0..3] OF BYTE")
+    console.handle_line(2, "resize dA ARRAY[0..3] OF BYTE")
     console.scan()
     assert said(console.bench) == ["command", "command"]
     console.scan()

@@ -22,7 +22,7 @@ SCENARIOS = sorted(CONFIGS.glob("scenarios/siemens/iso-*.toml"))
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_real_sockets_give_the_status_walk_of_the_simulated_ones_for_the_same_causes(path: Path) -> None:
     live, sim = play(path, "live"), play(path, "sim")
-    assert live.verdict.passed, failures(live.verdict)
+    assert live.verdict.has_passed, failures(live.verdict)
     assert walk(live.records()) == walk(sim.records())
     assert live.causes() == sim.causes()
 

@@ -63,4 +63,4 @@ def test_a_partner_by_name(tmp_path: Path, kernel: str, sim: str, name: str, ste
     file = tmp_path / "names.toml"
     file.write_text(PROJECT.format(sim=sim, name=name, steps=steps))
     played = play(file, kernel)
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)

@@ -122,7 +122,7 @@ def test_it_is_called_and_its_waves_have_its_pins(project: Project) -> None:
     console = Controller(fresh_bench(project, "sim"))
     for scan in range(1, 7):
         if scan == 4:
-            console.take(scan, "set B1 REQ=0")
+            console.handle_line(scan, "set B1 REQ=0")
         console.scan()
     picture = console.picture(UpdateRequest(waves=(("B1", 0),)), EngineTiming(), 0)
     shelf = WaveformCache()

@@ -11,7 +11,7 @@ from tests.scenario.scenarios import failures
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped
 from trcvtui.cli.main import main
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 MS = 1_000_000
@@ -84,8 +84,8 @@ def test_a_vector_as_a_scenario_leaves_what_the_table_says(vector: Vector, tmp_p
     path.write_text(scenario_of(vector), encoding="utf-8")
     scenario = load_scenario(path)
     bench = Bench(scenario.project, "sim")
-    verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(scenario.steps)
-    assert verdict.passed, failures(verdict)
+    verdict = ScenarioRunner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(scenario.steps)
+    assert verdict.has_passed, failures(verdict)
     frames = [line.t_ns // MS for line in bench.runtime.ledger if isinstance(line.event, FrameEnded)]
     noise = [e.size for line in bench.runtime.ledger if isinstance(e := line.event, NoiseDropped)]
     assert frames == [call.ms for call in vector.calls if call.done]

@@ -44,9 +44,9 @@ def test_a_sequence_keeps_its_pauses(project: Project) -> None:
         outbox.put(send, 0, pause_ns=pause)
     gone = []
     for now in range(0, 200 * MS, 10 * MS):
-        while (chunk := outbox.due(now)) is not None:
+        while (chunk := outbox.due_bytes(now)) is not None:
             gone.append((now // MS, bytes(chunk)))
-            outbox.taken(len(chunk), now)
+            outbox.count_sent(len(chunk), now)
     assert gone == [(0, b"he"), (20, b"llo"), (120, b"\x01\x00\x00")]
 
 

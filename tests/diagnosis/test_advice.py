@@ -114,7 +114,7 @@ def played(name: str) -> tuple[Bench, tuple[Line, ...]]:
     bench = Bench(scenario.project, "sim")
     stage = StepRunner(bench)
     for step in (*scenario.start, *scenario.steps):
-        for _ in stage.take(step):
+        for _ in stage.run_step(step):
             bench.step()
     lines = tuple(bench.runtime.ledger)
     bench.close()

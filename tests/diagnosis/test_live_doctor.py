@@ -16,7 +16,7 @@ from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver, send
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.bench.doctor_requests import BenchDoctor, found
+from trcvtui.bench.doctor_requests import BenchDoctor, read_result
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor_process import DoctorInput, found_in_run
 from trcvtui.diagnosis.judges import JUDGE, FilesJudge
@@ -433,10 +433,10 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
 def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> None:
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     judge = FilesJudge(lambda: [str(tmp_path / "run.pcapng")], "127.0.0.1:2000", tmp_path / "p.toml")
-    judge.judge()
+    judge.start_judging()
     while judge.is_judging:
         judge.go_on()
-    assert json.loads(judge.judged)["findings"][0]["cause"] == "frame-short"
+    assert json.loads(judge.result_json)["findings"][0]["cause"] == "frame-short"
 
 
 def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -466,26 +466,26 @@ def test_a_process_that_ends_half_way_has_found_nothing() -> None:
     while (content := answer.advance()) is None:
         pass
     project = load_bench(CONFIGS / "stories" / "four_bytes_short.toml")
-    assert found(content, project, (), 1, 9).trouble == "the doctor's process has ended"
+    assert read_result(content, project, (), 1, 9).trouble == "the doctor's process has ended"
 
 
 def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
     judge = FilesJudge(lambda: [str(tmp_path / "none.pcapng")])
-    judge.judge()
+    judge.start_judging()
     while judge.is_judging:
         judge.go_on()
-    assert "none.pcapng: found No such file" in json.loads(judge.judged)["trouble"]
+    assert "none.pcapng: found No such file" in json.loads(judge.result_json)["trouble"]
 
 
 class NoJudge:
     """A black box that has given up, or a machine without one more process."""
 
-    judged, progress, looks_again, is_judging = b"", "", True, False
+    result_json, progress, looks_again, is_judging = b"", "", True, False
 
     def __init__(self, why: Exception) -> None:
         self._why = why
 
-    def judge(self) -> None:
+    def start_judging(self) -> None:
         raise self._why
 
     def go_on(self) -> None:
@@ -498,5 +498,5 @@ class NoJudge:
 def test_a_doctor_that_cannot_look_is_trouble_in_a_picture_and_ends_no_bench(why: Exception) -> None:
     bench = fresh_bench(load_bench(CONFIGS / "active.toml"), "sim")
     doctor = BenchDoctor()
-    assert [*doctor.go_on(NoJudge(why), bench, is_wanted=True)] == []
+    assert [*doctor.advance(NoJudge(why), bench, is_wanted=True)] == []
     assert doctor.snapshot.looks == 1 and doctor.snapshot.trouble in str(why)

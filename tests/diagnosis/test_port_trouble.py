@@ -19,7 +19,7 @@ from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.port_hints import describe_port_fault, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.snapshots.bench import EngineTiming
 
 PROJECT = """
@@ -163,7 +163,7 @@ def test_a_scenario_that_waits_in_vain_for_a_port_says_so(tmp_path: Path) -> Non
     command = parse_line("wait RD DataReceived=1 within T#100ms", bench.project, "test")
     assert command is not None
     step = Step(1, "wait", command)
-    verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play([step])
+    verdict = ScenarioRunner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play([step])
     (failure,) = verdict.failures
     away = "injected fault: port /dev/ttyUSB0 of RX is not there: open gave EACCES"
     assert failure.found == f"DataReceived=0; {away}"

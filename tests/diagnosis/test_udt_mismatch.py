@@ -12,7 +12,7 @@ from trcvtui.commands.table import parse_line, parse_script
 from trcvtui.commands.words import PeerSend
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.udt.compare.fit import leaders, rank, verdict
 from trcvtui.udt.cure.padded_type import padded_type
 from trcvtui.udt.layout.layout import lay_out
@@ -31,7 +31,7 @@ def project() -> Project:
 def jobs(project: Project) -> list[bytes]:
     """Return what four jobs of TRCV_C_1 put into DATA: pieces of one stream, cut in the receiver's size."""
     bench, found = Bench(project, "sim"), list[bytes]()
-    runner = Runner(bench, "story", VirtualPace(), lambda *_: None)
+    runner = ScenarioRunner(bench, "story", VirtualPace(), lambda *_: None)
     assert runner.play(parse_script(project.start, project, "start")).failures == ()
     for _ in range(4):
         steps = parse_script("wait TRCV_C_1 STATUS=7008\nrun 1", project, "steps")

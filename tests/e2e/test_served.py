@@ -253,7 +253,7 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
     secret.write_bytes(b"hidden")
     driver = EngineDriver(PROJECT, "sim", read_only=True)
     try:
-        driver.project()
+        driver.wait_for_project()
         driver.submit(f"expect peer P1 received file {secret}")
         driver.submit("expect rx file /nowhere")
         answers: list[LineAnswer] = []

@@ -139,7 +139,7 @@ def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
     driver = EngineDriver(CONFIGS / f"{name}.toml", "live")
     try:
         expected = [each.name for each in load_project(CONFIGS / f"{name}.toml").instances]
-        assert [each.name for each in driver.project().instances] == expected
+        assert [each.name for each in driver.wait_for_project().instances] == expected
         picture = wait_for(driver, lambda p: p.snapshot.scan > 2)
         assert [each.name for each in picture.snapshot.instances] == expected
     finally:
@@ -161,7 +161,7 @@ def test_the_demo_is_alive_by_itself() -> None:
 def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
     driver = EngineDriver(demo_path(), "live")
     try:
-        names = [each.name for each in driver.project().instances]
+        names = [each.name for each in driver.wait_for_project().instances]
         first = driver.pid
         assert first is not None
         os.kill(first, signal.SIGKILL)
@@ -180,7 +180,7 @@ def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
 
 
 def test_the_project_crosses_from_the_engine_before_the_first_picture(engine: EngineDriver) -> None:
-    ours, theirs = load_bench(PASSIVE), engine.project()
+    ours, theirs = load_bench(PASSIVE), engine.wait_for_project()
     assert (theirs.path, theirs.connects, theirs.instances) == (ours.path, ours.connects, ours.instances)
     assert wait_for(engine, lambda picture: True).kernel == "live"
 
@@ -194,7 +194,7 @@ def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Pat
         load_bench(file)
     driver = EngineDriver(file, "sim")
     with pytest.raises(UserError) as caught:
-        driver.project()
+        driver.wait_for_project()
     driver.close()
     assert len(caught.value.lines()) > 1
     assert caught.value.lines() == expected.value.lines()

@@ -244,12 +244,12 @@ def test_a_session_with_additions_is_a_scenario_on_the_old_project(driver: Local
     file = own.parent / "session.toml"
     assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
     played = play(file, "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
     late = own.parent / "late.toml"
     assert "commands" in answer(driver, "save project", f"save scenario {late}")
     assert 'project = "' not in late.read_text(), "the file says more by now than the session began with"
     again = play(late, "sim")
-    assert again.verdict.passed, failures(again.verdict)
+    assert again.verdict.has_passed, failures(again.verdict)
 
 
 def test_a_session_whose_project_is_gone_is_a_scenario_with_the_project_in_it(
@@ -260,7 +260,7 @@ def test_a_session_whose_project_is_gone_is_a_scenario_with_the_project_in_it(
     assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
     assert 'project = "' not in file.read_text()
     played = play(file, "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
 
 
 @pytest.mark.parametrize("name", ["passwd", "a.txt", "mine.toml.bak"])
@@ -281,7 +281,7 @@ def test_a_session_of_the_demo_names_no_file_of_the_installation(tmp_path: Path)
     text = (tmp_path / "demo.toml").read_text()
     assert "project = " not in text and 'name = "Sensor"' in text
     played = play(tmp_path / "demo.toml", "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
 
 
 def test_an_order_mark_of_windows_stays_at_the_beginning(own: Path) -> None:

@@ -15,7 +15,7 @@ from msgspec.msgpack import encode
 from tests.local_driver import wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.engine.driver import AttachedDriver, EngineDriver, ProcessDriver
-from trcvtui.engine.screens import MOST_ECHO, MOST_MESSAGE
+from trcvtui.engine.screens import MOST_ECHO_CHARS, MOST_MESSAGE_BYTES
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -28,7 +28,7 @@ PASSIVE = CONFIGS / "passive.toml"
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
     with closing(EngineDriver(PASSIVE, "live", is_shared=True)) as driver:
-        driver.project()
+        driver.wait_for_project()
         yield driver
 
 
@@ -37,7 +37,7 @@ def tabs_of(engine: EngineDriver, count: int) -> Iterator[list[AttachedDriver]]:
     tabs = [AttachedDriver(engine.door) for _ in range(count)]
     try:
         for tab in tabs:
-            tab.project()
+            tab.wait_for_project()
         yield tabs
     finally:
         for tab in tabs:
@@ -103,9 +103,9 @@ def test_many_lines_of_many_tabs_are_all_answered(engine: EngineDriver) -> None:
 
 def test_a_tab_that_comes_late_has_what_the_others_had() -> None:
     with closing(EngineDriver(demo_path(), "live", is_shared=True)) as engine:
-        engine.project()
+        engine.wait_for_project()
         with tabs_of(engine, 1) as [early]:
-            name = early.project().instances[0].name
+            name = early.wait_for_project().instances[0].name
             seen = wait_for(early, lambda picture: picture.snapshot.instances[0].jobs_done >= 2)
         with tabs_of(engine, 1) as [late]:  # no tab was there meanwhile
             picture = asked(late, UpdateRequest(waves=((name, 0),), messages=(name, 0, 1 << 62)))
@@ -120,7 +120,7 @@ def test_a_tab_that_comes_late_has_what_the_others_had() -> None:
 WRONG = {
     "half a message": struct.pack("!i", 100) + b"half",
     "no length": struct.pack("!i", -1) + b"x" * 9,
-    "too long a message": struct.pack("!i", MOST_MESSAGE + 1),
+    "too long a message": struct.pack("!i", MOST_MESSAGE_BYTES + 1),
     "garbage": b"\xff" * 5000,
     "a pickle": struct.pack("!i", 40) + pickle.dumps(UpdateRequest()).ljust(40, b"."),
     "a number of no line": encode((0, b"hold")),
@@ -157,9 +157,9 @@ def test_a_tab_that_reads_nothing_stops_neither_the_bench_nor_the_others(engine:
 
 
 def test_a_line_that_is_too_long_for_a_tab_is_refused_to_the_first_screen(engine: EngineDriver) -> None:
-    engine.submit("x" * (MOST_MESSAGE + 1))
+    engine.submit("x" * (MOST_MESSAGE_BYTES + 1))
     [answer] = answers(engine, 1)
-    assert str(MOST_MESSAGE + 1) in answer.error and len(answer.line) == MOST_ECHO
+    assert str(MOST_MESSAGE_BYTES + 1) in answer.error and len(answer.line) == MOST_ECHO_CHARS
 
 
 def test_one_tab_too_many_is_turned_away(engine: EngineDriver) -> None:
@@ -174,7 +174,7 @@ def test_one_tab_too_many_is_turned_away(engine: EngineDriver) -> None:
 
 def test_a_tab_that_looks_on_is_answered_and_nothing_is_carried_out() -> None:
     with closing(EngineDriver(PASSIVE, "live", read_only=True, is_shared=True)) as engine:
-        engine.project()
+        engine.wait_for_project()
         with tabs_of(engine, 1) as [tab]:
             lines = ("hold", "set TRCV_C_1 EN_R=1", "scenario stop", "save project x.toml", "mark")
             for line in (*lines, "expect TRCV_C_1 EN_R=0"):

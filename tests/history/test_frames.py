@@ -20,7 +20,7 @@ def line(*lines: str) -> Controller:
 
 
 def fed(console: Controller, text: str, scans: int = 1) -> None:
-    console.take(0, text)
+    console.handle_line(0, text)
     for _ in range(scans):
         console.scan()
 

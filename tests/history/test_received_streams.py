@@ -21,7 +21,7 @@ from trcvtui.history.messages import MessageRows
 from trcvtui.history.records import HistoryRequest, JobSpan, SeekRequest
 from trcvtui.history.stream_reader import StreamReader
 from trcvtui.net.events import BytesDropped
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 NOISE = "noise before the prefix"
@@ -107,7 +107,7 @@ def compared(path: Path) -> Compared:
     scenario = load_scenario(path)
     bench = Bench(scenario.project, "sim")
     found = Compared(bench)
-    Runner(bench, scenario.name, found, lambda *_: None).play([*scenario.start, *scenario.steps])
+    ScenarioRunner(bench, scenario.name, found, lambda *_: None).play([*scenario.start, *scenario.steps])
     bench.close()
     return found
 

@@ -16,7 +16,7 @@ from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import ReceivedStreams
 from trcvtui.net.received_ring import sent_ring_name
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 SENT = sent_ring_name("")
@@ -40,7 +40,7 @@ def played(path: Path, takes: bool = True) -> tuple[Bench, Messages]:
     bench = Bench(scenario.project, "sim")
     messages = Messages(bench)
     pace = messages if takes else VirtualPace()
-    Runner(bench, scenario.name, pace, lambda *_: None).play([*scenario.start, *scenario.steps])
+    ScenarioRunner(bench, scenario.name, pace, lambda *_: None).play([*scenario.start, *scenario.steps])
     bench.close()
     return bench, messages
 
@@ -81,7 +81,7 @@ def test_the_partner_has_got_the_bytes_of_the_messages_and_old_ones_have_none() 
         return sorted(found, key=lambda row: row.position)
 
     sent = rows()
-    assert b"".join(row.content or b"" for row in sent) == bytes(bench.peers["P1"].queues.inbox.last)
+    assert b"".join(row.content or b"" for row in sent) == bytes(bench.peers["P1"].queues.inbox.last_bytes)
     ring = bench.runtime.received_ring(sent[0].stream)
     assert ring is not None and len(sent) > 1
     ring.most = sent[-1].size

@@ -151,7 +151,7 @@ def test_a_deleted_instance_ends_and_a_created_one_begins() -> None:
 
 def test_a_fresh_bench_begins_with_fresh_waves() -> None:
     run = connected()
-    run.console._go_home()
+    run.console._leave_scenario()
     run.scenario_folder = type(run.scenario_folder)()
     run.scan(2)
     run.catch_up()

@@ -33,7 +33,7 @@ def wave() -> Waveform:
     }
     for scan in range(1, 24):
         for line in said.get(scan, []):
-            console.take(scan, line)
+            console.handle_line(scan, line)
         console.scan()
     shelf = WaveformCache()
     picture = console.picture(UpdateRequest(waves=(("RD", 0),)), EngineTiming(), 0)

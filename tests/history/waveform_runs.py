@@ -49,7 +49,7 @@ class Run:
 
     def say(self, line: str) -> None:
         self._number += 1
-        self.console.take(self._number, line)
+        self.console.handle_line(self._number, line)
 
     def scan(self, scans: int = 1) -> None:
         runtime = self.console.bench.runtime

@@ -156,7 +156,7 @@ def test_nothing_is_left_in_the_folder_for_such_while_a_capture_is_shown(
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     monkeypatch.setattr("tempfile.tempdir", None)
     driver = ProcessDriver(watch_main, [str(watch.path)], (None, None, None))
-    assert driver.project().instances
+    assert driver.wait_for_project().instances
     assert not [*(tmp_path / "tmp").iterdir()]
     driver.close()
 
@@ -198,5 +198,5 @@ def test_what_is_no_capture_is_told_before_there_is_a_screen(tmp_path: Path) -> 
     (tmp_path / "no.pcapng").write_bytes(b"no capture at all")
     driver = ProcessDriver(watch_main, [str(tmp_path / "no.pcapng")], (None, None, None))
     with pytest.raises(Exception, match="a capture"):
-        driver.project()
+        driver.wait_for_project()
     driver.close()

@@ -329,10 +329,10 @@ def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
     kept = KeptPackets()
     taken(capture([tcp(seq=1000, flags=SYN), answer(flags=RST | ACK)]), tmp_path, kept=kept)
     judge = FilesJudge(kept.files, looks_again=True)
-    judge.judge()
+    judge.start_judging()
     while judge.is_judging:
         judge.go_on()
-    (found,) = json.loads(judge.judged)["findings"]
+    (found,) = json.loads(judge.result_json)["findings"]
     assert found["cause"] == "refused" and found["t_ns"] >= 0
 
 

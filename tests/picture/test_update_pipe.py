@@ -71,7 +71,7 @@ def test_what_has_not_changed_does_not_cross_also_where_instances_come_and_go() 
     bench, arrived = console(), []
     with two_ends() as (pipe, reader):
         for line in ("go", "delete T6", "create TRCV_C T9 connect=C1", "go", "go", "go"):
-            bench.take(0, line)
+            bench.handle_line(0, line)
             bench.scan()
             made = picture(bench, UpdateRequest(project=bench._project_number))
             pipe.begin(made)
@@ -89,9 +89,9 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
 ) -> None:
     monkeypatch.setattr(module, "SLICE_ITEMS", 3)
     draw, bench = random.Random(seed), console()
-    bench.take(0, "set T1 EN_R=1 LEN=8")
+    bench.handle_line(0, "set T1 EN_R=1 LEN=8")
     for line in ("fault clear",) * 3 + ("peer P1 connect",):
-        bench.take(0, line)
+        bench.handle_line(0, line)
         bench.scan()
     edges: list[StatusEdge] = []
     done, asked = set(), UpdateRequest(project=picture(bench, UpdateRequest()).project_number)
@@ -103,7 +103,7 @@ def test_all_of_a_picture_is_of_one_scan_whatever_passes_until_it_is_sent(
             while pipe.is_busy():
                 assert reader.next() is None
                 if draw.random() < 0.3:
-                    bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
+                    bench.handle_line(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
                 bench.scan() if draw.random() < 0.5 else bench.step()
                 pipe.advance(clock.now_ns())  # no time at all: one slice
             seen = reader.next()

@@ -86,7 +86,7 @@ def done_of(played: Played, block: str) -> dict[str, int]:
 @pytest.mark.slow
 def test_thirty_two_connections_receive_and_send_in_every_second_scan_each(tmp_path: Path) -> None:
     played = play(t4(tmp_path, f"run {2 * ROUNDS}"), "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
     assert not any(record["ERROR"] for record in played.records())
     assert done_of(played, "TRCV_C") == {f"R{n}": ROUNDS for n in range(1, T4 + 1)}
     sent = done_of(played, "TSEND_C")
@@ -104,13 +104,13 @@ def test_the_thirty_third_shows_8080_at_each_attempt_and_the_others_do_not_notic
     trace = f"7000+ 0001 {f'8080! 7002{{{retry - 1}}} ' * attempts}8080! 7002*"
     asks = f"set T33 CONT=1\nrun {scans}\nexpect T33 trace {trace}"
     beside = play(t4(tmp_path, asks, head, ONE_TOO_MANY), "sim")
-    assert beside.verdict.passed, failures(beside.verdict)
+    assert beside.verdict.has_passed, failures(beside.verdict)
     refused = [record for record in beside.records() if record["STATUS"] == "8080"]
     assert {record["instance"] for record in refused} == {"T33"}
     assert len(refused) == attempts + 1
 
     alone = play(t4(tmp_path, f"run {scans}", head), "sim")
-    assert alone.verdict.passed
+    assert alone.verdict.has_passed
     assert of_the_others(beside) == of_the_others(alone)
     assert sum(done_of(alone, "TRCV_C").values()) == T4 * ROUNDS
 
@@ -135,5 +135,5 @@ def test_the_thirty_third_takes_the_place_that_another_gives_up_and_that_one_get
     """
     head = '[options]\nretry = "T#200ms"\n'
     played = play(t4(tmp_path, steps, head, ONE_TOO_MANY), "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    assert played.verdict.has_passed, failures(played.verdict)
     assert re.findall(r'"instance":"S8".*"ERROR":true', played.text) == []

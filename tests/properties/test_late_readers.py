@@ -62,8 +62,8 @@ def prompt_and_late(
     shown: dict[str, list[ScanRun]] = {RECEIVER: [], SENDER: []}
     for given in lines(draw, every, also):
         for number, line in enumerate(given):
-            prompt.take(number, line)
-            late.take(number, line)
+            prompt.handle_line(number, line)
+            late.handle_line(number, line)
         for each in (prompt, late) if draw.random() < 0.6 else ():  # nobody is asked to read before these
             for line in TRAFFIC:
                 command = parse_line(line, each.bench.project, "test")

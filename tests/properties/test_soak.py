@@ -197,15 +197,17 @@ def test_self_checking_traffic_keeps_the_memory_flat() -> None:
         for turn, name in enumerate(peers):
             if scan % COMES_AGAIN == 100 * turn:
                 frames += judged(console.bench, name)
-                console.take(next(say), f"peer {name} check off")
+                console.handle_line(next(say), f"peer {name} check off")
             if scan % COMES_AGAIN == 100 * turn + 15:  # what is on its way has come
-                console.take(next(say), f"peer {name} close")
+                console.handle_line(next(say), f"peer {name} close")
             if scan % COMES_AGAIN == 100 * turn + 20:
-                console.take(next(say), f"peer {name} connect")
+                console.handle_line(next(say), f"peer {name} connect")
             if scan % COMES_AGAIN == 100 * turn + 40:
-                console.take(next(say), f"peer {name} check on size={FRAME} every=T#40ms on R{name[1:]}")
+                console.handle_line(
+                    next(say), f"peer {name} check on size={FRAME} every=T#40ms on R{name[1:]}"
+                )
         assert console.scan()
-        timing.scanned(scan, scan, scan + 1, 10_000_000)
+        timing.count_scan(scan, scan, scan + 1, 10_000_000)
         if scan % 500 == 0:
             seen = console.picture(UpdateRequest(seq), timing.summary(scan), 2000)
             seq = seen.snapshot.ledger_seq

@@ -21,14 +21,14 @@ class Ear(Inbox):
         self._heard = heard
         self._fresh = fresh
 
-    def begin(self) -> None:
-        super().begin()
+    def begin_connection(self) -> None:
+        super().begin_connection()
         seen = self._peer.snapshot()
         self._ends = seen.remote, seen.local
         self._here = self._heard[self._ends] = bytearray()
 
-    def take(self, arrived: memoryview) -> None:
-        super().take(arrived)
+    def add_bytes(self, arrived: memoryview) -> None:
+        super().add_bytes(arrived)
         self._here += arrived
         self._fresh.add(self._ends)
 

@@ -71,7 +71,7 @@ class Run:
             self.recorder.finish_scan(self.controller.bench)
 
     def line(self, text: str) -> str:
-        self.controller.take(1, text)
+        self.controller.handle_line(1, text)
         answer = self.controller._answers[-1]
         return answer.error or answer.told
 
@@ -223,10 +223,10 @@ def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
     path.write_text(PROJECT)
     bench = fresh_bench(load_bench(path), "sim")
     controller = Controller(bench)
-    controller.take(1, "record")
+    controller.handle_line(1, "record")
     assert controller._answers[-1].error.startswith("prompt: found no black box for this run, expected ")
-    controller.tell_recording("run.pcapng 3.8 KB", "")
-    controller.take(2, "record")
+    controller.report_recording("run.pcapng 3.8 KB", "")
+    controller.handle_line(2, "record")
     assert controller._answers[-1].error.startswith("prompt: found a run that --record keeps, to its end")
     bench.close()
 
@@ -237,7 +237,7 @@ def test_why_a_file_was_not_written_stands_whole_in_the_history(run: Run, tmp_pa
     assert run.line(f"save recording {tmp_path}/{name}").startswith("the recording, ")
     run.until_written()
     for _ in range(2):
-        run.controller.tell_recording(run.recorder.describe_status(), run.recorder.last_error)
+        run.controller.report_recording(run.recorder.describe_status(), run.recorder.last_error)
     told = [str(line.event) for line in run.controller.bench.runtime.ledger if "xxx" in str(line.event)]
     assert len(told) == 1 and "File name too long" in told[0]
 

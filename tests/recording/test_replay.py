@@ -25,7 +25,7 @@ from trcvtui.recording.journal import DO, SKIP, CallRecord, Entry, LedgerNote, d
 from trcvtui.recording.replay import ReplaySeam
 from trcvtui.recording.seam import Seam, SeamRecorder, wrap_kernel
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.runner import Pace, Runner, VirtualPace
+from trcvtui.scenario.runner import Pace, ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 MUTATIONS = 1000
@@ -37,8 +37,10 @@ def run(path: Path, kernel: str, seam: Seam, pace: Pace) -> tuple[str, list[str]
     bench = Bench(scenario.project, kernel, seam)
     out = io.StringIO()
     report = JsonLines(out.write, bench.runtime.interval_ns)
-    verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
-    report.verdict(verdict)
+    verdict = ScenarioRunner(bench, scenario.name, pace, report.write_scan).play(
+        (*scenario.start, *scenario.steps)
+    )
+    report.write_verdict(verdict)
     bench.close()
     assert bench.leaks() == ()
     return out.getvalue(), [BARE.sub(r"\1", str(line)) for line in bench.runtime.ledger]
@@ -71,7 +73,7 @@ def test_a_replay_of_tls_makes_no_tls(
         raise AssertionError("a replay has made a session")
 
     monkeypatch.setattr("trcvtui.net.layers.layer_kernel.LayeredStream.pump", never)
-    monkeypatch.setattr("trcvtui.bench.bench.Bench._with_sessions", never)
+    monkeypatch.setattr("trcvtui.bench.bench.Bench._make_layer_kernel", never)
     replay = ReplaySeam(decode_entries(encode_blocks(entries), "R"), "R")
     assert run(secure_bench / name, kernel, replay, VirtualPace()) == seen
 

@@ -79,7 +79,7 @@ def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
             recorder.add_header(bench, path, (), is_scenario=False)
             console = Controller(bench)
             for number, line in enumerate(lines.splitlines()):
-                console.take(number, line)
+                console.handle_line(number, line)
                 for _ in range(5):
                     console.scan()
                     console.picture(UpdateRequest(), EngineTiming(mode=""), 10)

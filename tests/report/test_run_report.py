@@ -214,9 +214,9 @@ def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold
             if ms == 50:
                 bench.do(Set("TRCV_C_1", (("EN_R", 1),)))
             if ms == 299:
-                bench.rest()
+                bench.step_peers_alone()
             bench.step(ms * 1_000_000)
-            lines.scan(bench.runtime.scans, bench.runtime.changed)
+            lines.write_scan(bench.runtime.scans, bench.runtime.changed)
             recorder.finish_scan(bench)
         bench.close()
     records = [json.loads(line) for line in out.getvalue().splitlines()]

@@ -20,7 +20,7 @@ from trcvtui.recording.journal import Entry, Keyframe
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.runner import Pace, Runner, Verdict, VirtualPace
+from trcvtui.scenario.runner import Pace, ScenarioRunner, Verdict, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -111,8 +111,8 @@ def play(
         if recorder is not None:
             recorder.add_header(bench, path, overrides, is_scenario=True)
             pace = RecordedPace(pace, recorder)
-        verdict = Runner(bench, scenario.name, pace, report.scan).play(steps)
-        report.verdict(verdict)
+        verdict = ScenarioRunner(bench, scenario.name, pace, report.write_scan).play(steps)
+        report.write_verdict(verdict)
         bench.close()
     events = tuple(line.event for line in bench.runtime.ledger)
     assert bench.leaks() == ()

@@ -34,7 +34,7 @@ from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.replay.command import check_replay
 from trcvtui.scenario.scenario import load_scenario, read_scenario_file
-from trcvtui.scenario.scenario_index import shown_by
+from trcvtui.scenario.scenario_index import read_shown_codes
 from trcvtui.snapshots.scenario import FAILED
 
 A_MINUTE = "four-bytes-short"  # of real time
@@ -64,7 +64,7 @@ def name_of(path: Path) -> str:
 @pytest.mark.parametrize("path", SCENARIOS, ids=name_of)
 def test_a_scenario_on_the_simulated_network(path: Path) -> None:
     run = played(path)
-    assert run.verdict.passed, failures(run.verdict)
+    assert run.verdict.has_passed, failures(run.verdict)
     file_says_what_the_bench_does(path)
     table_lists_each_code(path, run)
     no_text_says_none(run)
@@ -81,7 +81,7 @@ def test_a_scenario_on_the_simulated_network(path: Path) -> None:
 @pytest.mark.parametrize("path", LIVE, ids=name_of)
 def test_a_scenario_on_real_sockets(path: Path) -> None:
     run = play(path, "live", *ANY_PORT.get(path.stem, ()), is_recorded=True)
-    assert run.verdict.passed, failures(run.verdict)
+    assert run.verdict.has_passed, failures(run.verdict)
     table_lists_each_code(path, run)
     replay_is_the_same(run)
     if path.stem in ASKED_WHAT_IF:
@@ -119,7 +119,7 @@ def file_says_what_the_bench_does(path: Path) -> None:
         assert [line.text for line in said.lines] == [lines[line.place - 1].strip() for line in said.lines]
     scenario = load_scenario(path)
     blocks_of = {decl.name: decl.block for decl in scenario.project.instances}
-    assert shown_by(path) == codes_expected(scenario.steps, blocks_of)
+    assert read_shown_codes(path) == codes_expected(scenario.steps, blocks_of)
 
 
 def codes_expected(steps: Iterable[words.Step], blocks_of: dict[str, str]) -> set[tuple[int, str]]:
@@ -169,10 +169,10 @@ def replay_is_the_same(run: Played) -> None:
 
 def steps_one_by_one_are_the_same(path: Path, run: Played) -> None:
     console = Controller(fresh_bench(load_project(CONFIGS / "passive.toml"), "sim"))
-    console.take(1, f"scenario load {path} sim")
+    console.handle_line(1, f"scenario load {path} sim")
     assert console.player is not None
     while not console.player.is_finished:
-        console.take(2, "scenario step")
+        console.handle_line(2, "scenario step")
         while console.player.wants_scan:
             console.scan()
     player = console.player.snapshot()

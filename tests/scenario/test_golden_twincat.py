@@ -9,19 +9,19 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartialFrameDropped
 from trcvtui.blocks.status import Reproducibility
 from trcvtui.dialects.twincat.rules import COM_ERRORS
-from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
-from trcvtui.scenario.scenario_index import shown_by
+from trcvtui.scenario.scenario_index import read_shown_codes
 
 
 def played(stem: str) -> Bench:
     (path,) = [path for path in TWINCAT if path.stem.startswith(stem)]
     scenario = load_scenario(path)
     bench = Bench(scenario.project, "sim")
-    verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(
+    verdict = ScenarioRunner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(
         (*scenario.start, *scenario.steps)
     )
-    assert verdict.passed, failures(verdict)
+    assert verdict.has_passed, failures(verdict)
     bench.close()
     return bench
 
@@ -34,7 +34,7 @@ def test_every_error_that_is_not_of_the_hardware_is_shown_by_a_scenario_that_nam
         for block in row.blocks:
             if (block, row.code) in ALIKE:
                 continue
-            files = [path for path in TWINCAT if (row.code, block) in shown_by(path)]
+            files = [path for path in TWINCAT if (row.code, block) in read_shown_codes(path)]
             assert files, f"{row.word} on {block}"
             assert any(row.word[3:].lower() in path.stem for path in files), row.word
 
@@ -90,8 +90,8 @@ def test_with_its_switch_a_part_ends_where_en_r_falls() -> None:
     (path,) = [path for path in TWINCAT if path.stem.startswith("6-t07")]
     scenario = load_scenario(path, ["options.reset_framer_with_en_r=true"])
     bench = Bench(scenario.project, "sim")
-    runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
-    assert not runner.play((*scenario.start, *scenario.steps)).passed
+    runner = ScenarioRunner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
+    assert not runner.play((*scenario.start, *scenario.steps)).has_passed
     events = [line.event for line in bench.runtime.ledger]
     assert PartialFrameDropped("RD", "RX", 0, 1, "EN_R fell") in events
     assert FrameEnded("RD", "RX", 1, 2, "suffix", suffix=1, number=1) in events

@@ -165,7 +165,7 @@ def test_no_byte_of_a_partner_can_break_the_document(tmp_path: Path, capsys: Cap
 def test_no_name_can_break_the_document(name: str) -> None:
     written: list[str] = []
     junit = Junit(written.append)
-    junit.wrong(Path(f"{name}.toml"), mistake(name, name, name))
+    junit.write_error(Path(f"{name}.toml"), mistake(name, name, name))
     junit.end()
     (text,) = written
     assert text.isascii() and all(c.isprintable() or c == "\n" for c in text)

@@ -177,10 +177,10 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
         text = free.read_text(encoding="utf-8")
         peer = '[[peer]]\nname = "P2"\nactive = false\nlocal = "127.0.0.1:{}"\n\n[scenario]'
         free.write_text(text.replace("[scenario]", peer.format(0)), encoding="utf-8")
-        first.take(1, f"scenario load {free} live")
+        first.handle_line(1, f"scenario load {free} live")
         taken = first.bench.peers["P2"].transport.last_port
         free.write_text(text.replace("[scenario]", peer.format(taken)), encoding="utf-8")
-        second.take(1, f"scenario load {free} live")
+        second.handle_line(1, f"scenario load {free} live")
         (answer,) = second.picture(UpdateRequest(), EngineTiming(), 10).answers
         assert "peer P2" in answer.error
         assert second.player is None
@@ -194,11 +194,11 @@ def test_a_bench_that_is_left_after_keeps_no_socket() -> None:
     console = Controller(fresh_bench(load_project(PASSIVE), "live"))
     left = [console.bench]
     for line in (f"scenario load {FIN} live", f"scenario load {FIN} live", "scenario stop"):
-        console.take(1, line)
+        console.handle_line(1, line)
         left.append(console.bench)
-        console.take(2, "set TRCV_C_1 CONT=1")
-        console.take(3, "scenario step")
-        console.take(4, "scenario step")
+        console.handle_line(2, "set TRCV_C_1 CONT=1")
+        console.handle_line(3, "scenario step")
+        console.handle_line(4, "scenario step")
         for _ in range(5):
             console.scan()
         assert console.bench.leaks(), "it listens"

@@ -20,7 +20,7 @@ PINS: dict[str, Any] = {"status": 0x7009, "busy": False, "done": True, "error": 
 def test_a_block_without_rcvd_len_has_no_such_key(block: str, rcvd_len: Any, last: tuple[str, Any]) -> None:
     written: list[str] = []
     edge = StatusEdge("X", block, Outputs(**PINS, rcvd_len=rcvd_len), "", Cause(CauseKind.SEQUENCE, ""))
-    JsonLines(written.append, 10_000_000).scan(3, [edge])
+    JsonLines(written.append, 10_000_000).write_scan(3, [edge])
     (record,) = map(json.loads, written)
     assert list(record)[:5] == ["scan", "t_ms", "instance", "block", "STATUS"]
     assert list(record.items())[-1] == last

@@ -9,11 +9,11 @@ import pytest
 from tests.scenario.scenarios import BAOSKY
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.status_report import add_card_scenarios, add_scenarios, as_text, find_explanations
-from trcvtui.scenario.scenario_index import scenarios_of, shown_by
+from trcvtui.scenario.scenario_index import find_scenarios, read_shown_codes
 
 
 def test_the_shelf_names_the_files_by_code_and_block_as_seen_from_the_source() -> None:
-    shelf = scenarios_of("baosky")
+    shelf = find_scenarios("baosky")
     assert "configs/scenarios/baosky/80c5-partner-closes.toml" in shelf[0x80C5, "TRCV_C"]
     assert list(shelf) == sorted(shelf)
     assert {file for files in shelf.values() for file in files} <= {
@@ -40,7 +40,7 @@ def test_codes_stand_in_wait_and_expect_lines_alone(steps: str, codes: set[int],
     file = tmp_path / "x.toml"
     for project in (instance, 'project = "bench.toml"\n'):
         file.write_text(project + scenario, encoding="utf-8")
-        assert shown_by(file) == {(code, "TRCV_C") for code in codes}
+        assert read_shown_codes(file) == {(code, "TRCV_C") for code in codes}
 
 
 @pytest.mark.parametrize(
@@ -60,20 +60,20 @@ def test_codes_stand_in_wait_and_expect_lines_alone(steps: str, codes: set[int],
 def test_a_file_that_is_wrong_shows_nothing(text: str, tmp_path: Path) -> None:
     file = tmp_path / "x.toml"
     file.write_text(text, encoding="utf-8")
-    assert shown_by(file) == frozenset()
+    assert read_shown_codes(file) == frozenset()
 
 
 def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.scenario.scenario_index.ROOT", tmp_path)
-    assert scenarios_of("baosky") == {}
+    monkeypatch.setattr("trcvtui.scenario.scenario_index.SOURCE_ROOT", tmp_path)
+    assert find_scenarios("baosky") == {}
 
 
 @pytest.mark.slow
 def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
-    whole = scenarios_of("baosky")
+    whole = find_scenarios("baosky")
     for code in (0x7006, 0x80A7, 0x80C5):
         of_code = {shown: files for shown, files in whole.items() if shown[0] == code}
-        found = scenarios_of("baosky", [code])
+        found = find_scenarios("baosky", [code])
         assert of_code
         assert {shown: files for shown, files in found.items() if shown[0] == code} == of_code
 
@@ -82,6 +82,8 @@ def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
 @pytest.mark.parametrize("code", [0x7006, 0x7002, 0x80A7, 0x80C5])
 def test_a_card_names_the_same_scenarios_when_only_those_that_it_may_name_are_read(code: int) -> None:
     found = find_explanations(tuple(DIALECTS.values()), code, None)
-    card = as_text(add_scenarios(found, {name: scenarios_of(name) for name in DIALECTS}))
+    card = as_text(add_scenarios(found, {name: find_scenarios(name) for name in DIALECTS}))
     assert "to see it" in card
-    assert as_text(add_card_scenarios(found, lambda name, wanted: scenarios_of(name, [code], wanted))) == card
+    assert (
+        as_text(add_card_scenarios(found, lambda name, wanted: find_scenarios(name, [code], wanted))) == card
+    )

@@ -20,7 +20,7 @@ from trcvtui.cli.main import main
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept
-from trcvtui.scenario.recorded_session import Seen
+from trcvtui.scenario.recorded_session import StatusPattern
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.snapshots.bench import LineAnswer
 
@@ -186,12 +186,12 @@ def test_a_session_with_frames_expects_each_of_them_with_its_bytes(tmp_path: Pat
 
 
 def test_a_long_trace_keeps_its_first_and_its_newest_runs() -> None:
-    seen = Seen()
+    seen = StatusPattern()
     for number in range(1, 1001):
         seen.add((number, False))
         if number % 2:
             seen.add((number, False))
-    words = seen.pattern().split()
+    words = seen.format_pattern().split()
     assert words[:2] == ["0001+", "0002"]
     assert words[149:152] == ["0096", "...", "03B7+"]  # 150, 951
     assert len(words) == 201
@@ -255,7 +255,7 @@ def _make(driver: LocalDriver, number: int, move: Any) -> None:
         case "resize":
             driver.submit(f"resize D{1 + number % 3} ARRAY[1..{1 + number}] OF BYTE")
         case "rest":
-            driver.console.rest()
+            driver.console.step_peers_alone()
         case "connect" | "close" | "rst" | "shutdown" | "stall" | "resume" | "listen":
             driver.submit(f"peer {peer} {move}")
         case _:

@@ -10,7 +10,7 @@ from trcvtui.cli.main import main
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
-from trcvtui.scenario.recorded_session import Seen
+from trcvtui.scenario.recorded_session import StatusPattern
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.snapshots.bench import EngineTiming
 
@@ -53,7 +53,7 @@ def drifting(console: Controller, scans: int, interval_ns: int = 10 * MS + LATE)
 
 def answers(console: Controller, *lines: str) -> list[str]:
     for line in lines:
-        console.take(1, line)
+        console.handle_line(1, line)
     picture = console.picture(UpdateRequest(), EngineTiming(), 10)
     return [answer.error or answer.told for answer in picture.answers]
 
@@ -102,14 +102,14 @@ def test_a_session_whose_peer_is_told_what_to_send_expects_every_frame(tmp_path:
 
 
 def test_each_stretch_of_frames_ends_in_anything_and_an_error_between_them_stays() -> None:
-    seen = Seen(frozenset({0x7004, 0x7006}))
+    seen = StatusPattern(frozenset({0x7004, 0x7006}))
     for status in (0x7004, 0x7006, 0x7008, 0x7006, 0x7008, 0x7006):
         seen.add((status, False))
     seen.add((0x80C5, True))
     for status in (0x7002, 0x7004, 0x7006, 0x7008):
         seen.add((status, False))
     turns = (0x7004, 0x7006, 0x7008)
-    assert seen.pattern(turns, (0x7008,)) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
+    assert seen.format_pattern(turns, (0x7008,)) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
 
 
 def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_path: Path) -> None:

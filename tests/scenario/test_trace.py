@@ -24,10 +24,10 @@ def shown(*scans: Scan) -> Trace:
 
 def test_a_trace_is_the_scans_since_the_one_before() -> None:
     it = shown(WAITING, WAITING, RECEIVED)
-    assert str(it.take()) == "7006{2} 7008"
+    assert str(it.take_section()) == "7006{2} 7008"
     it.add(REFUSED)
-    assert it.take().fits(parse_pattern("80C3!"))
-    assert str(it.take()) == "no scan"
+    assert it.take_section().fits(parse_pattern("80C3!"))
+    assert str(it.take_section()) == "no scan"
     assert str(it) == "7006{2} 7008 80C3!"
 
 
@@ -43,11 +43,11 @@ def test_an_instance_that_waits_costs_no_memory_however_long() -> None:
     # Other threads of the run allocate too.
     ours = snapshot.filter_traces([tracemalloc.Filter(True, step_runner.__file__)])
     assert sum(at.size for at in ours.traces) < 2_000
-    assert it.take().fits(parse_pattern("7006{100001}"))
+    assert it.take_section().fits(parse_pattern("7006{100001}"))
 
 
 def test_the_text_of_a_long_trace_ends_where_it_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_runner, "MOST_RUNS_TOLD", 2)
+    monkeypatch.setattr(step_runner, "MOST_FIRST_RUNS", 2)
     it = shown(WAITING, RECEIVED, RECEIVED)
     assert str(it) == "7006 7008{2}"
     for scan in (REFUSED, RECEIVED, RECEIVED):  # the later 7008 do not belong to the earlier ones
@@ -58,8 +58,8 @@ def test_the_text_of_a_long_trace_ends_where_it_is_cut(monkeypatch: pytest.Monke
 def test_beyond_the_bound_the_oldest_are_lost_and_a_pattern_that_needs_them_fails_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(step_runner, "MOST_RUNS_SINCE", 2)
-    section = shown(WAITING, WAITING, WAITING, RECEIVED, WAITING).take()
+    monkeypatch.setattr(step_runner, "MOST_NEWEST_RUNS", 2)
+    section = shown(WAITING, WAITING, WAITING, RECEIVED, WAITING).take_section()
     assert not section.fits(parse_pattern("7006{3} 7008 7006"))
     assert not section.fits(parse_pattern("7008 7006"))
     assert section.fits(parse_pattern("... 7008 7006"))

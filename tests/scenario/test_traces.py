@@ -14,7 +14,7 @@ from trcvtui.commands.table import parse_line, parse_script
 from trcvtui.dialects.dialect import defaults, format_value
 from trcvtui.dialects.siemens.rules import S7_1200, S7_1200_LEGACY, S7_1500, SWITCHES
 from trcvtui.project.file import load_project
-from trcvtui.scenario.runner import Runner
+from trcvtui.scenario.runner import ScenarioRunner
 
 # What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the wire; and what no pin brings
 # about: tests/bench/test_internal_errors.py.
@@ -42,9 +42,9 @@ def shown(case: str, *overrides: str) -> list[str]:
     bench = Bench(load_project(CONFIGS / f"{project}.toml", overrides or own), "sim")
     pace = NotedPace(names.split(","))
     script = parse_script(steps.replace("; ", "\n"), bench.project, "steps")
-    verdict = Runner(bench, "test", pace, lambda *_: None).play(script)
+    verdict = ScenarioRunner(bench, "test", pace, lambda *_: None).play(script)
     bench.close()
-    assert bench.leaks() == () and verdict.passed, failures(verdict)
+    assert bench.leaks() == () and verdict.has_passed, failures(verdict)
     return [collapsed(texts) for texts in pace.shown.values()]
 
 

@@ -52,10 +52,10 @@ class FixedJudge:
     progress = ""
 
     def __init__(self, *findings: Finding, trouble: str = "") -> None:
-        self.judged = msgspec.json.encode(DoctorSnapshot(0, 0, 1, findings, trouble))
+        self.result_json = msgspec.json.encode(DoctorSnapshot(0, 0, 1, findings, trouble))
         self.looks = 0
 
-    def judge(self) -> None:
+    def start_judging(self) -> None:
         self.looks += 1
 
     def go_on(self) -> None:
@@ -65,8 +65,8 @@ class FixedJudge:
 class PatternSearch(FixedJudge):
     progress = "runs it again, scan 3000 of 12000: 25%"
 
-    def judge(self) -> None:
-        super().judge()
+    def start_judging(self) -> None:
+        super().start_judging()
         self.is_judging = True
 
 
@@ -97,8 +97,8 @@ async def test_the_card_has_the_findings_of_the_instance_the_surest_first(size: 
 async def test_the_first_line_tells_how_far_it_is_at_every_look(
     size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trcvtui.bench.doctor_requests.AGAIN_NS", 0)
-    monkeypatch.setattr("trcvtui.bench.doctor_requests.SHARE", 0)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.LOOK_PAUSE_NS", 0)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.REST_FACTOR", 0)
     judge = PatternSearch(FOUND[2])
     async with card(judge, size) as (newcomer, _screen):
         await newcomer.look(1)
@@ -164,7 +164,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
     )  # fmt: skip
     remarks = seen_finding("idle", "TRCV_C_1", title="Nothing for long " * 9), seen_finding("idle", "OTHER")
     seen = DoctorSnapshot(1, 80, 1, (short,), remarks=remarks, qualities=("3 gaps " * 40, "cut"))
-    monkeypatch.setattr("trcvtui.bench.doctor_requests.found", lambda *_: seen)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.read_result", lambda *_: seen)
     async with card(FixedJudge(), size) as (newcomer, screen):
         told = read(newcomer)
         assert re.search(

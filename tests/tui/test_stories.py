@@ -89,7 +89,7 @@ async def test_a_shipped_project_starts_without_an_error_and_its_program_comes_t
         console.scan()
         for peer in console.bench.peers.values() if scan == 50 else ():
             if peer.decl.active and not peer.is_in("connected"):
-                console.take(scan, f"peer {peer.decl.name} connect")
+                console.handle_line(scan, f"peer {peer.decl.name} connect")
     edges = [line.event for line in console.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
     assert [edge for edge in edges if edge.outputs.error and not edge.cause.is_expected] == []
     assert not any("gave up" in str(line.event) for line in console.bench.runtime.ledger)

@@ -20,7 +20,7 @@ from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
-from trcvtui.scenario.scenario import Found
+from trcvtui.scenario.scenario import ScenarioFiles
 from trcvtui.tui.copy_formats import YankScreen, subject_of
 from trcvtui.tui.curve import CurveScreen
 from trcvtui.tui.doctor import DoctorScreen
@@ -106,7 +106,7 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     FramingScreen: lambda looker: FramingScreen(looker.app.view_model),
     LabScreen: lambda looker: LabScreen(looker.app.view_model, Lab(looker.app.view_model), lambda line: None),
     ScenariosScreen: lambda looker: ScenariosScreen(
-        looker.app.view_model, lambda line: None, ScenarioListModel(Found((), False), None)
+        looker.app.view_model, lambda line: None, ScenarioListModel(ScenarioFiles((), False), None)
     ),
 }
 

@@ -88,11 +88,11 @@ def link_of(peer: PeerDecl, project: Project) -> str:
     return next((name for name, port in ports if port == end.port != 0), "")
 
 
-def _what_each_works_on(project: Project) -> dict[str, str]:
+def _connects_by_instance(project: Project) -> dict[str, str]:
     return {each.name: each.connect for each in project.instances}
 
 
-class Checking:
+class TrafficCheck:
     """One `check on`; it ends with the next one, or with `check off`."""
 
     def __init__(self, peer: Peer, command: CheckOn) -> None:
@@ -109,7 +109,7 @@ class Checking:
         """Return the instance whose DATA is judged, "" where none is."""
         return self._command.instance
 
-    def due(self, now: int) -> int | None:
+    def due_at(self, now: int) -> int | None:
         return self._next if self._peer.can_send and not self._peer.unsent else None
 
     def step(self, now: int) -> None:
@@ -118,7 +118,7 @@ class Checking:
             self._peer.send(PeerSend(self._command.peer, make_frame(self._sent, self._command.size)), now)
             self._sent += 1
 
-    def received(self, data: bytes) -> None:
+    def check_data(self, data: bytes) -> None:
         if self._data is not None:
             self._data.check_bytes(data)
 
@@ -131,7 +131,7 @@ class Checking:
 
 
 T = TypeVar("T")
-KERNELS: Final = ("sim", "live")
+KERNEL_NAMES: Final = ("sim", "live")
 
 
 def _network_of_this_machine() -> OsKernel:
@@ -145,26 +145,26 @@ class Bench:
 
     def __init__(self, project: Project, kernel: str, seam: Seam | None = None) -> None:
         self.project = project
-        self._works_on = _what_each_works_on(project)
+        self._works_on = _connects_by_instance(project)
         self.kernel_name = kernel
         self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for a test's partners
         self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
-        self._note_arrivals = _nothing
+        self._note_arrivals = _do_nothing
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
         self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
         self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
         self._is_replay = seam is not None and seam.has_answers
-        self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
+        self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
-        self._work, self._peers_work = self._new_work(now_ns), ScanBudget(now_ns)
+        self._work, self._peers_work = self._make_budget(now_ns), ScanBudget(now_ns)
         self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
         is_due = getattr(seam, "has_failed", None)  # of a replay
-        self.containment = Containment(self._record_exception, self._report, self._tell, is_due, self._aside)
+        self.containment = Containment(self._record_exception, self._report, self._note, is_due, self._bypass)
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
             project,
@@ -175,13 +175,13 @@ class Bench:
             self.containment,
         )
         if seam is not None:
-            seam.write_note, self._said, self._work.said = self._write, self._work.said, self._work_waits
+            seam.write_note, self._said, self._work.said = self._write, self._work.said, self._report_wait
         self._peers_work.set_interval(self.runtime.interval_ns)
-        self.plan.fired = self._fault_fired
+        self.plan.fired = self._report_fault
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
-        self._checks: dict[str, Checking] = {}
+        self._checks: dict[str, TrafficCheck] = {}
         self._self_acting = {
             name: AutomaticPeer(self.peers[name], routine) for name, routine in read_routines(project).items()
         }
@@ -199,7 +199,7 @@ class Bench:
         policy, journal = self.project.rules.policy, self.runtime.ledger.write
         return Peer(decl, self._peer_kernel(decl), self._listening_end, journal, policy)
 
-    def _new_work(self, now_ns: Callable[[], int]) -> ScanBudget:
+    def _make_budget(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:
             return ScanBudget(now_ns)
         from trcvtui.recording.seam import SeamBudget
@@ -210,14 +210,14 @@ class Bench:
         return self.now
 
     def _plc_kernel(self) -> ReadyKernel:
-        make = self._with_sessions if self._has_sessions else self._tapped
+        make = self._make_layer_kernel if self._has_sessions else self._wire_kernel
         if self._seam is None:
             return make()
-        kernel = self._on_seam(self._seam, "PLC", make, is_noted=True)
+        kernel = self._add_seam(self._seam, "PLC", make, is_noted=True)
         self._note_arrivals = kernel.note_arrivals
         return kernel
 
-    def _tapped(self) -> ReadyKernel:
+    def _wire_kernel(self) -> ReadyKernel:
         if self._seam is None:
             return self._faulty
         from trcvtui.recording.seam import make_wire_kernel
@@ -225,12 +225,12 @@ class Bench:
         return make_wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
-    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+    def _add_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
         from trcvtui.recording.seam import wrap_kernel  # a bench that is not recorded waits for none of it
 
         return wrap_kernel(seam, label, make, is_noted)
 
-    def _with_sessions(self) -> LayerKernel:
+    def _make_layer_kernel(self) -> LayerKernel:
         """Return what stands between the PLC and its kernel where a CONNECT has a session.
 
         One session of each is made for nothing, so that no scan has to load the library and the certificates.
@@ -238,27 +238,27 @@ class Bench:
         for config in self.project.connects:
             if config.session is not None:
                 config.session.make_session(config.active)
-        return LayerKernel(self._tapped(), self._time, self._of_a_session, self._caught, work=self._work)
+        return LayerKernel(self._wire_kernel(), self._time, self._note_layer, self._on_error, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if self._seam is None:
-            return self._kernel_of(decl)
-        return self._on_seam(self._seam, decl.name, lambda: self._kernel_of(decl))
+            return self._make_inner_kernel(decl)
+        return self._add_seam(self._seam, decl.name, lambda: self._make_inner_kernel(decl))
 
-    def _kernel_of(self, decl: PeerDecl) -> Kernel:
+    def _make_inner_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        of, work = self._of_a_session, self._peers_work
-        return LayerKernel(self._kernel, self._time, of, self._caught, polls=False, work=work)
+        of, work = self._note_layer, self._peers_work
+        return LayerKernel(self._kernel, self._time, of, self._on_error, polls=False, work=work)
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._seam is None:
-            return self._port_of(owner, settings)
+            return self._make_inner_port(owner, settings)
         from trcvtui.recording.seam import SeamPort
 
-        return SeamPort(self._seam, owner, lambda: self._port_of(owner, settings))
+        return SeamPort(self._seam, owner, lambda: self._make_inner_port(owner, settings))
 
-    def _port_of(self, owner: str, settings: SerialSettings) -> SerialPort:
+    def _make_inner_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._sim is not None:
             line = self.lines[owner] = SimSerialPort()
             return FaultyPort(line, self.plan, owner)
@@ -266,21 +266,21 @@ class Bench:
 
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
 
-    def _caught(self, owner: str, error: Exception) -> None:
+    def _on_error(self, owner: str, error: Exception) -> None:
         self.containment.handle(("session", owner), error)
 
-    def _of_a_session(self, note: LayerNote) -> None:
-        self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
+    def _note_layer(self, note: LayerNote) -> None:
+        self._note(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
 
-    def _work_waits(self, connect: str, what: EventKind, partner: str, why: str) -> None:
+    def _report_wait(self, connect: str, what: EventKind, partner: str, why: str) -> None:
         from trcvtui.recording.journal import WorkWaits
 
-        self._tell(WorkWaits(connect, what, partner, why))
+        self._note(WorkWaits(connect, what, partner, why))
 
-    def _fault_fired(self, owner: str, fault: object) -> None:
-        self._tell(BenchNote(owner, "fault fired", str(fault)))
+    def _report_fault(self, owner: str, fault: object) -> None:
+        self._note(BenchNote(owner, "fault fired", str(fault)))
 
-    def _tell(self, note: LedgerNote) -> None:
+    def _note(self, note: LedgerNote) -> None:
         if self._seam is not None:
             self._seam.handle_ledger_note(note)
         self._write(note)
@@ -296,7 +296,7 @@ class Bench:
     def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
         return self._ask(part[1], EXCEPTION, part[:1], report)
 
-    def _aside(self, do: Callable[[], object]) -> None:
+    def _bypass(self, do: Callable[[], object]) -> None:
         is_busy = self._seam is not None and self._seam.is_busy
         if self._seam is not None:
             self._seam.is_busy = False
@@ -307,10 +307,10 @@ class Bench:
                 self._seam.is_busy = is_busy
 
     def _report(self, error: BaseException) -> ExceptionNote:
-        from trcvtui.bench.error_report import MOST_LINES, report_of  # read when first needed
+        from trcvtui.bench.error_report import MOST_LEDGER_LINES, report_error  # read when first needed
 
-        lines = self.runtime.ledger.lines_since(0, MOST_LINES)
-        return report_of(error, self.project, lines, self.reports)
+        lines = self.runtime.ledger.lines_since(0, MOST_LEDGER_LINES)
+        return report_error(error, self.project, lines, self.reports)
 
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
@@ -361,14 +361,14 @@ class Bench:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
-            while isinstance(at := self._acts_at(due), int):
-                self._outside("rest", at, partial(self._act, at))
+            while isinstance(at := self._find_act_time(due), int):
+                self._record_and_do("rest", at, partial(self._step_peers_at, at))
         if self._seam is None:
-            self._pass(due)
+            self._run_scan(due)
             return
         self.record_outputs()
         self._seam.is_busy = True
-        self._pass(self._seam.ask("bench", "step", (), lambda: due))
+        self._run_scan(self._seam.ask("bench", "step", (), lambda: due))
         self._untold = self.runtime.changed
         self._seam.is_busy = False
         if self._is_replay:
@@ -380,11 +380,11 @@ class Bench:
             self._seam.is_busy = True
             for edge in self._untold:
                 works_on = self._works_on.get(edge.instance, "")
-                self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), _nothing)
+                self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), _do_nothing)
             self._untold = ()
             self._seam.is_busy = False
 
-    def _pass(self, now: int) -> None:
+    def _run_scan(self, now: int) -> None:
         late, interval = now - self._scan_at, self.runtime.interval_ns
         self.late_ns = late if late > interval // 2 else 0
         self.late_scans += late > interval // 2
@@ -393,7 +393,7 @@ class Bench:
             self._sim.advance(self.now)
         self.step_peers()
         if not self._program.is_over:
-            self.containment.attempt_unless_out(("program", "program"), self._program.go_on)
+            self.containment.attempt_unless_out(("program", "program"), self._program.advance)
         self.runtime.scan(self.now)
         self._note_arrivals()
         if self._checks:
@@ -405,7 +405,7 @@ class Bench:
             for check in self._checks.values() if out.outputs.done else ():
                 decl = self.project.instance(out.instance)
                 if check.instance == out.instance and decl is not None and decl.data is not None:
-                    check.received(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
+                    check.check_data(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
 
     def step_peers(self) -> None:
         self._peers_work.begin_scan(self.now)
@@ -423,11 +423,11 @@ class Bench:
                     contained.attempt(("peer", name), self.peers[name].end)
                     contained.out.add(("peer", name))
 
-    def rest(self) -> None:
+    def step_peers_alone(self) -> None:
         self._scan_at = NEVER
-        self._outside("rest", 0, self.step_peers)
+        self._record_and_do("rest", 0, self.step_peers)
 
-    def _acts_at(self, scan: int) -> object:
+    def _find_act_time(self, scan: int) -> object:
         """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
 
         It is a multiple of the shortest interval that a task can have, so that there are only so many.
@@ -436,32 +436,32 @@ class Bench:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
         assert self._sim is not None
-        due = min(scan, self._sim.wire.agenda.next_due or scan, *self._due())
+        due = min(scan, self._sim.wire.agenda.next_due or scan, *self._due_times())
         at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
         return at if at < scan else None
 
-    def _act(self, at: int) -> None:
+    def _step_peers_at(self, at: int) -> None:
         self.now = at
         if self._sim is not None and not self._is_replay:
             self._sim.advance(at)
         self.step_peers()
-        if any(due <= at for due in self._due()):  # it is connected, or has nothing unsent, only now
+        if any(due <= at for due in self._due_times()):  # it is connected, or has nothing unsent, only now
             self.step_peers()
 
-    def _due(self) -> Iterator[int]:
+    def _due_times(self) -> Iterator[int]:
         for steps in (self._self_acting, self._checks, self.peers):
             for name, each in steps.items():
-                due = each.due(self.now)
+                due = each.due_at(self.now)
                 if due is not None and ("peer", name) not in self.containment.out:
                     yield due
 
-    def _outside(self, call: str, line: str | int, do: Callable[[], T]) -> T:
+    def _record_and_do(self, call: str, line: str | int, do: Callable[[], T]) -> T:
         if self._seam is None or self._seam.is_busy:
             return do()
         self.record_outputs()
         self._seam.is_busy = True
         try:
-            self._seam.ask("bench", call, (line,) if line else (), _nothing)
+            self._seam.ask("bench", call, (line,) if line else (), _do_nothing)
             return do()
         finally:
             self._seam.is_busy = False
@@ -490,25 +490,25 @@ class Bench:
             return f"{type(command).__name__} lets scans pass"
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
         self.containment.restore_parts(("peer", getattr(command, "peer", "")))  # it is tried again
-        wrong = self._outside(
+        wrong = self._record_and_do(
             "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
         )
         return INTERNAL_ERROR if wrong is None else wrong
 
-    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
-        self._program.leave_out(left_of)
+    def filter_program(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+        self._program.filter_steps(left_of)
 
     def skip(self, scans: int) -> None:
         """Count scans in which nothing happens; they are not run."""
         if self._seam is not None:
             self._seam.is_busy = True
-            self._seam.ask("bench", "skip", (scans,), _nothing)
+            self._seam.ask("bench", "skip", (scans,), _do_nothing)
             self._seam.is_busy = False
         self.runtime.skip(scans)
 
-    def told(self, line: str) -> None:
+    def record_line(self, line: str) -> None:
         """Record a line of the screen that is not the bench's to carry out."""
-        self._outside("do", line, _nothing)
+        self._record_and_do("do", line, _do_nothing)
 
     def submit(self, *orders: commands.Command) -> str:
         for order in orders:
@@ -519,7 +519,7 @@ class Bench:
         self.project = project_after(command, self.project)
         return self.submit(order)
 
-    def become(self, project: Project) -> None:
+    def replace_project(self, project: Project) -> None:
         """Let the project be one with more parts, or other ones: the PLC has them from its next scan on."""
         orders: list[commands.Command] = []
         for kind in ("connects", "udp_configs", "addrs", "combuffers", "data"):
@@ -534,37 +534,37 @@ class Bench:
             if known != decl:
                 made = commands.CreateInstance(decl)
                 orders.append(made if known is None else commands.ReplaceDeclaration(known, decl))
-        self.project, self._works_on = project, _what_each_works_on(project)
+        self.project, self._works_on = project, _connects_by_instance(project)
         self.submit(*orders)
 
     def edit_project(self, command: EditCommand) -> str:
         edited = project_after(command, self.project)
         for edit in make_edits(command, self.project):
-            wrong = self._take(edit, edited)
+            wrong = self._apply_edit(edit, edited)
             if wrong:
                 return wrong
-        self.project, self._works_on = edited, _what_each_works_on(edited)
+        self.project, self._works_on = edited, _connects_by_instance(edited)
         if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
-            self._say_anew()
+            self._renew_routines()
         self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
         self._links = [link_of(decl, edited) for decl in edited.peers]
         return ""
 
-    def _take(self, edit: Edit, edited: Project) -> str:
+    def _apply_edit(self, edit: Edit, edited: Project) -> str:
         if edit.kind == "peer":
             before, decl = edit.before, edit.after
             assert isinstance(before, PeerDecl | None) and isinstance(decl, PeerDecl | None)
-            return self._take_peer(before, decl, edited)
-        change = _change_of(edit, edited)
+            return self._apply_peer_edit(before, decl, edited)
+        change = _make_plc_command(edit, edited)
         if change is None:
-            self.note(*_noted(edit))
+            self.note(*_describe_edit(edit))
             return ""
-        self._let_sessions_in(edit.after)
+        self._enable_sessions(edit.after)
         if edit.after is None:
             self._down.discard(edit.name)
         return self.submit(change)
 
-    def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
+    def _apply_peer_edit(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
         old = self.peers.get(before.name) if before is not None else None
         if old is not None:
             old.end()
@@ -579,13 +579,13 @@ class Bench:
                 self.note(before.name, "removed")
         return wrong
 
-    def _say_anew(self) -> None:
+    def _renew_routines(self) -> None:
         routines = read_routines(self.project)
         for decl in self.project.peers:
             if any(text.startswith("message ") for text in decl.says):
                 self._self_acting[decl.name] = AutomaticPeer(self.peers[decl.name], routines[decl.name])
 
-    def _let_sessions_in(self, decl: object) -> None:
+    def _enable_sessions(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
             self._has_sessions = True
             self.runtime.use_kernel(self._plc_kernel())
@@ -605,7 +605,7 @@ class Bench:
         return ""
 
     def start_check(self, command: words.CheckOn) -> str:
-        self._checks[command.peer] = Checking(self.peers[command.peer], command)
+        self._checks[command.peer] = TrafficCheck(self.peers[command.peer], command)
         return ""
 
     def stop_check(self, command: words.CheckOff) -> str:
@@ -646,7 +646,7 @@ class Bench:
         self.runtime.ledger.write(BenchNote(subject, what, detail))
 
     def close(self) -> None:
-        self._outside("close", "", self._close)
+        self._record_and_do("close", "", self._close)
 
     def _close(self) -> None:
         self.runtime.close()
@@ -659,17 +659,17 @@ class Bench:
         return self._kernel.leaks()
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     """Do nothing: what is recorded is that it was told."""
 
 
-def _simulated(project: Project) -> SimKernel:
+def _make_sim_kernel(project: Project) -> SimKernel:
     sim = project.sim
     names = None if sim.names is None else dict(sim.names)
     return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)
 
 
-def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
+def _make_plc_command(edit: Edit, edited: Project) -> commands.Command | None:
     """Return what an edit changes in the PLC; None: nothing, it is of the library."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
@@ -687,7 +687,7 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
     return commands.AddDeclaration(now) if was is None else commands.ReplaceDeclaration(was, now)
 
 
-def _noted(edit: Edit) -> tuple[str, str]:
+def _describe_edit(edit: Edit) -> tuple[str, str]:
     is_file = edit.kind in ("certificate", "udt")
     subject = f"{edit.kind} {edit.name}" if is_file else edit.name
     if edit.after is None:

@@ -17,7 +17,7 @@ from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 
 
-class Watched(Protocol):
+class WatchedBench(Protocol):
     """What a condition looks at of a bench."""
 
     @property
@@ -30,7 +30,7 @@ class Watched(Protocol):
     def peers(self) -> Mapping[str, Peer]: ...
 
 
-def holds(bench: Watched, condition: words.Condition) -> bool:
+def holds(bench: WatchedBench, condition: words.Condition) -> bool:
     """Return whether a condition holds after the last finished scan."""
     match condition:
         case words.PinsAre(instance, pins):
@@ -42,14 +42,14 @@ def holds(bench: Watched, condition: words.Condition) -> bool:
         case words.DataIs(data, offset, payload):
             return bench.runtime.data(data)[offset : offset + len(payload)] == payload
         case words.MemberIs(data, path, value):
-            return _same(_member(bench, data, path), value)
+            return _is_equal(_member(bench, data, path), value)
 
 
-def found(bench: Watched, condition: words.Condition) -> str:
+def describe_now(bench: WatchedBench, condition: words.Condition) -> str:
     match condition:
         case words.PinsAre(instance, pins):
             shown = " ".join(f"{pin}={pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
-            return "; ".join(part for part in (shown, _port_away(bench, instance)) if part)
+            return "; ".join(part for part in (shown, _describe_port_fault(bench, instance)) if part)
         case words.PeerIs(peer, _):
             return bench.peers[peer].snapshot().state
         case words.PeerReceived(peer, _):
@@ -60,12 +60,12 @@ def found(bench: Watched, condition: words.Condition) -> str:
             return str(_member(bench, data, path))
 
 
-def _port_away(bench: Watched, instance: str) -> str:
+def _describe_port_fault(bench: WatchedBench, instance: str) -> str:
     decl = bench.project.instance(instance)
     return describe_port_fault(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
 
 
-def pin_now(bench: Watched, instance: str, pin: str) -> PinValue:
+def pin_now(bench: WatchedBench, instance: str, pin: str) -> PinValue:
     """Return the value of a pin, an input or an output, after the last finished scan."""
     if outcome_field(pin):
         return bench.runtime.outputs(instance).pin(pin)
@@ -77,12 +77,12 @@ def _hex(payload: bytes) -> str:
     return payload.hex(" ") if len(payload) <= 32 else f"{payload[:32].hex(' ')} ... {len(payload)} bytes"
 
 
-def _same(found: Value | None, expected: Value) -> bool:
+def _is_equal(found: Value | None, expected: Value) -> bool:
     # NaN is expected by name and equals nothing, not even itself.
     return bool(found == expected) or (found != found and expected != expected)
 
 
-def _member(bench: Watched, data: str, path: str) -> Value | None:
+def _member(bench: WatchedBench, data: str, path: str) -> Value | None:
     decl = bench.project.data_decl(data)
     assert decl is not None
     number = decl.layout.leaf_number(path)

@@ -23,23 +23,23 @@ from trcvtui.wording import count
 if TYPE_CHECKING:
     from trcvtui.bench.bench import Bench
 
-AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
-SHARE: Final = 5  # it rests so many times as long as it looked
+LOOK_PAUSE_NS: Final = 3_000_000_000  # between two looks while the card is open
+REST_FACTOR: Final = 5  # it rests so many times as long as it looked
 HEALTHY: Final = "healthy"
-NOBODY_KEEPS: Final = "this run is not kept: [options] black_box on, or `--record`, lets it be judged"
+NOT_KEPT_TEXT: Final = "this run is not kept: [options] black_box on, or `--record`, lets it be judged"
 
 
 class Judge(Protocol):
     """A process that looks at the run; `judged` has what it has found, as JSON."""
 
-    judged: bytes
+    result_json: bytes
     progress: str  # in plain words, "": it has told nothing yet
     looks_again: bool  # at a run that goes on
 
     @property
     def is_judging(self) -> bool: ...
 
-    def judge(self) -> None:
+    def start_judging(self) -> None:
         """Let it look; raise UserError where there is nothing to look at."""
 
     def go_on(self) -> None:
@@ -59,42 +59,42 @@ class BenchDoctor:
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
         """Let the judge look, and answer the line when it has; return what to tell meanwhile."""
         if judge.looks_again or not self.snapshot.looks:
-            self._begin(judge, bench)
+            self._start_judging(judge, bench)
         self._waiting.append((number, line, command))
         return "the doctor looks …"
 
-    def _begin(self, judge: Judge, bench: Bench) -> None:
+    def _start_judging(self, judge: Judge, bench: Bench) -> None:
         if judge.is_judging:
             return
         try:
-            judge.judge()
+            judge.start_judging()
         except OSError as failed:
             raise mistake("doctor", failed.strerror, "room for one more process and file") from None
         self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
 
-    def _try(self, judge: Judge, bench: Bench) -> None:
+    def _try_judging(self, judge: Judge, bench: Bench) -> None:
         """Let it look; what stands in the way is `trouble` of the snapshot: no answer ever ends an engine."""
         try:
-            self._begin(judge, bench)
+            self._start_judging(judge, bench)
         except UserError as refused:
             looks, scan = self.snapshot.looks + 1, bench.runtime.scans
             self.snapshot = DoctorSnapshot(looks, scan, trouble=refused.problems[0].found)
             self._ended_ns = clock.now_ns()
 
-    def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
+    def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
         """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
         if judge is None:
             if is_wanted:
-                self.snapshot = DoctorSnapshot(1, trouble=NOBODY_KEEPS)
+                self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
             return ()
         if self._looks:
             judge.go_on()
             seconds = (clock.now_ns() - self._began_ns) // 500_000_000 / 2
             self.snapshot = replace(self.snapshot, progress=f"{seconds:.1f} s: {judge.progress}".rstrip(": "))
             if not judge.is_judging:
-                self._take(judge.judged, bench)
+                self._accept_result(judge.result_json, bench)
         if is_wanted and not self._looks and self._is_due(judge):
-            self._try(judge, bench)
+            self._try_judging(judge, bench)
         if self._looks or not self._waiting:
             return ()
         seen, project = self.snapshot, bench.project
@@ -105,17 +105,17 @@ class BenchDoctor:
         return answers
 
     def _is_due(self, judge: Judge) -> bool:
-        rests_until = self._ended_ns + max(AGAIN_NS, SHARE * self._took_ns)
+        rests_until = self._ended_ns + max(LOOK_PAUSE_NS, REST_FACTOR * self._took_ns)
         return not self.snapshot.looks or (judge.looks_again and clock.now_ns() >= rests_until)
 
-    def _take(self, content: bytes, bench: Bench) -> None:
+    def _accept_result(self, content: bytes, bench: Bench) -> None:
         self._looks, self._ended_ns = False, clock.now_ns()
         self._took_ns = self._ended_ns - self._began_ns
         connections = bench.runtime.snapshot().connections
-        self.snapshot = found(content, bench.project, connections, self.snapshot.looks + 1, self._scan)
+        self.snapshot = read_result(content, bench.project, connections, self.snapshot.looks + 1, self._scan)
 
 
-def found(
+def read_result(
     content: bytes, project: Project, connections: Sequence[ConnectionSnapshot], looks: int, scan: int
 ) -> DoctorSnapshot:
     """Return what a judge has answered."""
@@ -124,12 +124,12 @@ def found(
     except msgspec.MsgspecError:
         return DoctorSnapshot(looks, scan, trouble="the doctor's process has ended")
 
-    def owned(one: Finding) -> Finding:
+    def with_connect(one: Finding) -> Finding:
         decl = project.instance(one.instance)
         connect = decl.connect if decl is not None else _connect_of(one.ends, connections)
         return replace(one, connect=connect)
 
-    findings, remarks = (tuple(map(owned, some)) for some in (told.findings, told.remarks))
+    findings, remarks = (tuple(map(with_connect, some)) for some in (told.findings, told.remarks))
     return replace(told, looks=looks, scan=scan, findings=findings, remarks=remarks)
 
 

@@ -25,48 +25,48 @@ from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.project.keys import entries_of, entry_of
 from trcvtui.project.project import Project
 
-CONNECTIONS: Final = Path(connection.__file__).parent
-MOST_LINES: Final = 100
+CONNECTION_FOLDER: Final = Path(connection.__file__).parent
+MOST_LEDGER_LINES: Final = 100
 MOST_REPORTS: Final = 20  # of one process: an error that comes again and again fills no disk
-MOST_KEPT: Final = 100  # in the platform's folder
-NAMES: Final = 1000  # that are tried in one second
-KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
-SAID: Final = frozenset(("says", "replies"))  # keys with messages of a peer
-_written: dict[tuple[str, Path | None], str] = {}
+MOST_KEPT_REPORTS: Final = 100  # in the platform's folder
+MOST_NAMES_TRIED: Final = 1000  # that are tried in one second
+DECL_KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
+MESSAGE_KEYS: Final = frozenset(("says", "replies"))  # keys with messages of a peer
+_written_reports: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
     """Write a report into a folder, None: the platform's for such; return its name, or why there is none."""
     key = trace, folder
-    if key in _written and "\n" in trace:
-        return _written[key]
-    if len(_written) >= MOST_REPORTS:
+    if key in _written_reports and "\n" in trace:
+        return _written_reports[key]
+    if len(_written_reports) >= MOST_REPORTS:
         return f"no report: {MOST_REPORTS} are written"
     is_ours, folder = folder is None, folder or state_folder()
     now = datetime.fromtimestamp(clock.wall_ns() // clock.NS_PER_S)
     stem = f"trcvtui-error-{now:%Y%m%d-%H%M%S}"
     try:
         os.makedirs(folder, mode=0o700, exist_ok=True)
-        names = (f"{stem}{f'-{number}' * (number > 1)}.txt" for number in range(1, NAMES))
+        names = (f"{stem}{f'-{number}' * (number > 1)}.txt" for number in range(1, MOST_NAMES_TRIED))
         path = next(folder / name for name in names if not (folder / name).exists())
-        write_file(path, "\n".join((*_parts(trace, project, lines), "")), "report", is_new=True)
-        for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT] if is_ours else ():
+        write_file(path, "\n".join((*_report_lines(trace, project, lines), "")), "report", is_new=True)
+        for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT_REPORTS] if is_ours else ():
             old.unlink(missing_ok=True)
     except (OSError, UserError, StopIteration) as failed:
         return one_line(f"no {failed}")
-    _written[key] = f"report {path}"
-    return _written[key]
+    _written_reports[key] = f"report {path}"
+    return _written_reports[key]
 
 
-def report_of(
+def report_error(
     error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None
 ) -> ExceptionNote:
-    why = f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
+    why = f"{describe_error(error)}; {write_report(trace_of(error), project, lines, folder)}"
     files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
-    return ExceptionNote(why, CONNECTIONS in files)
+    return ExceptionNote(why, CONNECTION_FOLDER in files)
 
 
-def words_of(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return an exception and where it was raised, in one line: `KeyError in receive_job.py:292`."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
@@ -77,30 +77,30 @@ def trace_of(error: BaseException) -> str:
     """Return the trace of an exception and of those before it, without their words; last it in one line."""
     before = error.__cause__ or error.__context__
     earlier = f"{trace_of(before)}\n\n" if before is not None else ""
-    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{words_of(error)}"
+    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{describe_error(error)}"
 
 
-def _parts(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:
+def _report_lines(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:
     yield f"trcvtui {__version__}, Python {platform.python_version()}, {platform.platform()}"
     yield f"textual {_version('textual')}, rich {_version('rich')}, command {' '.join(sys.argv[1:2])}"
     yield from ("", "[trace]", trace, "", "[project]")
     if project is not None:
         with suppress(Exception):  # the project may be what is wrong
-            yield from _tables(project)
-    yield from ("", f"[ledger] the newest {MOST_LINES} lines: scan, ns, event")
-    for line in lines[-MOST_LINES:]:
-        yield one_line(f"{line.scan} {line.t_ns} {_without_payload(line.event)}")
+            yield from _project_lines(project)
+    yield from ("", f"[ledger] the newest {MOST_LEDGER_LINES} lines: scan, ns, event")
+    for line in lines[-MOST_LEDGER_LINES:]:
+        yield one_line(f"{line.scan} {line.t_ns} {_strip_payload(line.event)}")
 
 
-def _tables(project: Project) -> Iterator[str]:
+def _project_lines(project: Project) -> Iterator[str]:
     yield f"dialect {project.dialect.name}, model {project.model}, options {dict(project.options)}"
-    for kind in KINDS:
+    for kind in DECL_KINDS:
         for decl in entries_of(kind, project):
-            keys = [f"{key}={value!r}" for key, value in entry_of(decl) if key not in SAID]
+            keys = [f"{key}={value!r}" for key, value in entry_of(decl) if key not in MESSAGE_KEYS]
             yield one_line(f"{kind}: {' '.join(keys)}")
 
 
-def _without_payload(event: Any) -> Any:
+def _strip_payload(event: Any) -> Any:
     """Return an event without bytes on pins, and without what a program or a tap says of bytes."""
     match event:
         case StatusEdge():

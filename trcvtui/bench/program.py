@@ -10,17 +10,17 @@ from typing import Final, Protocol
 
 from msgspec.structs import replace
 
-from trcvtui.bench.conditions import Watched, found, holds
+from trcvtui.bench.conditions import WatchedBench, describe_now, holds
 from trcvtui.commands import words
 from trcvtui.commands.table import parse_script
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
 
-WRITES: Final = (words.Set, words.Pulse, words.Write)
-PASSES: Final = (words.RunScans, words.RunFor, words.Wait)
+WRITE_COMMANDS: Final = (words.Set, words.Pulse, words.Write)
+WAIT_COMMANDS: Final = (words.RunScans, words.RunFor, words.Wait)
 
 
-class Programmed(Watched, Protocol):
+class ProgrammedBench(WatchedBench, Protocol):
     def do(self, command: words.BenchCommand) -> str: ...
 
     def note(self, subject: str, what: str, detail: str = "") -> None: ...
@@ -30,7 +30,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
     """Return the steps of `program`; raise UserError with every mistake."""
     where = f"{project.path}: program"
     steps = tuple(parse_script(project.program, project, where))
-    foreign = [step for step in steps if not isinstance(step.command, WRITES + PASSES)]
+    foreign = [step for step in steps if not isinstance(step.command, WRITE_COMMANDS + WAIT_COMMANDS)]
     if foreign:
         expected = "set, pulse, write, run or wait"
         raise UserError(Problem(f"{where}: step {s.number}", f"'{s.line}'", expected) for s in foreign)
@@ -40,27 +40,27 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 class Program:
     """One course of steps on one bench; a `wait` that runs out ends it, and the ledger says so."""
 
-    def __init__(self, steps: Sequence[words.Step], bench: Programmed) -> None:
+    def __init__(self, steps: Sequence[words.Step], bench: ProgrammedBench) -> None:
         self._bench = bench
         self._steps = steps
         self._at = 0  # the step that is next, or under way
         self._left: int | None = None  # scans that the one under way lets pass yet
         self.is_over = False
 
-    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+    def filter_steps(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
         """Let each step be what is left of it; a step of which nothing is left keeps its place."""
         nothing = words.RunScans(0)
         self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         """Do what is due before the next scan."""
         while self._at < len(self._steps):
-            if self._passes(self._steps[self._at]):
+            if self._run_step(self._steps[self._at]):
                 return
             self._at, self._left = self._at + 1, None
         self.is_over = True
 
-    def _passes(self, step: words.Step) -> bool:
+    def _run_step(self, step: words.Step) -> bool:
         match step.command:
             case words.RunScans(scans):
                 most = scans
@@ -81,5 +81,5 @@ class Program:
         return left > 0
 
     def _give_up(self, step: words.Step, condition: words.Condition) -> None:
-        self._bench.note("program", f"gave up at `{step.line}`", found(self._bench, condition))
+        self._bench.note("program", f"gave up at `{step.line}`", describe_now(self._bench, condition))
         self._at = len(self._steps)

@@ -24,23 +24,23 @@ RUNNING, FINISHED, CANCELLED, FAILED = "running", "finished", "cancelled", "fail
 MOST_LENGTHS: Final = 6  # RCVD_LENs that are written out
 
 
-class _Seen(Struct):
+class _RunResult(Struct):
     """What one run has shown: its STATUS scan by scan, and each frame as (RCVD_LEN, DATA)."""
 
     scans: list[tuple[int, bool]] = field(default_factory=list)
     frames: list[tuple[int, bytes]] = field(default_factory=list)
 
     @property
-    def received(self) -> int:
+    def received_size(self) -> int:
         return sum(size for size, _ in self.frames)
 
-    def walk(self) -> str:
+    def walk_text(self) -> str:
         parts = []
         for (status, error), run in groupby(self.scans):
             parts.append(f"{status:04X}{'!' * error}{'+' * (len(list(run)) > 1)}")
         return " ".join(parts)
 
-    def lengths(self) -> str:
+    def lengths_text(self) -> str:
         runs = [(size, len(list(run))) for size, run in groupby(size for size, _ in self.frames)]
         texts = [f"{size}×{times}" if times > 1 else str(size) for size, times in runs]
         return ", ".join(texts[:MOST_LENGTHS]) + ", …" * (len(texts) > MOST_LENGTHS)
@@ -59,17 +59,17 @@ class SplitTest:
         self._problem = ""
         self._rows: tuple[SplitRow, ...] = ()
         self._runs = self._differing = 0
-        self._whole: _Seen | None = None
+        self._whole: _RunResult | None = None
 
     # -- the run ---------------------------------------------------------------------------------------
 
     def run(self) -> Iterator[None]:
         """Try them all; each time this yields, one scan has to pass."""
-        yield from self._until_armed()
+        yield from self._wait_until_armed()
         for cut in range(len(self._command.payload)):
             if self._state != RUNNING:
                 return
-            yield from self._one(cut)
+            yield from self._try_cut(cut)
         if self._state == RUNNING:
             self._state = FINISHED
 
@@ -92,7 +92,7 @@ class SplitTest:
         example = f"; cut at {odd.first}: {row_text(odd)}" if odd else ""
         return f"{self._differing} of {len(self._command.payload) - 1} splits differ from the whole{example}"
 
-    def _until_armed(self) -> Iterator[None]:
+    def _wait_until_armed(self) -> Iterator[None]:
         for _ in range(self._scans_in(PATIENCE_NS)):
             if self._obstacle() == "":
                 return
@@ -113,9 +113,9 @@ class SplitTest:
         held = len(runtime.job_bytes(name))
         return f"the job of {name} already holds {held} bytes" if held else ""
 
-    def _one(self, cut: int) -> Iterator[None]:
+    def _try_cut(self, cut: int) -> Iterator[None]:
         """Send the message, cut there (0: whole), and see what the instance makes of it."""
-        command, seen = self._command, _Seen()
+        command, seen = self._command, _RunResult()
         split = (cut,) if cut else ()
         wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))
         if wrong:
@@ -124,16 +124,16 @@ class SplitTest:
         settled, patience = 0, self._scans_in(PATIENCE_NS)
         while settled < SETTLE_SCANS and patience and self._state == RUNNING:
             yield
-            self._look(seen)
+            self._record_scan(seen)
             partial = len(self._bench.runtime.job_bytes(command.instance))
-            if seen.received + partial >= len(command.payload):
+            if seen.received_size + partial >= len(command.payload):
                 settled += 1
             elif not self._bench.peers[command.peer].unsent:
                 patience -= 1
         if self._state == RUNNING:
-            self._note(cut, seen)
+            self._add_result(cut, seen)
 
-    def _look(self, seen: _Seen) -> None:
+    def _record_scan(self, seen: _RunResult) -> None:
         for out in self._bench.runtime.due_edges:
             if out.instance == self._command.instance:
                 seen.scans.append((out.outputs.status, out.outputs.error))
@@ -142,12 +142,12 @@ class SplitTest:
                     data = self._bench.runtime.data(self._data)[:size] if self._data else b""
                     seen.frames.append((size, data))
 
-    def _note(self, cut: int, seen: _Seen) -> None:
+    def _add_result(self, cut: int, seen: _RunResult) -> None:
         if self._whole is None:
             self._whole = seen
         same = seen.frames == self._whole.frames
         equal = bool(seen.frames) and seen.frames[-1][1] == self._command.payload
-        self._append(SplitRow(cut, cut, seen.walk(), len(seen.frames), seen.lengths(), equal, same))
+        self._append(SplitRow(cut, cut, seen.walk_text(), len(seen.frames), seen.lengths_text(), equal, same))
         self._runs += 1
         self._differing += not same
         held = len(self._bench.runtime.job_bytes(self._command.instance))
@@ -196,7 +196,7 @@ def trial_text(trial: TrialSnapshot) -> str:
     return "\n".join((*lines, *in_columns(rows, "rll"))) + "\n"
 
 
-class SplitTests:
+class ScreenSplitTest:
     """The trial of a screen, at most one at a time; it goes on with every scan that passes."""
 
     def __init__(self) -> None:
@@ -219,7 +219,7 @@ class SplitTests:
             self._trial = None
         return ""
 
-    def scanned(self) -> None:
+    def advance(self) -> None:
         next(self._under_way, None)
 
     def snapshot(self) -> TrialSnapshot | None:

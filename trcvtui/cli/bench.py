@@ -128,9 +128,9 @@ def add_record_command(parser: CommandParser) -> None:
 
 
 def _record(args: Args) -> int:
-    from trcvtui.scenario.record import limits_of, record
+    from trcvtui.scenario.record import read_limits, record
 
-    limits = limits_of(args.ring, args.split, args.on, args.before, args.after)
+    limits = read_limits(args.ring, args.split, args.on, args.before, args.after)
     secrets = not args.no_secrets
     return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, follow())
 

@@ -54,7 +54,7 @@ def _agent(args: Args) -> int:
     from trcvtui.fleet.broker import broker_of
     from trcvtui.fleet.metrics import place_of_page
     from trcvtui.recording.files import RecordTarget
-    from trcvtui.scenario.record import limits_of
+    from trcvtui.scenario.record import read_limits
 
     path = args.project
     if args.mqtt is None and args.metrics is None:
@@ -75,7 +75,7 @@ def _agent(args: Args) -> int:
 
         for folder in (args.record, args.record / path.stem):
             make_folder(folder, "--record")
-        limits = limits_of(args.ring, None, None, None, None)
+        limits = read_limits(args.ring, None, None, None, None)
         record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, follow())
     name = args.name or default_name(path)
     try:

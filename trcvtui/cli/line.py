@@ -267,10 +267,10 @@ def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
 
 
 def _run_for(path: Path, args: Args, folder: str) -> list[str]:
-    from trcvtui.scenario.record import limits_of, record
+    from trcvtui.scenario.record import read_limits, record
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))
-    limits = limits_of(None, None, None, None, None)
+    limits = read_limits(None, None, None, None, None)
     record(path, out, args.kernel, limits, None, args.time, True, follow(), is_kept=False)
     return [str(file) for file in sorted(out.iterdir())]
 

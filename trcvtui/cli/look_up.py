@@ -46,14 +46,14 @@ def _status(args: Args) -> int:
         found, others = report.select_one_dialect(found, args.dialect)
     if code is None and not is_json:
         return print_text(report.as_table(found))
-    from trcvtui.scenario.scenario_index import scenarios_of
+    from trcvtui.scenario.scenario_index import find_scenarios
 
     codes = None if code is None else {one.row.code for one in found}  # two: `10` may be a WORD, or a number
     if is_json:
-        by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in chosen}
+        by_dialect = {dialect.name: find_scenarios(dialect.scenario_folder, codes) for dialect in chosen}
         return print_text(report.as_json(report.add_scenarios(found, by_dialect)))
     telling = report.add_card_scenarios(
-        found, lambda name, may_tell: scenarios_of(DIALECTS[name].scenario_folder, codes, may_tell)
+        found, lambda name, may_tell: find_scenarios(DIALECTS[name].scenario_folder, codes, may_tell)
     )
     asked = None if args.all or args.dialect is not None else dialects[0].name
     return print_text(report.as_text(telling, others, asked))

@@ -59,7 +59,7 @@ def show(
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, driver.project(), theme, read_only, is_replay, is_run)
+        return run_app(driver, driver.wait_for_project(), theme, read_only, is_replay, is_run)
     except EngineStopped as stopped:  # before there was a screen that could show it
         sys.stderr.write(f"{str(stopped).rstrip()}\n")
         return FAILED
@@ -75,6 +75,6 @@ def _is_there(path: Path) -> bool:
             return True
     except OSError:
         pass
-    from trcvtui.engine.project_edits import is_wanting, offer
+    from trcvtui.engine.project_edits import can_create_project, offer_project
 
-    return offer(path, sys.stdin, sys.stderr) if is_wanting(path) else True
+    return offer_project(path, sys.stdin, sys.stderr) if can_create_project(path) else True

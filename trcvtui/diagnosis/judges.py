@@ -22,14 +22,14 @@ FileNames = Callable[[], Sequence[str]]
 class ProcessJudge:
     """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
 
-    judged, progress, looks_again = b"", "", True
+    result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None
 
     @property
     def is_judging(self) -> bool:
         return self._answer is not None
 
-    def judge(self) -> None:
+    def start_judging(self) -> None:
         if self._answer is None:
             blocks = self._blocks()  # refused before a process begins
             self._answer = PendingAnswer(JUDGE)
@@ -44,7 +44,7 @@ class ProcessJudge:
         if self._answer is not None:
             content, self.progress = self._answer.advance(), self._answer.progress
             if content is not None:
-                self.judged, self._answer = content, None
+                self.result_json, self._answer = content, None
 
     def close(self) -> None:
         if self._answer is not None:

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Final
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.bench.bench import KERNELS, Bench
-from trcvtui.bench.conditions import found, holds
+from trcvtui.bench.bench import KERNEL_NAMES, Bench
+from trcvtui.bench.conditions import describe_now, holds
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
-from trcvtui.bench.split_test import SplitTests
+from trcvtui.bench.split_test import ScreenSplitTest
 from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
 from trcvtui.commands.edit import describe_edit as told_of
@@ -26,7 +26,7 @@ from trcvtui.commands.edit import free_port, listening_ends, port_text
 from trcvtui.commands.table import format_command, parse_line
 from trcvtui.commands.words import EditCommand
 from trcvtui.diagnosis.judges import RunJudge
-from trcvtui.engine.project_edits import ProjectEdits, moved
+from trcvtui.engine.project_edits import ProjectEdits, move_project
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.ledger_reader import LedgerReader
@@ -45,7 +45,7 @@ from trcvtui.project.file import reread_udts
 from trcvtui.project.project import Project
 from trcvtui.project.tables import quote
 from trcvtui.scenario.player import Player, refuse_too_many_steps
-from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
+from trcvtui.scenario.recorded_session import RecordedSession, parse_toml_path, scenario_text, write_new
 from trcvtui.scenario.scenario import load_scenario, start_steps
 from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 from trcvtui.snapshots.conversations import ConversationSnapshot
@@ -59,17 +59,17 @@ if TYPE_CHECKING:
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
 
 RELOAD, CONSTANT, IN_USE = "reload", "constant", "this type, which DATA has"
-LINES: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
+UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
 
 
-def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
+def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
     """Return the project with its types as they stand in their files now, the constants, what to tell.
 
     `rest` is what stands after `udt`. A type that somebody uses and that is bad now is refused.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
-        raise mistake(where, quote(f"udt {rest}".strip()), LINES)
+        raise mistake(where, quote(f"udt {rest}".strip()), UDT_USAGE)
     given = constants_of(pairs.split()) if word == CONSTANT else {}
     constants = {**project.constants, **given}
     fresh = replace(project, udts=reread_udts(project), constants=constants)
@@ -86,27 +86,27 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
     return replace(fresh, types=types), given, told
 
 
-RESET: Final = "COM_RST"
-LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts, ADHOC where it does not act at once
+RESET_PIN: Final = "COM_RST"
+LATCHED_PINS: Final = ("LEN", "ADHOC")  # read when a job starts, ADHOC where it does not act at once
 CONNECTED, NO_EFFECT = "connected", "without effect"
 
 
-def remark_on(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
+def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
     """Return the remark on a command that was given after the last scan, mostly ""."""
     match command:
         case words.Pulse(name, "COM_RST"):
-            return _on_reset(runtime.instance_snapshot(name), runtime)
+            return _reset_remark(runtime.instance_snapshot(name), runtime)
         case words.Set(name, pins):
             instance = runtime.instance_snapshot(name)
-            latched = LATCHED[: 1 if adhoc_at_once else None]
-            said = [_on_latched(instance, *pin) for pin in pins if pin[0] in latched]
-            if any(pin == RESET and value for pin, value in pins):
-                said.append(_on_reset(instance, runtime))
+            latched = LATCHED_PINS[: 1 if adhoc_at_once else None]
+            said = [_latched_remark(instance, *pin) for pin in pins if pin[0] in latched]
+            if any(pin == RESET_PIN and value for pin, value in pins):
+                said.append(_reset_remark(instance, runtime))
             return "; ".join(filter(None, said))
     return ""
 
 
-def _on_reset(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
+def _reset_remark(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
     if instance is None:
         return ""
     stands = runtime.link_snapshot(instance.connect).state == CONNECTED
@@ -117,14 +117,14 @@ def _on_reset(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
     )
 
 
-def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
+def _latched_remark(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
     if instance is None or not instance.need or instance.pin(pin) == value:
         return ""
     return f"from the next job: the one that runs goes on with {count(instance.need, 'byte')}"
 
 
 MOST_ANSWERS: Final = 64
-EDITS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Resize)
+EDIT_COMMANDS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Resize)
 MOST_DATA: Final = 65_536  # of one variable in a picture: as much as a job writes; more would block the pipe
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
@@ -132,14 +132,14 @@ SAVE: Final = "save"
 WATCH: Final = "watch"
 UDT: Final = "udt"
 FRAMING: Final = "framing"
-SAVE_LINES: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
+SAVE_USAGE: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
 RECORD: Final = "record"  # begins a recording, `record stop` ends it
 RECORDING: Final = "recording"
 BOX_OFF: Final = "[options] black_box on, and the run that the screen began with, not recorded by --record"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
 PROJECT: Final = "project"
-SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
+SCENARIO_USAGE: Final = "load FILE.toml sim|live, step, run or stop"
 
 
 def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
@@ -172,8 +172,8 @@ class Controller:
         self.files_judge: Judge | None = None  # of what files, packets, or the black box tell
         self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
-        self._trials = SplitTests()
-        self._begin(bench)
+        self._trials = ScreenSplitTest()
+        self._begin_bench(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = self._edit = ""
         self._edits = ProjectEdits(bench.project)
@@ -184,7 +184,7 @@ class Controller:
         self._project = bench.project
         self._project_number = 0
 
-    def _begin(self, bench: Bench) -> None:
+    def _begin_bench(self, bench: Bench) -> None:
         self.begun_ns = clock.wall_ns() - bench.now if bench.kernel_name == "live" else None
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
@@ -192,12 +192,12 @@ class Controller:
         self.trigger_watch = TriggerWatch(bench, reader)
         self._waves = WaveformRecorder(bench, reader)
         self._doctor = BenchDoctor()
-        self.session = Session(bench, reader, self._waves)
+        self.session = RecordedSession(bench, reader, self._waves)
         self.catch_up = reader.catch_up
 
     # -- lines -----------------------------------------------------------------------------------------
 
-    def take(self, number: int, line: str) -> None:
+    def handle_line(self, number: int, line: str) -> None:
         self._told, self._edit, self._asked = "", "", (number, line)
         self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
@@ -206,12 +206,12 @@ class Controller:
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
             self.holding, self.wanted = line == "hold", 0
-            self.bench.told(line)
+            self.bench.record_line(line)
             return ""
         try:
             verb, _, rest = line.partition(" ")
             if verb == SCENARIO:
-                return self._scenario(rest.strip())
+                return self._handle_scenario(rest.strip())
             if verb == TRIGGER:
                 self._told = self.trigger_watch.arm(rest, "prompt")
                 return ""
@@ -226,35 +226,35 @@ class Controller:
             if verb == RECORD:
                 return self._record(rest.strip())
             if verb == UDT:
-                return self._udt(rest)
+                return self._handle_udt(rest)
             if verb == FRAMING:
-                return self._framing(rest)
+                return self._handle_framing(rest)
             command = parse_line(line, self.bench.project, "prompt")
         except UserError as error:
             return error.lines()[0]
         if command is None:
             return ""
         if isinstance(command, words.Add) and command.port:
-            command = self._at_a_free_port(command)
+            command = self._choose_free_port(command)
             line = format_command(command)
         try:
-            wrong = self._act(command)
+            wrong = self._run_command(command)
         except UserError as error:  # nobody keeps the run
             return error.lines()[0]
-        if not wrong and isinstance(command, EDITS) and self.player is None:
+        if not wrong and isinstance(command, EDIT_COMMANDS) and self.player is None:
             self._edit = line
         if not wrong and not isinstance(command, words.Doctor):
             self.session.note(command, line)
         return wrong
 
-    def _act(self, command: words.BenchCommand) -> str:
+    def _run_command(self, command: words.BenchCommand) -> str:
         match command:
             case words.RunScans(scans):
-                return self._pass(scans)
+                return self._allow_scans(scans)
             case words.RunFor(ns):
-                return self._pass(ns // self.bench.runtime.interval_ns)
+                return self._allow_scans(ns // self.bench.runtime.interval_ns)
             case words.Expect(condition, None):
-                return "" if holds(self.bench, condition) else f"found {found(self.bench, condition)}"
+                return "" if holds(self.bench, condition) else f"found {describe_now(self.bench, condition)}"
             case words.TrySplits():
                 return self._trials.begin(self.bench, command)
             case words.TryStop():
@@ -262,21 +262,21 @@ class Controller:
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
                 return self._mend(command)
             case words.Doctor():
-                judge = self.files_judge or RunJudge(self._box())
+                judge = self.files_judge or RunJudge(self._require_box())
                 self._told = self._doctor.ask(judge, self.bench, *self._asked, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case words.Set() | words.Pulse():
                 at_once = self.bench.project.rules.adhoc_at_once
-                remark = remark_on(command, self.bench.runtime, at_once)
+                remark = make_remark(command, self.bench.runtime, at_once)
                 wrong = self.bench.do(command)
                 self._told = "" if wrong else remark
                 return wrong
             case _:
                 return self.bench.do(command)
 
-    def _at_a_free_port(self, command: words.Add) -> words.Add:
+    def _choose_free_port(self, command: words.Add) -> words.Add:
         [end] = listening_ends(command.with_it)[:1]
         port = command.port
         while not self.bench.is_free(Endpoint(end.address, port)):
@@ -301,16 +301,16 @@ class Controller:
                 self._edits.note(mine)
         return wrong
 
-    def _udt(self, rest: str) -> str:
+    def _handle_udt(self, rest: str) -> str:
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"
-        fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
-        self.bench.told(f"{UDT} {rest}")
+        fresh, given, self._told = reload_types(rest, self.bench.project, "prompt")
+        self.bench.record_line(f"{UDT} {rest}")
         self.bench.project = fresh
-        self._edits.take_types(fresh, given)
+        self._edits.accept_types(fresh, given)
         return ""
 
-    def _framing(self, rest: str) -> str:
+    def _handle_framing(self, rest: str) -> str:
         from trcvtui.diagnosis.readings import framing_command as framing  # read when first asked for
 
         name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")
@@ -323,7 +323,7 @@ class Controller:
         self._told = "; ".join(lines)
         return wrong
 
-    def _pass(self, scans: int) -> str:
+    def _allow_scans(self, scans: int) -> str:
         if not self.holding:
             return "scans are passing already; `hold` stops them"
         self.wanted += scans
@@ -332,7 +332,7 @@ class Controller:
     # -- the session ------------------------------------------------------------------------------------
 
     def _record(self, rest: str) -> str:
-        box = self._box()
+        box = self._require_box()
         if rest == "stop":
             self._told = box.stop_recording()
             return ""
@@ -342,14 +342,14 @@ class Controller:
         self._told = box.start_recording(_recording_path(rest) if rest else find_new_path(Path(), stem))
         return ""
 
-    def tell_recording(self, text: str, wrong: str) -> None:
+    def report_recording(self, text: str, wrong: str) -> None:
         """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
         self.recorded = text
         if wrong != self._wrong_recording:
             self._wrong_recording = wrong
             self.bench.note(RECORDING, wrong)
 
-    def _box(self) -> BlackBox:
+    def _require_box(self) -> BlackBox:
         if self.black_box is None and self.recorded:
             raise mistake(
                 "prompt", "a run that --record keeps, to its end", "that recording, or `trcvtui run` without"
@@ -362,17 +362,17 @@ class Controller:
         """Write the project, or what was done here as a scenario; of others' files none is written over."""
         what, _, name = rest.partition(" ")
         if what == RECORDING and name.strip():
-            self._told = self._box().save(_recording_path(name.strip()))
+            self._told = self._require_box().save(_recording_path(name.strip()))
             return ""
         if what != PROJECT and (what != SCENARIO or not name.strip()):
-            raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
+            raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_USAGE)
         if self.player is not None:
             raise mistake(
                 "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
             )
         if what == PROJECT:
             self._told = self._edits.save(name)
-            self.bench.project = moved(self.bench.project, self._edits.project.path)
+            self.bench.project = move_project(self.bench.project, self._edits.project.path)
             return ""
         before = None
         if self._edits.saved != self._begun_with:
@@ -382,25 +382,25 @@ class Controller:
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
         elif self._edits.text_now() != self._edits.text:
             before = self._edits.text
-        path = target(name, "prompt")
+        path = parse_toml_path(name, "prompt")
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))
         size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
-        self._told = f"{size} in {path.absolute()}{self.session.outsiders().told}"
+        self._told = f"{size} in {path.absolute()}{self.session.external_partners().warning}"
         return ""
 
     # -- a scenario ------------------------------------------------------------------------------------
 
-    def _scenario(self, rest: str) -> str:
+    def _handle_scenario(self, rest: str) -> str:
         if rest in ("step", "run"):
             return self._play(rest)
         if rest == "stop":
             if self.player is not None:
-                self._go_home()
+                self._leave_scenario()
             return ""
         file, _, kernel = rest.removeprefix("load ").rpartition(" ")
-        if not rest.startswith("load ") or not file.strip() or kernel not in KERNELS:
-            raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_LINES}")
+        if not rest.startswith("load ") or not file.strip() or kernel not in KERNEL_NAMES:
+            raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_USAGE}")
         self._load(file.strip(), kernel)
         return ""
 
@@ -417,23 +417,23 @@ class Controller:
         refuse_too_many_steps(file, scenario)
         self.bench.close()  # first: both may want the same port
         try:
-            self._enter(Bench(scenario.project, kernel))
+            self._switch_bench(Bench(scenario.project, kernel))
         except UserError:
-            self._go_home()
+            self._leave_scenario()
             raise
         self.player, self.holding = Player(file, scenario, self.bench), True
 
-    def _go_home(self) -> None:
+    def _leave_scenario(self) -> None:
         self.bench.close()
-        self._enter(fresh_bench(self._edits.project, self._home_kernel))
+        self._switch_bench(fresh_bench(self._edits.project, self._home_kernel))
         self._begun_with = self._edits.done
-        self._edits.begin()
+        self._edits.begin_bench()
 
-    def _enter(self, bench: Bench) -> None:
+    def _switch_bench(self, bench: Bench) -> None:
         self.bench, self.player, self.recorded = bench, None, ""
-        self._begin(bench)
+        self._begin_bench(bench)
         self.holding, self.wanted = False, 0
-        self._trials = SplitTests()
+        self._trials = ScreenSplitTest()
         self._bench_number += 1
 
     # -- scans -----------------------------------------------------------------------------------------
@@ -456,13 +456,13 @@ class Controller:
         if not self._may_scan():
             return False
         self.bench.step(now)
-        if self.trigger_watch.armed:
-            fired = self.trigger_watch.scanned()
+        if self.trigger_watch.armed_text:
+            fired = self.trigger_watch.check_scan()
             if fired is not None and fired.holds:
                 self.holding, self.wanted = True, 0
         if self.player is not None:
-            self.player.scanned()
-        self._trials.scanned()
+            self.player.note_scan()
+        self._trials.advance()
         return True
 
     def _may_scan(self) -> bool:
@@ -473,10 +473,10 @@ class Controller:
         self.wanted -= 1
         return True
 
-    def rest(self) -> None:
+    def step_peers_alone(self) -> None:
         """Let the peers go on while no scan passes; on the simulated network time stands then."""
         if self.bench.kernel_name == "live":
-            self.bench.rest()
+            self.bench.step_peers_alone()
 
     # -- pictures --------------------------------------------------------------------------------------
 
@@ -492,14 +492,14 @@ class Controller:
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
         data_of, partial_of = (request.data, request.partial_of) if known else ((), ())
-        self._answers.extend(self._doctor.go_on(self.files_judge, self.bench, request.doctor))
+        self._answers.extend(self._doctor.advance(self.files_judge, self.bench, request.doctor))
         internal = self.bench.containment.take_messages()
         if internal:
-            self.complain(internal)
+            self.report_problem(internal)
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1
-        kept = self.trigger_watch.take_kept() if known else None
+        kept = self.trigger_watch.take_frozen() if known else None
         lines, last = ledger.lines_since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
         if kept:
@@ -523,16 +523,16 @@ class Controller:
             project_number=self._project_number,
             project=None if request.project == self._project_number else self._project,
             player=self.player.snapshot() if self.player is not None else None,
-            trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
+            trial=self._trials.snapshot() or (self.player.find_trial() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
             history=self._history.read_window(wanted) if wanted and known else None,
-            unsaved=self._edits.unsaved,
+            unsaved=self._edits.unsaved_count,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
             facts=kept.facts if kept else self.trigger_watch.facts(partial_of),
             recorded=self.recorded,
             is_recording=self.black_box is not None and self.black_box.is_recording,
-            armed=self.trigger_watch.armed if known else "",
+            armed=self.trigger_watch.armed_text if known else "",
             fired=kept.fired if kept else None,
             shadows=self.shadows,
             talks=self.talks(),
@@ -547,7 +547,7 @@ class Controller:
         instance, since, until = request.messages
         return self._messages.make_delta(instance, since, min(until, scan))
 
-    def complain(self, text: str) -> None:
+    def report_problem(self, text: str) -> None:
         """Say what is wrong, asked by no line."""
         self._answers.append(LineAnswer(0, "", text))
 

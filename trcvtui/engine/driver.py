@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.recording.files import RecordTarget
 
-LAST_WORDS_S: Final = 2.0
-HELLO_S: Final = 30.0  # for an engine to let a tab in
+EXIT_WAIT_S: Final = 2.0
+HELLO_TIMEOUT_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
@@ -44,9 +44,9 @@ class ProcessDriver:
         self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
-        self._listen(ours)
+        self._open_channel(ours)
 
-    def _listen(self, channel: Channel) -> None:
+    def _open_channel(self, channel: Channel) -> None:
         from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
 
         self._channel = channel
@@ -69,7 +69,7 @@ class ProcessDriver:
     def pid(self) -> int | None:
         return self._process.pid
 
-    def project(self) -> Project:
+    def wait_for_project(self) -> Project:
         """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
         while not self.has_begun():
             self._channel.poll(None)
@@ -81,7 +81,7 @@ class ProcessDriver:
         if self._project is None and (message := self._message()) is not None:
             if isinstance(message, UserError):
                 raise message
-            self._project = self._checked(message)
+            self._project = self._check_message(message)
         return self._project is not None
 
     def submit(self, line: str) -> int:
@@ -100,10 +100,10 @@ class ProcessDriver:
     def poll_picture(self) -> BenchUpdate | None:
         newest = None
         while (message := self._message()) is not None:
-            newest = self._take(self._checked(message)) or newest
+            newest = self._accept_message(self._check_message(message)) or newest
         return newest
 
-    def _take(self, message: Any) -> BenchUpdate | None:
+    def _accept_message(self, message: Any) -> BenchUpdate | None:
         """Return a picture; None for the project, which comes before them."""
         if self._project is None:
             self._project = message
@@ -117,11 +117,11 @@ class ProcessDriver:
         try:
             return self._arriving.next()
         except (EOFError, OSError):
-            raise self._ended() from None
+            raise self._make_stopped() from None
 
-    def _ended(self, trace: str = "") -> EngineStopped:
+    def _make_stopped(self, trace: str = "") -> EngineStopped:
         if not trace:
-            self._process.join(LAST_WORDS_S)
+            self._process.join(EXIT_WAIT_S)
             code = self._process.exitcode
             name = {number.value: number.name for number in signal.Signals}.get(-(code or 0))
             trace = f"the engine process was ended by {name or f'exit code {code}'}"
@@ -132,13 +132,13 @@ class ProcessDriver:
             stopped.folder = (target if target.is_dir() else target.parent).absolute()
         return stopped
 
-    def _checked(self, message: Any) -> Any:
+    def _check_message(self, message: Any) -> Any:
         """Return a message; raise EngineStopped for last words."""
         match message:
             case UserError():
                 raise EngineStopped(message.lines()[0])
             case str():
-                raise self._ended(message)
+                raise self._make_stopped(message)
         return message
 
     def _send(self, message: tuple[int, bytes] | UpdateRequest) -> None:
@@ -147,13 +147,13 @@ class ProcessDriver:
         try:
             self._channel.send_bytes(encode(message))
         except OSError:
-            while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
+            while not self._channel.closed and self._channel.poll(EXIT_WAIT_S):
                 self.poll_picture()
-            raise self._ended() from None
+            raise self._make_stopped() from None
 
     def close(self) -> None:
         self._channel.close()
-        self._process.join(LAST_WORDS_S)
+        self._process.join(EXIT_WAIT_S)
         if self._process.is_alive():
             self._process.kill()  # a stopped one hears of no other signal
             self._process.join()
@@ -206,13 +206,13 @@ class AttachedDriver(ProcessDriver):
 
     def _start(self) -> None:
         try:
-            self._listen(Client(str(self._door)))
-            if not self._channel.poll(HELLO_S):
+            self._open_channel(Client(str(self._door)))
+            if not self._channel.poll(HELLO_TIMEOUT_S):
                 raise TimeoutError
         except OSError:
             raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
 
-    def _ended(self, trace: str = "") -> EngineStopped:
+    def _make_stopped(self, trace: str = "") -> EngineStopped:
         stopped = EngineStopped(trace or "the engine of `trcvtui serve` has ended")
         stopped.ends_screen = os.getppid() != self._parent  # `serve` was killed
         return stopped

@@ -21,7 +21,7 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
 from trcvtui.engine.screens import AttachedScreen, AttachedScreens
-from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
+from trcvtui.engine.timing import ScanTiming, be_punctual, freeze_collector
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, close_files, noting_reads
 from trcvtui.picture.bench_update import UpdateRequest
@@ -40,11 +40,11 @@ def engine_main(channel: Channel, *asked: Any) -> None:
     try:
         _run(channel, *asked)
     except UserError as wrong:
-        _tell(channel, wrong)
+        _send_last_words(channel, wrong)
     except Exception as error:
         from trcvtui.bench.error_report import trace_of
 
-        _tell(channel, trace_of(error))
+        _send_last_words(channel, trace_of(error))
 
 
 def _run(
@@ -86,7 +86,7 @@ def _run(
             Engine(AttachedScreens(channel, project, read_only, door), bench, recorder).run()
 
 
-def _tell(channel: Channel, last_words: str | UserError) -> None:
+def _send_last_words(channel: Channel, last_words: str | UserError) -> None:
     try:
         channel.send(last_words)
     except OSError:
@@ -96,10 +96,10 @@ def _tell(channel: Channel, last_words: str | UserError) -> None:
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
 GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
 STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
-READ_NS: Final = 100_000_000  # nothing is left unread for longer
+READ_PAUSE_NS: Final = 100_000_000  # nothing is left unread for longer
 PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
-FAST_NS: Final = 5_000_000  # with shorter intervals
-PICTURE_NS: Final = 100_000_000  # lies between two pictures
+FAST_INTERVAL_NS: Final = 5_000_000  # with shorter intervals
+PICTURE_PAUSE_NS: Final = 100_000_000  # lies between two pictures
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
 
@@ -122,24 +122,24 @@ class Engine:
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
 
-    def _begin(self, bench: Bench) -> None:
-        quiet_collector()
+    def _begin_bench(self, bench: Bench) -> None:
+        freeze_collector()
         self._bench = bench
         for screen in self._screens.all:
             screen.kept = None
         self._interval = bench.runtime.interval_ns
         self._timing = ScanTiming(self._mode)
         if self._timing_file:
-            self._timing.keep_every()
+            self._timing.keep_every_scan()
         self._start = self._due = self._read_at = clock.now_ns()
 
     def run(self) -> None:
         """Scan at every deadline; serve the screens in between."""
-        self._begin(self._bench)
+        self._begin_bench(self._bench)
         try:
             while True:
                 self._serve()
-                self._hurry(self._due - SPARE_NS)
+                self._scan_fast(self._due - SPARE_NS)
                 clock.sleep_until(self._due)
                 self._scan()
         except Exception:
@@ -154,15 +154,15 @@ class Engine:
         began = clock.now_ns()
         if self._controller.step(began - self._start if self._bench.kernel_name == "live" else None):
             ended = clock.now_ns()
-            self._timing.scanned(self._due, began, ended, self._interval)
+            self._timing.count_scan(self._due, began, ended, self._interval)
         else:
-            self._controller.rest()
+            self._controller.step_peers_alone()
             ended = clock.now_ns()
         self._due += self._interval
         if ended > self._due:
             self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
 
-    def _hurry(self, until: int) -> None:
+    def _scan_fast(self, until: int) -> None:
         while self._controller.hurries and clock.now_ns() < until:
             self._controller.scan()
 
@@ -174,39 +174,39 @@ class Engine:
         """
         if self._recorder is not None:
             self._recorder.finish_scan(self._bench)
-            self._controller.tell_recording(self._recorder.describe_status(), self._recorder.last_error)
+            self._controller.report_recording(self._recorder.describe_status(), self._recorder.last_error)
         self._read_ledger()
-        self._take_messages()
-        self._deliver(self._due - SPARE_NS)
+        self._handle_messages()
+        self._deliver_pictures(self._due - SPARE_NS)
         while self._due - (now := clock.now_ns()) > 2 * STEP_NS:
-            self._hurry(now + STEP_NS)
+            self._scan_fast(now + STEP_NS)
             clock.sleep_until(now + STEP_NS)
-            self._take_messages()
-            self._deliver(self._due - SPARE_NS)
+            self._handle_messages()
+            self._deliver_pictures(self._due - SPARE_NS)
 
     def _read_ledger(self) -> None:
         now = clock.now_ns()
-        is_long_ago = now > self._read_at + READ_NS
+        is_long_ago = now > self._read_at + READ_PAUSE_NS
         if self._controller.catch_up(None if is_long_ago else max(now, self._due - SPARE_NS)):
             self._read_at = now
 
-    def _take_messages(self) -> None:
-        for screen, message in self._screens.messages(self._due - SPARE_NS):
+    def _handle_messages(self) -> None:
+        for screen, message in self._screens.read_messages(self._due - SPARE_NS):
             if isinstance(message, UpdateRequest):
                 screen.request, screen.asked_at = message, clock.now_ns()
             else:
-                self._take(*message)
+                self._handle_line(*message)
 
-    def _take(self, number: int, line: str) -> None:
-        self._controller.take(number, line)
+    def _handle_line(self, number: int, line: str) -> None:
+        self._controller.handle_line(number, line)
         self._screens.hand_out(self._controller.take_answers())
         if self._controller.bench is not self._bench:
             if self._recorder is not None:
                 self._recorder.close()  # the run on record is over
                 self._recorder = self._controller.black_box = self._controller.files_judge = None
-            self._begin(self._controller.bench)
+            self._begin_bench(self._controller.bench)
 
-    def _deliver(self, until: int) -> None:
+    def _deliver_pictures(self, until: int) -> None:
         began = clock.now_ns()
         screens = self._screens.all
         if not any(screen.request or screen.pipe.is_busy() for screen in screens):
@@ -218,7 +218,7 @@ class Engine:
         for screen in tuple(screens):
             screens.rotate(-1)
             if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
-                self._make(screen, screen.request)
+                self._make_picture(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
                 screen.pipe.advance(part)
             if clock.now_ns() >= part:
@@ -227,7 +227,7 @@ class Engine:
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
 
-    def _make(self, screen: AttachedScreen, request: UpdateRequest) -> None:
+    def _make_picture(self, screen: AttachedScreen, request: UpdateRequest) -> None:
         began, watch = clock.now_ns(), self._controller.trigger_watch
         for each in self._screens.all:
             each.kept = watch.kept or each.kept
@@ -244,7 +244,7 @@ class Engine:
 
         With short intervals there are ten a second, and one at once where a line waits for its answer.
         """
-        least = PICTURE_NS if self._interval < FAST_NS and not screen.answers else 0
+        least = PICTURE_PAUSE_NS if self._interval < FAST_INTERVAL_NS and not screen.answers else 0
         now = clock.now_ns()
         if now < self._made_at + least:
             return False

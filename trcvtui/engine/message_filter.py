@@ -1,7 +1,7 @@
 """A filter of messages: the condition of a trigger, asked of each row.
 
 `weight > 3`, `STATUS=80C5`, `RCVD_LEN!=12`: a name without an instance is a member of DATA or a pin of the
-instance. Of the pins a row knows those in `OF_A_ROW`. What a row does not know makes no condition true.
+instance. Of the pins a row knows those in `ROW_VALUES`. What a row does not know makes no condition true.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.engine.trigger_watch import COMPARE, ConditionText, read_comparison
+from trcvtui.engine.trigger_watch import OPERATORS, ConditionText, read_comparison
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl, Project
@@ -20,18 +20,18 @@ from trcvtui.udt.layout.layout_tree import Node, PlacedLeaf, find_node
 
 Filter = Callable[[MessageRow], bool]
 
-FORM: Final = "weight > 3, STATUS=80C5 or RCVD_LEN!=12"
-OF_DATA: Final = "data"  # before a member that is called like a column or a pin
+FILTER_FORM: Final = "weight > 3, STATUS=80C5 or RCVD_LEN!=12"
+DATA_PREFIX: Final = "data"  # before a member that is called like a column or a pin
 MOST_NAMES: Final = 1024  # among which the nearest is looked for
 # By what an output shows; -1 is not known.
-OF_A_ROW: Final[Mapping[str, Callable[[MessageRow], int]]] = {
+ROW_VALUES: Final[Mapping[str, Callable[[MessageRow], int]]] = {
     "status": lambda row: row.status,
     "rcvd_len": lambda row: row.size,
     "done": lambda row: not row.reason,
 }
 # What columns are called is known, too.
 _RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "", shows="rcvd_len")
-_COLUMNS: Final = (
+_COLUMN_PINS: Final = (
     Pin("length", Direction.OUT, "UDINT", "", shows="rcvd_len"),
     Pin("status", Direction.OUT, "WORD", "", shows="status"),
 )
@@ -41,7 +41,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
     """Return what tells whether a row of an instance is let through; raise UserError."""
     decl = project.instance(instance)
     assert decl is not None
-    comparison = read_comparison(text.strip(), where, FORM)
+    comparison = read_comparison(text.strip(), where, FILTER_FORM)
     named, _, rest = comparison.subject.partition(" ")
     if rest and project.instance(named) is not None:
         if named != instance:
@@ -53,7 +53,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
     """Return the same for messages of a type that is known without a project, or of none."""
-    return _filter(read_comparison(text.strip(), where, FORM), "", (_RCVD_LEN,), layout)
+    return _filter(read_comparison(text.strip(), where, FILTER_FORM), "", (_RCVD_LEN,), layout)
 
 
 def _filter(
@@ -61,25 +61,25 @@ def _filter(
 ) -> Filter:
     subject, where = comparison.subject, comparison.where
     layout = data.layout if isinstance(data, DataDecl) else data
-    pins = {pin.name: pin for pin in outputs if pin.shows in OF_A_ROW}
-    found = find_member(layout, subject, *names_before(instance, data)) if subject not in pins else None
+    pins = {pin.name: pin for pin in outputs if pin.shows in ROW_VALUES}
+    found = find_member(layout, subject, *path_prefixes(instance, data)) if subject not in pins else None
     if found is not None and layout is not None:
         if not isinstance(found[1], PlacedLeaf):
             raise mistake(where, f"'{subject[:60]}', which has members of its own", "the path of one of them")
-        condition = comparison.of_leaf("", layout, layout.leaf(found[0]))
-        return lambda row: row.content is not None and condition.is_in(row.content[: row.have])
-    known = {pin.name.casefold(): pin for pin in (*_COLUMNS, *pins.values())} | pins
+        condition = comparison.make_leaf_condition("", layout, layout.leaf(found[0]))
+        return lambda row: row.content is not None and condition.holds_in(row.content[: row.have])
+    known = {pin.name.casefold(): pin for pin in (*_COLUMN_PINS, *pins.values())} | pins
     pin = known.get(subject) or known.get(subject.casefold())
     if pin is None:
         leaves = layout.leaves(0, MOST_NAMES) if layout is not None else ()
-        names = [*(each.name for each in _COLUMNS), *pins, *(leaf.path for leaf in leaves if leaf.path)]
-        raise unknown_member(where, subject, names)
-    of_row, compare = OF_A_ROW[pin.shows], COMPARE[comparison.operator]
-    value = comparison.of_pin(instance, pin).value
+        names = [*(each.name for each in _COLUMN_PINS), *pins, *(leaf.path for leaf in leaves if leaf.path)]
+        raise unknown_member_error(where, subject, names)
+    of_row, compare = ROW_VALUES[pin.shows], OPERATORS[comparison.operator]
+    value = comparison.make_pin_condition(instance, pin).value
     return lambda row: (now := of_row(row)) >= 0 and compare(now, value)
 
 
-def names_before(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
+def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
     """Return what may stand before the path of a member: the instance, the name of its DATA."""
     return (instance, data.name) if isinstance(data, DataDecl) else ()
 
@@ -91,7 +91,7 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     """
     if layout is None or not layout.leaf_count:
         return None
-    paths = [name[len(start) :] for start in (OF_DATA, layout.name, *before) if name.startswith(start)]
+    paths = [name[len(start) :] for start in (DATA_PREFIX, layout.name, *before) if name.startswith(start)]
     for path in (name, *(path for path in paths if not path or path[0] in ".[")):
         try:
             return find_node(layout.root, path)
@@ -100,6 +100,6 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     return None
 
 
-def unknown_member(where: str, name: str, names: Iterable[str]) -> UserError:
+def unknown_member_error(where: str, name: str, names: Iterable[str]) -> UserError:
     """Return the mistake that a name is no member, with the nearest one."""
     return mistake(where, quote(name), expected_name(name, names, "member"), "unknown")

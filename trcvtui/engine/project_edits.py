@@ -32,20 +32,20 @@ from trcvtui.project.keys import EDITED, forms_of, names_of
 from trcvtui.project.project import Edit, Edits, Project, UdtFile
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, quote, read_text
 from trcvtui.project.text import add_constants, append_entries, change_entry, relocate, relocate_files
-from trcvtui.scenario.recorded_session import SUFFIX, target
+from trcvtui.scenario.recorded_session import SUFFIX, parse_toml_path
 from trcvtui.scenario.scenario import check_bench
 from trcvtui.wording import count
 
-PROPOSED: Final = "baosky"
-NO: Final = ("n", "no", "q")
-YES: Final = ("", "y", "yes")
+DEFAULT_DIALECT: Final = "baosky"
+NO_WORDS: Final = ("n", "no", "q")
+YES_WORDS: Final = ("", "y", "yes")
 MOST_QUESTIONS: Final = 5
-TEXT: Final = """# a bench of trcvtui; `save project` writes here what is added on the screen
+PROJECT_TEMPLATE: Final = """# a bench of trcvtui; `save project` writes here what is added on the screen
 dialect = "{dialect}"
 """
 
 
-def is_wanting(path: Path) -> bool:
+def can_create_project(path: Path) -> bool:
     """Return whether a project could begin here: no file in a folder that is there, or an empty file."""
     if path.suffix != SUFFIX:
         return False
@@ -54,31 +54,31 @@ def is_wanting(path: Path) -> bool:
     return path.is_file() and path.stat().st_size == 0
 
 
-def offer(path: Path, answers: TextIO, talk: TextIO) -> bool:
+def offer_project(path: Path, answers: TextIO, talk: TextIO) -> bool:
     """Ask for which PLC the project shall be, and write it; return whether there is one now."""
-    names = [PROPOSED, *(name for name in DIALECTS if name != PROPOSED)]
+    names = [DEFAULT_DIALECT, *(name for name in DIALECTS if name != DEFAULT_DIALECT)]
     state = "is empty" if path.exists() else "is not there"
     talk.write(f"{path} {state}. It can be created, for\n")
     for number, name in enumerate(names, 1):
         talk.write(f"  {number}  {name:<16}{DIALECTS[name].title}\n")
     for _ in range(MOST_QUESTIONS):
-        talk.write(f"enter: create it for {PROPOSED}; a number or a name: for that one; n: nothing > ")
+        talk.write(f"enter: create it for {DEFAULT_DIALECT}; a number or a name: for that one; n: nothing > ")
         talk.flush()
         line = answers.readline()
         word = line.strip().lower()
-        if not line or word in NO:
+        if not line or word in NO_WORDS:
             break
-        chosen = _chosen(word, names)
+        chosen = _parse_choice(word, names)
         if chosen:
-            write_file(path, TEXT.format(dialect=chosen), "trcvtui run", is_own=True)
+            write_file(path, PROJECT_TEMPLATE.format(dialect=chosen), "trcvtui run", is_own=True)
             return True
     talk.write("\nnothing was written\n")
     return False
 
 
-def _chosen(word: str, names: list[str]) -> str:
-    if word in YES:
-        return PROPOSED
+def _parse_choice(word: str, names: list[str]) -> str:
+    if word in YES_WORDS:
+        return DEFAULT_DIALECT
     if word.isascii() and word.isdigit() and 0 < int(word[:6]) <= len(names):
         return names[int(word[:6]) - 1]
     return word if word in names else ""
@@ -87,35 +87,35 @@ def _chosen(word: str, names: list[str]) -> str:
 FORCE: Final = "!"
 
 
-def target_of(words: str, own: Path, written: Collection[str], where: str) -> Path:
+def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
     """Return the file that `[FILE] [!]` names; raise UserError where it would write over somebody else's."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
     if not name:
-        refuse_what_came_along(own, where)
+        refuse_shipped_file(own, where)
         return own
-    path = target(name, where)
+    path = parse_toml_path(name, where)
     if not name.strip("\"'").endswith(SUFFIX):
         raise mistake(where, quote(name), f"a name that ends in {SUFFIX}")
     whole = os.path.realpath(path)
     is_ours = whole in written or whole == os.path.realpath(own)
     if is_ours:
-        refuse_what_came_along(path, where)
+        refuse_shipped_file(path, where)
     elif not is_forced and os.path.lexists(path):
         expected = f"the name of a new file, or `save project {name} {FORCE}` to write over it"
         raise mistake(where, f"{path}, which is there already", expected)
     return path
 
 
-def refuse_what_came_along(path: Path, where: str) -> None:
+def refuse_shipped_file(path: Path, where: str) -> None:
     """Raise UserError where a file is, or would be, in a folder of trcvtui itself."""
     here = Path(os.path.realpath(path))
     if any(here.is_relative_to(os.path.realpath(folder)) for folder in (demo_path().parent, configs_path())):
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
 
 
-def edited_text(
+def apply_edits(
     text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
 ) -> tuple[str, Project]:
     """Return the text of `own` with these edits, and what it loads as in `path`; raise UserError."""
@@ -124,54 +124,54 @@ def edited_text(
         text = append_entries(text, added, str(own))
     for edit in edits:
         if edit.before is not None:
-            text = _with_change(text, edit, own, path)
+            text = _apply_edit(text, edit, own, path)
     if constants:
         text = add_constants(text, constants, str(own))
-    loaded = _loaded(text, path, edits)
+    loaded = _load_edited(text, path, edits)
     if any(loaded.constants.get(name) != number for name, number in constants.items()):
         raise mistake(str(path), "other constants", "the ones that were given")
     return text, loaded
 
 
-def _with_change(text: str, edit: Edit, own: Path, path: Path) -> str:
+def _apply_edit(text: str, edit: Edit, own: Path, path: Path) -> str:
     refused: UserError | None = None
     for form in range(len(forms_of(edit.after)) if edit.after is not None else 1):
         try:
             changed = change_entry(text, edit, form, str(own))
-            if edit.after is None or _stands(edit, _read(changed, path)):
+            if edit.after is None or _is_applied(edit, _read_project(changed, path)):
                 return changed
         except UserError as wrong:
             refused = refused or wrong
-    raise refused or _another(edit, path)
+    raise refused or _mismatch_error(edit, path)
 
 
-def _read(text: str, path: Path) -> Project:
+def _read_project(text: str, path: Path) -> Project:
     document = parse_toml(text, str(path))
     document.pop("scenario", None)
     return read_project(document, str(path), path.parent)
 
 
-def _loaded(text: str, path: Path, edits: Edits) -> Project:
+def _load_edited(text: str, path: Path, edits: Edits) -> Project:
     """Return the project that the text says, every edit as it was meant; raise UserError."""
-    loaded = _read(text, path)
+    loaded = _read_project(text, path)
     check_bench(loaded)
     for edit in edits:
-        if not _stands(edit, loaded):
-            raise _another(edit, path)
+        if not _is_applied(edit, loaded):
+            raise _mismatch_error(edit, path)
     return loaded
 
 
-def _stands(edit: Edit, loaded: Project) -> bool:
+def _is_applied(edit: Edit, loaded: Project) -> bool:
     found = find_entry(edit.kind, edit.name, loaded)
     return found is None if edit.after is None else found is not None and is_same_entry(edit.after, found)
 
 
-def _another(edit: Edit, path: Path) -> UserError:
+def _mismatch_error(edit: Edit, path: Path) -> UserError:
     expected = "none" if edit.after is None else "the one of the bench"
     return mistake(str(path), f"another {edit.kind} {edit.name}", expected)
 
 
-WHERE = "prompt"
+PROMPT = "prompt"
 
 
 class ProjectEdits:
@@ -190,7 +190,7 @@ class ProjectEdits:
         self._keep(self.text_now())
 
     @property
-    def unsaved(self) -> int:
+    def unsaved_count(self) -> int:
         """Return how many entries stand otherwise in the file, or not at all."""
         return len(self._edits) + len(self._constants)
 
@@ -202,12 +202,12 @@ class ProjectEdits:
         """Return what the file says now, `text` is what it said; "" where it cannot be read."""
         return _text_of(self.project.path)
 
-    def begin(self) -> None:
+    def begin_bench(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: EditCommand) -> EditCommand:
         """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
-        mine = parse_line(format_command(command), self.project, WHERE)
+        mine = parse_line(format_command(command), self.project, PROMPT)
         assert isinstance(mine, EDIT_COMMANDS)
         check_bench(project_after(mine, self.project))
         return mine
@@ -217,7 +217,7 @@ class ProjectEdits:
         self._edits = diff_projects(self._in_file, self.project)
         self.done += 1
 
-    def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
+    def accept_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
         known = names_of("udt", self.project)
         by_hand = [each for each in fresh.udts if each.name not in known]  # they stand in the file
         self._in_file = replace(self._in_file, udts=(*self._in_file.udts, *by_hand))
@@ -228,17 +228,17 @@ class ProjectEdits:
     def save(self, words: str) -> str:
         """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
         own = self.project.path
-        path = target_of(words, own, self._written, WHERE)
+        path = parse_save_target(words, own, self._written, PROMPT)
         if not path.parent.is_dir():
-            raise mistake(WHERE, f"{path}: no folder {path.parent}", "a file that can be written")
-        is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._lost()
+            raise mistake(PROMPT, f"{path}: no folder {path.parent}", "a file that can be written")
+        is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._find_obstacle()
         if is_own and lost and not self.text:
-            raise mistake(WHERE, f"{own}, which is no file", "a project that was opened from a file")
+            raise mistake(PROMPT, f"{own}, which is no file", "a project that was opened from a file")
         if is_own and lost and not words.rstrip().endswith(FORCE):
             raise mistake(lost.where, lost.found, f"{lost.expected}; `save project {FORCE}` writes it anew")
-        if is_own and not lost and not self.unsaved:
+        if is_own and not lost and not self.unsaved_count:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
-        told = f"the project with {count(self.unsaved, self.unsaved_word)} in {path.absolute()}"
+        told = f"the project with {count(self.unsaved_count, self.unsaved_word)} in {path.absolute()}"
         text = self.text if lost or not is_own else read_text(own)
         if lost or self.text_now() != text:
             now = f"{lost.where}: found {lost.found}" if lost else f"{own} has changed"
@@ -247,15 +247,15 @@ class ProjectEdits:
         old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
         self._restore_types(old)
         text = relocate_files(text, old, path.parent, str(own))
-        edits = _moved(self._edits, old, path.parent)
-        text, new = edited_text(text, own, path, edits, self._constants)
+        edits = _move_part(self._edits, old, path.parent)
+        text, new = apply_edits(text, own, path, edits, self._constants)
         bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
-        write_file(path, bom + text.encode(), WHERE, is_own=True)
+        write_file(path, bom + text.encode(), PROMPT, is_own=True)
         self.before = before and relocate_files(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()
         self.saved = self.done
-        self.project = moved(self.project, new.path)
+        self.project = move_project(self.project, new.path)
         self._in_file, self._edits = self.project, ()
         self._keep(text)
         return told
@@ -271,20 +271,20 @@ class ProjectEdits:
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():
-                make_folder(place.parent, WHERE)
-                write_file(place, each.content, WHERE, is_new=True)
+                make_folder(place.parent, PROMPT)
+                write_file(place, each.content, PROMPT, is_new=True)
 
-    def _lost(self) -> Problem | None:
+    def _find_obstacle(self) -> Problem | None:
         """Return why the file cannot take the edits any more, such as that it is gone."""
         own, was = self.project.path, self._in_file
         try:
             text = read_text(own)
-            now = _read(text, own)
+            now = _read_project(text, own)
             kept = [(kind, name) for kind in EDITED for name in names_of(kind, was)]
             is_left = not kept or any(name in names_of(kind, now) for kind, name in kept)
             if not is_left or now.dialect.name != was.dialect.name:
                 raise mistake(str(own), "another project", "the one of the bench")
-            edited_text(text, own, own, self._edits, self._constants)
+            apply_edits(text, own, own, self._edits, self._constants)
             return None
         except UserError as wrong:
             first = wrong.problems[0]
@@ -295,20 +295,20 @@ class ProjectEdits:
         return first
 
 
-def moved(project: Project, path: Path) -> Project:
+def move_project(project: Project, path: Path) -> Project:
     """Return the project as it stands in another file; the names of its UDT files begin in that folder."""
     new = path.parent
     old = project.base if project.base.is_dir() else new  # what is gone has come along
-    parts = {key: _moved(getattr(project, key), old, new) for key in ("udts", "undoable")}
+    parts = {key: _move_part(getattr(project, key), old, new) for key in ("udts", "undoable")}
     return replace(project, path=path, base=new, **parts)
 
 
-def _moved(part: Any, old: Path, new: Path) -> Any:
+def _move_part(part: Any, old: Path, new: Path) -> Any:
     if isinstance(part, UdtFile):
         return replace(part, name=relocate(part.name, old, new))
     if isinstance(part, Edit):
-        return replace(part, before=_moved(part.before, old, new), after=_moved(part.after, old, new))
-    return tuple([_moved(each, old, new) for each in part]) if isinstance(part, tuple) else part
+        return replace(part, before=_move_part(part.before, old, new), after=_move_part(part.after, old, new))
+    return tuple([_move_part(each, old, new) for each in part]) if isinstance(part, tuple) else part
 
 
 def _content(path: FileName) -> bytes:

@@ -23,15 +23,15 @@ from trcvtui.picture.update_pipe import MOST_PICTURE, MessageReader, UpdatePipe
 from trcvtui.snapshots.bench import LineAnswer
 
 if TYPE_CHECKING:
-    from trcvtui.engine.trigger_watch import KeptScan
+    from trcvtui.engine.trigger_watch import FrozenScan
     from trcvtui.net.os.tab_door import TabListener
     from trcvtui.project.project import Project
 
 MOST_MESSAGES: Final = 64  # that are taken at once
-MOST_MESSAGE: Final = 4 << 20  # bytes, of a tab
-MOST_UNREAD: Final = 1024  # answers
-MOST_ECHO: Final = 1 << 18  # characters of the line in one
-FIRST_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
+MOST_MESSAGE_BYTES: Final = 4 << 20  # bytes, of a tab
+MOST_UNREAD_ANSWERS: Final = 1024  # answers
+MOST_ECHO_CHARS: Final = 1 << 18  # characters of the line in one
+FIRST_MAKE_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
 
 
 class AttachedScreen:
@@ -41,15 +41,15 @@ class AttachedScreen:
         self.channel, self.number = channel, number
         self.pipe, self._reader = (
             UpdatePipe(channel),
-            MessageReader(channel, MOST_MESSAGE if number else MOST_PICTURE),
+            MessageReader(channel, MOST_MESSAGE_BYTES if number else MOST_PICTURE),
         )
         self.request: UpdateRequest | None = None
-        self.asked_at, self.make_ns = 0, FIRST_NS if number else 0  # what it took last to make a picture
+        self.asked_at, self.make_ns = 0, FIRST_MAKE_NS if number else 0  # what it took last to make a picture
         self.answers: list[LineAnswer] = []  # that are in no picture yet
-        self.kept: KeptScan | None = None  # the scan of a trigger that it has not been shown
+        self.kept: FrozenScan | None = None  # the scan of a trigger that it has not been shown
         self.is_gone = False
 
-    def message(self) -> tuple[int, str] | UpdateRequest | None:
+    def read_message(self) -> tuple[int, str] | UpdateRequest | None:
         try:
             content = self._reader.read_message()
             said = None if content is None else decode_request(content)
@@ -67,7 +67,7 @@ class AttachedScreens:
         self._read_only, self._door, self._came = read_only, door, 0
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
-    def messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
+    def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
         """Yield what has come until then; let tabs in and out; raise EOFError when the first one is gone."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
@@ -77,7 +77,7 @@ class AttachedScreens:
         self.all.rotate(-1)
         for screen in tuple(self.all):
             for _ in range(MOST_MESSAGES // len(self.all)):
-                if (message := screen.message()) is None:
+                if (message := screen.read_message()) is None:
                     break
                 if self._read_only and not isinstance(message, UpdateRequest) and not reads_only(message[1]):
                     self.hand_out([LineAnswer(*message, READ_ONLY)])
@@ -98,5 +98,5 @@ class AttachedScreens:
             number, own = divmod(answer.number, MOST_NUMBER)
             for screen in self.all:
                 if number == screen.number or not answer.number:
-                    screen.answers[:-MOST_UNREAD] = []
-                    screen.answers.append(replace(answer, number=own, line=answer.line[:MOST_ECHO]))
+                    screen.answers[:-MOST_UNREAD_ANSWERS] = []
+                    screen.answers.append(replace(answer, number=own, line=answer.line[:MOST_ECHO_CHARS]))

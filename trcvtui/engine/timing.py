@@ -36,7 +36,7 @@ def be_punctual() -> str:
     return "+".join(granted) or "default scheduling"
 
 
-def quiet_collector() -> None:
+def freeze_collector() -> None:
     """Move what exists out of the cyclic collector's sight and switch it off.
 
     A full collection took 45 to 138 ms; the engine makes no reference cycles while it scans.
@@ -72,7 +72,7 @@ def _ask_session() -> bool:
     return True
 
 
-BAD_NS: Final = 10_000_000_000  # a bad scan is told for so long
+BAD_SHOWN_NS: Final = 10_000_000_000  # a bad scan is told for so long
 
 
 class ScanTiming:
@@ -87,7 +87,7 @@ class ScanTiming:
         self._every: list[tuple[int, int, int, int]] | None = None
         self._used = 0  # processor time when the last scan ended
 
-    def keep_every(self) -> None:
+    def keep_every_scan(self) -> None:
         self._every, self._used = [], clock.used_ns()
 
     def write_to(self, path: Path) -> None:
@@ -101,7 +101,7 @@ class ScanTiming:
         }  # fmt: skip
         write_file(path, json.dumps(kept), "timing", is_own=True)
 
-    def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
+    def count_scan(self, due: int, began: int, ended: int, interval: int) -> None:
         """Count one scan; it overran when it ended after the next one was due.
 
         It is late when it began later than half an interval, as in `Bench.late_ns`.
@@ -112,7 +112,7 @@ class ScanTiming:
         if has_overrun or late > interval // 2:
             overruns, worst = self._bad if ended < self._bad_until else (0, 0)
             self._bad = overruns + has_overrun, max(worst, late if late > interval // 2 else 0)
-            self._bad_until = ended + BAD_NS
+            self._bad_until = ended + BAD_SHOWN_NS
         if self._every is not None:
             before, self._used = self._used, clock.used_ns()
             self._every.append((began, began - due, ended - began, self._used - before))

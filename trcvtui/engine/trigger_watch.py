@@ -34,12 +34,12 @@ from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import StringType
 
-COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
+OPERATORS: Final[dict[str, Callable[[Any, Any], bool]]] = {
     "=": eq, "!=": ne, "<": lt, ">": gt, "<=": le, ">=": ge,
 }  # fmt: skip
 RISES, OFF = "rises", "off"
-WITH_DONE: Final = "RCVD_LEN"
-FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
+PIN_WITH_DONE: Final = "RCVD_LEN"
+TRIGGER_FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
 _COMPARISON: Final = re.compile(r'((?:"[^"]*"|"(?![^"]*")|[^=!<>"])+?)\s*(!=|<=|>=|=|<|>)\s*(.+)', re.DOTALL)
 _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
@@ -53,15 +53,15 @@ class PinCondition(Struct, frozen=True):
     operator: str
     value: PinValue
 
-    def now(self, bench: Bench) -> bool:
-        if self.pin == WITH_DONE and not pin_now(bench, self.instance, "DONE"):
+    def holds_now(self, bench: Bench) -> bool:
+        if self.pin == PIN_WITH_DONE and not pin_now(bench, self.instance, "DONE"):
             return False
-        return COMPARE[self.operator](pin_now(bench, self.instance, self.pin), self.value)
+        return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
         """Return whether an event within a scan is what is waited for: a pin that rises and falls in it."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
-        return is_it and COMPARE[self.operator](event.value, self.value)
+        return is_it and OPERATORS[self.operator](event.value, self.value)
 
 
 class MemberCondition(Struct, frozen=True):
@@ -74,25 +74,25 @@ class MemberCondition(Struct, frozen=True):
     value: Any
     read: Callable[[bytes], Any]
 
-    def now(self, bench: Bench) -> bool:
+    def holds_now(self, bench: Bench) -> bool:
         return self._holds(bench.runtime.data_part(self.data, self.offset, self.offset + self.size))
 
-    def is_in(self, message: bytes) -> bool:
+    def holds_in(self, message: bytes) -> bool:
         """Return whether it is so in a message that goes into DATA; not where its bytes are not there."""
         return self._holds(message[self.offset : self.offset + self.size])
 
     def _holds(self, part: bytes) -> bool:
-        return len(part) == self.size and COMPARE[self.operator](self.read(part), self.value)
+        return len(part) == self.size and OPERATORS[self.operator](self.read(part), self.value)
 
 
-Condition = PinCondition | MemberCondition
+TriggerCondition = PinCondition | MemberCondition
 
 
 class Trigger(Struct, frozen=True):
     """What was asked for, as it was written; with `holds` no further scan passes once it has fired."""
 
     text: str
-    condition: Condition
+    condition: TriggerCondition
     holds: bool = False
 
 
@@ -106,21 +106,21 @@ def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
     return Trigger(text, _condition(asked, project, where), held is not None)
 
 
-def _condition(text: str, project: Project, where: str) -> Condition:
+def _condition(text: str, project: Project, where: str) -> TriggerCondition:
     edge = _EDGE.fullmatch(text)
     if edge is not None:
         subject, value = " ".join(filter(None, edge.groups()[:2])), "1" if edge[3] == RISES else "0"
         comparison = ConditionText(subject, "=", value, where)
     else:
-        comparison = read_comparison(text, where, FORM)
+        comparison = read_comparison(text, where, TRIGGER_FORM)
     words = Words(comparison.subject, where)
     word = words.peek()
     if project.instance(word) is not None:
-        return _pin(words, comparison, project, edge is not None)
+        return _read_pin(words, comparison, project, edge is not None)
     if project.data_decl(base_name(word)) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
         raise words.make_unknown_error(word, names, "an instance or a DATA variable")
-    return _member(words, comparison, project, edge is not None)
+    return _read_member(words, comparison, project, edge is not None)
 
 
 class ConditionText(NamedTuple):
@@ -131,11 +131,11 @@ class ConditionText(NamedTuple):
     value: str
     where: str
 
-    def of_pin(self, instance: str, pin: Pin) -> PinCondition:
+    def make_pin_condition(self, instance: str, pin: Pin) -> PinCondition:
         self._check_order(f"'{pin.name}', a {pin.iec_type}", pin.is_bool or pin.iec_type == "WORD")
         return PinCondition(instance, pin.name, self.operator, parse_pin_value(pin, self.value, self.where))
 
-    def of_leaf(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
+    def make_leaf_condition(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
         self._check_order("a text", isinstance(leaf.type, StringType))
         if isinstance(leaf.type, StringType) or leaf.bit is not None:
             read: Callable[[bytes], Any] = partial(decode_leaf, layout, leaf)
@@ -161,7 +161,7 @@ def read_comparison(text: str, where: str, form: str) -> ConditionText:
     return ConditionText(found[1], found[2], found[3], where)
 
 
-def _pin(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> PinCondition:
+def _read_pin(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> PinCondition:
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
@@ -171,34 +171,34 @@ def _pin(words: Words, comparison: ConditionText, project: Project, is_edge: boo
     pin = pins[name]
     if is_edge and not pin.is_bool:
         raise words.error(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
-    return comparison.of_pin(instance.name, pin)
+    return comparison.make_pin_condition(instance.name, pin)
 
 
-def _member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
+def _read_member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
     words.expect_end()
     leaf, layout = target.leaf(words), target.decl.layout
     if is_edge and leaf.coding.code != "?":
         name = leaf.path or target.decl.name
         raise words.error(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
-    return comparison.of_leaf(target.decl.name, layout, leaf)
+    return comparison.make_leaf_condition(target.decl.name, layout, leaf)
 
 
-BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most
-MOST_BYTES: Final = 262_144  # of all DATA in it: they cross in one piece
+MOST_LEDGER_LINES: Final = 2000  # lines of the ledger that a picture of a trigger brings at most
+MOST_DATA_BYTES: Final = 262_144  # of all DATA in it: they cross in one piece
 MOST_INSTANCES: Final = 64
 
-Named = tuple[tuple[str, bytes], ...]
+NamedBytes = tuple[tuple[str, bytes], ...]
 
 
-class KeptScan(Struct, frozen=True):
+class FrozenScan(Struct, frozen=True):
     """The bench in the scan of a trigger; `stamped` are the newest of the ledger by then."""
 
     fired: TriggerEvent
     snapshot: Snapshot
     stamped: list[StampedEvent]
-    data: Named
-    partial: Named
+    data: NamedBytes
+    partial: NamedBytes
     peers: tuple[PeerSnapshot, ...]
     facts: tuple[tuple[str, ConnectFacts], ...]
 
@@ -216,7 +216,7 @@ class TriggerWatch:
         self._statistics = LinkStatistics(reader.index)
         reader.lost.append(self._statistics.forget_all)
         self._seq = 0  # of the last line that was read while a trigger is armed
-        self.kept: KeptScan | None = None
+        self.kept: FrozenScan | None = None
 
     def arm(self, text: str, where: str) -> str:
         """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError.
@@ -225,22 +225,22 @@ class TriggerWatch:
         """
         trigger = read_trigger(text, self._bench.project, where)
         self._trigger, self._project = trigger, self._bench.project
-        self._was = trigger is not None and trigger.condition.now(self._bench)
+        self._was = trigger is not None and trigger.condition.holds_now(self._bench)
         self._seq = self._bench.runtime.ledger.last_seq
         if trigger is None:
             return "no trigger is armed"
         return f"armed{'; it is so already and fires when it becomes so again' if self._was else ''}"
 
-    def scanned(self) -> TriggerEvent | None:
+    def check_scan(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
         written = ledger.events_since(self._seq)
         self._seq = ledger.last_seq
-        trigger = self._still_armed()
+        trigger = self._reread_trigger()
         if trigger is None:
             return None
         condition, before = trigger.condition, self._was
-        self._was = condition.now(self._bench)
+        self._was = condition.holds_now(self._bench)
         inputs = (event for _, _, event in written if isinstance(event, InputEdge))
         fires = self._was and not before
         if not self._was and isinstance(condition, PinCondition):  # DATA has one value a scan
@@ -251,10 +251,10 @@ class TriggerWatch:
         self._trigger = None
         scans = self._bench.runtime.scans
         fired = TriggerEvent(self._count, trigger.text, scans, ledger.t_ns, trigger.holds)
-        self.kept = self._keep(fired)
+        self.kept = self._freeze_scan(fired)
         return fired
 
-    def _still_armed(self) -> Trigger | None:
+    def _reread_trigger(self) -> Trigger | None:
         if self._trigger is not None and self._project is not self._bench.project:
             self._project = self._bench.project
             try:
@@ -263,21 +263,21 @@ class TriggerWatch:
                 self._trigger = None
         return self._trigger
 
-    def _keep(self, fired: TriggerEvent) -> KeptScan:
+    def _freeze_scan(self, fired: TriggerEvent) -> FrozenScan:
         bench, runtime = self._bench, self._bench.runtime
         names = [instance.name for instance in bench.project.instances[:MOST_INSTANCES]]
-        return KeptScan(
+        return FrozenScan(
             fired,
             runtime.snapshot(bench.faults()),
-            runtime.ledger.events_since(0, BEFORE),
+            runtime.ledger.events_since(0, MOST_LEDGER_LINES),
             self._data(),
             tuple((name, runtime.job_bytes(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),
             self.facts(tuple(names)),
         )
 
-    def _data(self) -> Named:
-        left, taken = MOST_BYTES, []
+    def _data(self) -> NamedBytes:
+        left, taken = MOST_DATA_BYTES, []
         for decl in self._bench.project.data:
             if decl.size <= left:
                 taken.append((decl.name, self._bench.runtime.data(decl.name)))
@@ -290,11 +290,11 @@ class TriggerWatch:
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 
     @property
-    def armed(self) -> str:
+    def armed_text(self) -> str:
         """Return the trigger that is waited for, "" for none."""
         return self._trigger.text if self._trigger is not None else ""
 
-    def take_kept(self) -> KeptScan | None:
+    def take_frozen(self) -> FrozenScan | None:
         """Return the bench in the scan of a trigger that has fired since the last time."""
         kept, self.kept = self.kept, None
         return kept

@@ -130,7 +130,7 @@ class CapturePlayer:
         for config in plan.project.connects:
             if config.active:
                 wire.played.setdefault(config.name, [])
-        shadows.bench.become(plan.project)
+        shadows.bench.replace_project(plan.project)
         shadows.works_on = {each.name: each.connect for each in plan.project.instances}
         shadows.wake()
 

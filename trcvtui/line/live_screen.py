@@ -218,7 +218,7 @@ class ShadowServer:
     def _complain(self, ns: int, note: TapNote, text: str) -> None:
         self._tell("tap", text)
         if self._controller is not None:
-            self._controller.complain(text)
+            self._controller.report_problem(text)
 
     def _tell(self, subject: str, text: str) -> None:
         self._told.append((subject, text))
@@ -235,6 +235,6 @@ class ShadowServer:
         if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
             controller.shadows = player.shown  # more with each PLC end
             self._judge.begins_ns = player.first_ns or None
-        self._screen.handle_messages(controller.take, waits)
+        self._screen.handle_messages(controller.handle_line, waits)
         self._screen.send(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
         self._screen.pipe.advance(clock.now_ns() + SLICE_NS)

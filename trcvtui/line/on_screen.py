@@ -99,7 +99,7 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
         rows = PauseMessages(plan, first_ns) if asked[0] is None else None
         player.heard = rows.hear if rows is not None else None
         bench = player.shadows.bench
-        told.write = bench.told
+        told.write = bench.record_line
         progress = _Progress(player, found.packets)
 
         def after_scan() -> None:

@@ -75,7 +75,7 @@ class WatchLines:
     def tell_tap(self, ns: int, record: dict[str, object]) -> None:
         """Write a record that is said of a tap; `ns` counts from 1970. Text stands on stderr already."""
         if self._lines is not None:
-            self._lines.write({"time": utc_text(ns), **record})
+            self._lines.write_record({"time": utc_text(ns), **record})
 
     def _say(self, scan: int, record: dict[str, object]) -> None:
         ns = self.first_ns + (scan - 1) * self._interval_ns
@@ -102,7 +102,7 @@ class WatchLines:
             "unassigned": [{"id": f"C{number}", "why": why} for number, why in unassigned],
             "left_out": {f"C{number}": size for number, size in played.left_out.items()},
         }
-        self._lines.write(record | ({"not_run": played.not_run} if played.not_run else {}))
+        self._lines.write_record(record | ({"not_run": played.not_run} if played.not_run else {}))
 
 
 def _words(record: Mapping[str, object]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from trcvtui.recording.journal import HOLDS_SECRETS
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.runner import Runner, VirtualPace, deliveries
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, deliveries
 
 EXIT_SAME: Final = 0
 EXIT_DIFFERS: Final = 1
@@ -38,17 +38,17 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
         while run.scan():
             if bench.runtime.changed:
                 changed = bench.runtime.changed
-                report.scan(bench.runtime.scans, changed, deliveries(bench, changed))
+                report.write_scan(bench.runtime.scans, changed, deliveries(bench, changed))
         if not run.is_whole:
             raise run.make_end_error()
         return True
-    verdict = Runner(bench, scenario.name, VirtualPace(), report.scan).play(
+    verdict = ScenarioRunner(bench, scenario.name, VirtualPace(), report.write_scan).play(
         (*scenario.start, *scenario.steps)
     )
     bench.close()
     run.replay.check_end()
-    report.verdict(verdict)
-    return verdict.passed
+    report.write_verdict(verdict)
+    return verdict.has_passed
 
 
 def run_what_if(

@@ -13,7 +13,7 @@ from typing import Final, cast
 
 from msgspec.structs import replace
 
-from trcvtui.bench.bench import KERNELS, Bench
+from trcvtui.bench.bench import KERNEL_NAMES, Bench
 from trcvtui.commands.table import parse_unbounded_line
 from trcvtui.commands.words import BenchCommand
 from trcvtui.errors import UserError, mistake
@@ -75,7 +75,7 @@ class ReplayRun:
         self.before_close: Callable[[], None] = _do_nothing  # the last look at the bench
         self.where = where
         begins = self.replay.begins
-        if begins is None or begins.kernel not in KERNELS:
+        if begins is None or begins.kernel not in KERNEL_NAMES:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.begins = begins
         self.roots = roots or roots_of(begins, self.replay.files)
@@ -106,7 +106,7 @@ class ReplayRun:
                 self._run_line(self._lines[-1])
             elif entry.call == REST and not entry.args:  # with a time: a part of the next step
                 self._lines.append(REST_LINE)
-                self.bench.rest()
+                self.bench.step_peers_alone()
             elif entry.call == SKIP:
                 if not self._skip(cast(int, entry.args[0])):
                     return True
@@ -139,7 +139,7 @@ class ReplayRun:
 
     def _run_line(self, line: str) -> None:
         if line.partition(" ")[0] in IDLE_VERBS:
-            self.bench.told(line)
+            self.bench.record_line(line)
             return
         project, where = self.bench.project, f"{self.where}: scan {self.replay.scan}"
         if self.scenario is not None:  # a file named in a step stands beside the scenario
@@ -147,10 +147,10 @@ class ReplayRun:
         verb, _, rest = line.partition(" ")
         with reading_only(self.replay.files):
             if verb == "udt":
-                from trcvtui.engine.controller import read_again  # one line of a screen does this
+                from trcvtui.engine.controller import reload_types  # one line of a screen does this
 
-                self.bench.project = read_again(rest, project, where)[0]
-                self.bench.told(line)
+                self.bench.project = reload_types(rest, project, where)[0]
+                self.bench.record_line(line)
                 return
             command = parse_unbounded_line(line, project, where)
         if command is not None:

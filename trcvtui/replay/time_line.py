@@ -101,14 +101,14 @@ class ReplayController(Controller):
     @property
     def armed_trigger(self) -> str:
         """Return the trigger that is looked for, "" for none."""
-        return self.trigger_watch.armed
+        return self.trigger_watch.armed_text
 
     def step(self, now: int | None = None) -> bool:
         passed = self.run.scan()
         if self.armed_trigger:
-            fired = self.trigger_watch.scanned()
+            fired = self.trigger_watch.check_scan()
             if fired is not None:
-                self.trigger_watch.take_kept()  # it stands at this very scan
+                self.trigger_watch.take_frozen()  # it stands at this very scan
                 self.fired = fired.text
         return passed
 
@@ -204,7 +204,7 @@ class TimeLine:
 
     def handle_line(self, number: int, line: str) -> None:
         self._note = ""
-        self.controller.take(number, line)
+        self.controller.handle_line(number, line)
         if line.startswith("trigger ") and self.controller.armed_trigger:
             self.controller.holding, self._since, self._search = True, None, None
             self._wanted = END

@@ -94,13 +94,13 @@ class _ChangedRun(ReplayRun):
     def prepare(self, partners: ReplayedPartners, held: _HeldPins) -> None:
         self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
-        self.bench.leave_out(held.filter_command)
+        self.bench.filter_program(held.filter_command)
 
     def run_lines_and_scan(self, lines: Sequence[str]) -> None:
         self._quiet = 0
         for line in lines:
             if line == REST_LINE:
-                self.bench.rest()
+                self.bench.step_peers_alone()
                 continue
             try:
                 self._run_line(line)
@@ -416,4 +416,4 @@ def print_both_runs(run: WhatIf, write: Callable[[str], object]) -> None:
             more = guess if name == WHAT_IF_RUN else {}
             for edge in edges:
                 report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
-    reports[0].write(run.make_record())
+    reports[0].write_record(run.make_record())

@@ -26,7 +26,7 @@ from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.report.page import MARK, ReportSource, page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
-from trcvtui.scenario.runner import Runner, Verdict
+from trcvtui.scenario.runner import ScenarioRunner, Verdict
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import count, last_part
@@ -93,7 +93,7 @@ def look_at(
             if run.scenario is not None and not keyframes.first:
                 steps = (*run.scenario.start, *run.scenario.steps)
                 scans = _NotedScans(run, notes)
-                verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
+                verdict = ScenarioRunner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
                 notes.end()
                 run.bench.close()
                 run.replay.check_end()

@@ -14,7 +14,7 @@ from io import StringIO
 from itertools import chain
 from typing import Any, Final, NamedTuple, TextIO
 
-from trcvtui.engine.message_filter import find_member, names_before, unknown_member
+from trcvtui.engine.message_filter import find_member, path_prefixes, unknown_member_error
 from trcvtui.errors import mistake, one_line
 from trcvtui.history.messages import MessageRow
 from trcvtui.project.project import DataDecl
@@ -168,10 +168,10 @@ def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
         return [range(one.layout.leaf_count) for one in types]
     chosen = [dict[int, None]() for _ in types]
     for name in names:
-        found = [find_member(one.layout, name, *names_before(one.instance, one.data)) for one in types]
+        found = [find_member(one.layout, name, *path_prefixes(one.instance, one.data)) for one in types]
         if not any(found):
             paths = chain.from_iterable(_paths(one.layout) for one in types)
-            raise unknown_member("--members", name, paths)
+            raise unknown_member_error("--members", name, paths)
         for numbers, place in zip(chosen, found, strict=True):
             if place is not None:
                 numbers.update(dict.fromkeys(range(place[0], place[0] + place[1].leaves)))

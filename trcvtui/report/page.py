@@ -141,7 +141,7 @@ class _PageParts:
         remarks = sum(len(each.remarks) for each in self.notes.instances.values())
         found += f", {count(remarks, 'remark')} on frames" if remarks else ""
         if self._verdict is not None:
-            is_bad = not self._verdict.passed
+            is_bad = not self._verdict.has_passed
             failed = count(len(self._verdict.failures), "expectation")
             found = f"FAILED: {failed} did not hold; {found}" if is_bad else f"passed, {found}"
         until, stopped = self.notes.until.scan, self.source.stopped

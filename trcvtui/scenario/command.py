@@ -15,7 +15,7 @@ from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
 from trcvtui.scenario.report import FORMATS, Report
-from trcvtui.scenario.runner import Pace, Runner, VirtualPace
+from trcvtui.scenario.runner import Pace, ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class RecordedPace:
         self._recorder.finish_scan(bench)
 
 
-HELD, FAILED, WRONG_FILE = 0, 1, 2
+EXIT_HELD, EXIT_FAILED, EXIT_WRONG_FILE = 0, 1, 2
 
 
 def run_files(
@@ -93,8 +93,8 @@ def _run_all(
     write: Callable[[str], object],
     loaded: Callable[[], None],
 ) -> int:
-    report = _report_of(form, dialects, write)
-    worst = HELD
+    report = _make_report(form, dialects, write)
+    worst = EXIT_HELD
     files = record.make_paths(paths) if record is not None else ()
     for number, path in enumerate(paths):
         recorder, reads = None, FilesRead()
@@ -105,9 +105,9 @@ def _run_all(
         try:
             with noting_reads(recorder.reads if recorder is not None else reads):
                 scenario = load_scenario(path, overrides)
-                each = _in_each(dialects, scenario, path)
+                each = _list_scenarios(dialects, scenario, path)
         except UserError as error:
-            worst = _wrong(report, path, error)
+            worst = _report_error(report, path, error)
             continue
         loaded()  # raises through: no later file makes the target right
         try:
@@ -120,33 +120,33 @@ def _run_all(
                 judge = RunJudge(box)
             for one in each:
                 held = _run_one(path, one, kernel, report, overrides, recorder, judge)
-                worst = max(worst, HELD if held else FAILED)
+                worst = max(worst, EXIT_HELD if held else EXIT_FAILED)
         except UserError as error:
-            worst = _wrong(report, path, error)
+            worst = _report_error(report, path, error)
     report.end()
     return worst
 
 
-def _report_of(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Report:
+def _make_report(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Report:
     if not dialects:
         return FORMATS[form](write)
-    from trcvtui.scenario.dialects import SideBySide  # here: who runs a file alone starts faster without
+    from trcvtui.scenario.dialects import DialectReport  # here: who runs a file alone starts faster without
 
-    return SideBySide(write, form, len(dialects))
+    return DialectReport(write, form, len(dialects))
 
 
-def _in_each(dialects: Sequence[str], scenario: Scenario, path: Path) -> Sequence[Scenario]:
+def _list_scenarios(dialects: Sequence[str], scenario: Scenario, path: Path) -> Sequence[Scenario]:
     if not dialects:
         return (scenario,)
-    from trcvtui.scenario.dialects import scenarios_in
+    from trcvtui.scenario.dialects import convert_scenario
 
-    return scenarios_in(dialects, scenario, path)
+    return convert_scenario(dialects, scenario, path)
 
 
-def _wrong(report: Report, path: Path, error: UserError) -> int:
-    report.wrong(path, error)
+def _report_error(report: Report, path: Path, error: UserError) -> int:
+    report.write_error(path, error)
     sys.stderr.write("".join(line + "\n" for line in error.lines()))
-    return WRONG_FILE
+    return EXIT_WRONG_FILE
 
 
 def _run_one(
@@ -165,17 +165,17 @@ def _run_one(
             enter_own_network(kernel, scenario.project.sim)
     with recorder or nullcontext():  # first: a file that is refused lets nothing begin
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
-        report.begin(path, scenario, bench)
+        report.begin_file(path, scenario, bench)
         pace: Pace = LivePace() if kernel == "live" else VirtualPace()
         if recorder is not None:
             recorder.add_header(bench, path, overrides, is_scenario=True)
             pace = RecordedPace(pace, recorder)
         try:
-            runner = Runner(bench, scenario.name, pace, report.scan, judge)
+            runner = ScenarioRunner(bench, scenario.name, pace, report.write_scan, judge)
             verdict = runner.play((*scenario.start, *scenario.steps))
         finally:
             bench.close()
     for line in recorder.list_remarks() if recorder is not None else ():
         sys.stderr.write(f"{line}\n")
-    report.verdict(verdict)
-    return verdict.passed
+    report.write_verdict(verdict)
+    return verdict.has_passed

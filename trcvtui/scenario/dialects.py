@@ -23,17 +23,17 @@ from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import convert_project, find_dialect
 from trcvtui.project.project import Project
 from trcvtui.scenario.report import JsonLines, Text, Write, json_line
-from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
+from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import in_columns
 
 MOST_CHANGES: Final = 100_000  # that are kept of an instance in a dialect
-FORMS: Final = ("text", "jsonl")
-DIFFERS, NOTHING = "≠", "-"
-TRAFFIC: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
+FORMAT_NAMES: Final = ("text", "jsonl")
+DIFFERS_MARK, NOTHING_MARK = "≠", "-"
+TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
 
 
-def scenarios_in(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
+def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
     """Return the scenario in each of these dialects; `about` says, a line each, what one of them lacks.
 
     Raises UserError where a CONNECT cannot be described in one of them.
@@ -45,15 +45,15 @@ def scenarios_in(names: Sequence[str], scenario: Scenario, path: Path) -> list[S
     for dialect in dialects:
         project, notes = convert_project(scenario.project, dialect)
         lacks = [*notes]
-        start = tuple(_steps(scenario.start, project, lacks))
-        steps = tuple(_steps(scenario.steps, replace(project, base=path.parent), lacks))
+        start = tuple(_convert_steps(scenario.start, project, lacks))
+        steps = tuple(_convert_steps(scenario.steps, replace(project, base=path.parent), lacks))
         made.append(replace(scenario, about="\n".join(lacks), project=project, start=start, steps=steps))
     return made
 
 
-def _steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> Iterator[words.Step]:
+def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> Iterator[words.Step]:
     for step in steps:
-        if isinstance(step.command, TRAFFIC):
+        if isinstance(step.command, TRAFFIC_COMMANDS):
             yield step
             continue
         try:
@@ -76,7 +76,7 @@ class DialectRun:
         self.changes: dict[str, dict[int, Outputs | None]] = {}
         self.end: Verdict | None = None
 
-    def keep(self, scan: int, edge: StatusEdge) -> None:
+    def add_change(self, scan: int, edge: StatusEdge) -> None:
         self.blocks[edge.instance] = edge.block
         changes = self.changes.setdefault(edge.instance, {})
         if len(changes) < MOST_CHANGES:
@@ -88,60 +88,60 @@ class DialectRun:
             changes[verdict.scans + 1] = None
 
 
-class SideBySide(JsonLines):
+class DialectReport(JsonLines):
     """Files of which each is played in all dialects; then they are compared."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
-        if form not in FORMS:
-            raise mistake("--format", f"'{form}'", f"with --dialect one of {', '.join(FORMS)}")
+        if form not in FORMAT_NAMES:
+            raise mistake("--format", f"'{form}'", f"with --dialect one of {', '.join(FORMAT_NAMES)}")
         super().__init__(write)
         self._is_json = form == "jsonl"
         self._dialects = dialects
         self._runs: list[DialectRun] = []
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
-        super().begin(path, scenario, bench)
+    def begin_file(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+        super().begin_file(path, scenario, bench)
         self._runs.append(DialectRun(scenario))
 
-    def write(self, record: Mapping[str, object]) -> None:
+    def write_record(self, record: Mapping[str, object]) -> None:
         """Write a line with the name of its dialect; a file that is wrong has none."""
         if self._is_json:
-            super().write({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
+            super().write_record({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
 
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    def write_scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
     ) -> None:
-        super().scan(scan, changed, deliveries)
+        super().write_scan(scan, changed, deliveries)
         for edge in changed:
-            self._runs[-1].keep(scan, edge)
+            self._runs[-1].add_change(scan, edge)
 
-    def verdict(self, verdict: Verdict) -> None:
-        super().verdict(verdict)
+    def write_verdict(self, verdict: Verdict) -> None:
+        super().write_verdict(verdict)
         if self._runs:
             self._runs[-1].close(verdict)
         if len(self._runs) == self._dialects:
             self._compare()
 
-    def wrong(self, path: Path, error: UserError) -> None:
+    def write_error(self, path: Path, error: UserError) -> None:
         self._runs.clear()
-        super().wrong(path, error)
+        super().write_error(path, error)
 
     def _compare(self) -> None:
         blocks = {name: block for run in self._runs for name, block in run.blocks.items()}
         for name, block in blocks.items():
-            walk = Walk(name, block, self._runs)
+            walk = WalkComparison(name, block, self._runs)
             text = json_line(walk.record()) if self._is_json else "".join(f"{x}\n" for x in walk.lines())
             self._write(text)
         for run in () if self._is_json else self._runs:
             assert run.end is not None
-            Text(self._write).verdict(
+            Text(self._write).write_verdict(
                 replace(run.end, scenario=f"{run.dialect}: {run.end.scenario}", traces=())
             )
             self._write("".join(f"    {one_line(note)}\n" for note in run.notes))
         self._runs.clear()
 
 
-class Walk:
+class WalkComparison:
     """What one instance shows in all dialects: `rows` of equal scans, first and last, an entry a dialect."""
 
     def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
@@ -186,14 +186,14 @@ class Walk:
         yield ("    scan", "", *self._dialects)
         for row in self.rows:
             first, last, shown = row
-            mark = DIFFERS if len({*shown} - {None}) > 1 else ""
+            mark = DIFFERS_MARK if len({*shown} - {None}) > 1 else ""
             yield (str(first) if first == last else f"{first}-{last}", mark, *map(_cell, shown))
 
 
 def _cell(shown: Outputs | None) -> str:
     """Return `7008 D 8 B`."""
     if shown is None:
-        return NOTHING
+        return NOTHING_MARK
     lamps = "B" * shown.busy + "D" * shown.done + "E" * shown.error
     return " ".join(
         filter(None, (f"{shown.status:04X}", lamps, f"{shown.rcvd_len} B" * bool(shown.rcvd_len)))

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words
 from trcvtui.errors import mistake
-from trcvtui.scenario.scenario import START_STEP, Scenario, cut
+from trcvtui.scenario.scenario import START_STEP, Scenario, cut_text
 from trcvtui.scenario.step_runner import StepRunner
 from trcvtui.snapshots.scenario import (
     DONE,
@@ -28,7 +28,7 @@ from trcvtui.snapshots.scenario import (
 
 MOST_STEPS: Final = 1000  # all of them are in each picture
 MOST_RUNS: Final = 120  # of each instance's trace, in a picture
-JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
+JUDGED_COMMANDS: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
 
 
 class Player:
@@ -40,7 +40,7 @@ class Player:
         self._scenario = scenario
         self._stage = StepRunner(bench)
         self._steps = (*scenario.start, *scenario.steps)
-        self._told = tuple([StepSnapshot(s.number, cut(s.line), TO_COME) for s in self._steps])
+        self._told = tuple([StepSnapshot(s.number, cut_text(s.line), TO_COME) for s in self._steps])
         self._current = 0
         self._under_way: Iterator[None] | None = None
         self._scans = 0  # that have passed in the step under way
@@ -52,7 +52,7 @@ class Player:
     def is_finished(self) -> bool:
         return self._current == len(self._steps) or self._stage.is_over
 
-    def tried(self) -> TrialSnapshot | None:
+    def find_trial(self) -> TrialSnapshot | None:
         return self._stage.trial.snapshot() if self._stage.trial is not None else None
 
     @property
@@ -65,46 +65,46 @@ class Player:
             self._wanted += 1
         self.is_to_end = False
         if self._under_way is None:
-            self._go_on()
+            self._advance()
 
     def run(self) -> None:
         self.is_to_end, self._wanted = True, 0
         if self._under_way is None:
-            self._go_on()
+            self._advance()
 
-    def scanned(self) -> None:
+    def note_scan(self) -> None:
         """Take note of the scan that has just passed, and go on with the step that asked for it."""
-        self._stage.scanned()
+        self._stage.note_scan()
         if self._under_way is not None:
             self._scans += 1
-            self._go_on()
+            self._advance()
 
-    def _go_on(self) -> None:
+    def _advance(self) -> None:
         while True:
             if self._under_way is None:
                 if self.is_finished or not (self.is_to_end or self._wanted):
                     return
                 self._wanted -= 1 if self._wanted else 0
-                self._begin()
+                self._begin_step()
             for _ in self._under_way or ():
                 return  # one scan has to pass
-            self._end()
+            self._end_step()
 
-    def _begin(self) -> None:
+    def _begin_step(self) -> None:
         self._scans = 0
-        self._under_way = self._stage.take(self._steps[self._current])
-        self._tell(NOW)
+        self._under_way = self._stage.run_step(self._steps[self._current])
+        self._set_state(NOW)
 
-    def _end(self) -> None:
+    def _end_step(self) -> None:
         self._under_way = None
         failure = self._stage.failure
         if failure is not None:
-            self._tell(FAILED, cut(failure.found))
+            self._set_state(FAILED, cut_text(failure.found))
         else:
-            self._tell(HELD if isinstance(self._steps[self._current].command, JUDGED) else DONE)
+            self._set_state(HELD if isinstance(self._steps[self._current].command, JUDGED_COMMANDS) else DONE)
         self._current += 1
 
-    def _tell(self, state: str, found: str = "") -> None:
+    def _set_state(self, state: str, found: str = "") -> None:
         at, told = self._current, self._told
         self._told = (*told[:at], replace(told[at], state=state, found=found), *told[at + 1 :])
 
@@ -116,7 +116,7 @@ class Player:
             running=self.wants_scan,
             finished=self.is_finished,
             scans_of_step=self._scans,
-            traces=tuple((name, trace.newest(MOST_RUNS)) for name, trace in self._stage.traces.items()),
+            traces=tuple((name, trace.newest_text(MOST_RUNS)) for name, trace in self._stage.traces.items()),
         )
 
 

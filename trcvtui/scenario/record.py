@@ -31,7 +31,7 @@ PROGRESS_NS: Final = 1_000_000_000
 LEAST_SPLIT: Final = 1 << 16
 
 
-def size_of(text: str | None, where: str) -> int:
+def read_size(text: str | None, where: str) -> int:
     """Return the bytes of `32MiB`, 0 for None; raise UserError."""
     if text is None:
         return 0
@@ -41,14 +41,14 @@ def size_of(text: str | None, where: str) -> int:
     return size
 
 
-def limits_of(
+def read_limits(
     ring: str | None, split: str | None, on: str | None, before: str | None, after: str | None
 ) -> FileLimits:
     """Return what the options say; raise UserError where they do not fit together."""
     if on is None and (before is not None or after is not None):
         raise mistake("--before, --after", "no --on", "what they surround")
-    whole = size_of(ring, "--ring")
-    part = size_of(split, "--split") or whole // 8
+    whole = read_size(ring, "--ring")
+    part = read_size(split, "--split") or whole // 8
     if whole and whole < 2 * part:
         raise mistake("--ring", f"{whole} bytes", f"two files of {part} bytes or more")
     if on is None:
@@ -81,7 +81,7 @@ def record(
         project = load_bench(path)
         condition = None if on is None else _condition(on, project)
         signals: list[int] = []  # that ask for the end: after the scan, never in the middle of one
-        for number in _ending():
+        for number in _ending_signals():
             before = signal.signal(number, lambda came, _: signals.append(came))
             opened.callback(signal.signal, number, before)
         opened.enter_context(recorder)
@@ -95,11 +95,11 @@ def record(
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
     told = bench.containment.take_messages()
     lines = recorder.list_remarks() if is_kept else [recorder.trouble] * bool(recorder.trouble)
-    _say("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
+    _write_stderr("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
     return 1 if recorder.trouble else 0
 
 
-def _ending() -> list[signal.Signals]:
+def _ending_signals() -> list[signal.Signals]:
     ends = [signal.SIGTERM, signal.SIGINT]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         ends.append(signal.SIGHUP)
@@ -130,19 +130,19 @@ def _run(
             holds_now = holds(bench, condition)
             if holds_now and not held:
                 triggers += 1
-                bench.told(f"{TRIGGER_WORD} {on}")
+                bench.record_line(f"{TRIGGER_WORD} {on}")
             held = holds_now
         if shows and clock.now_ns() > told + PROGRESS_NS:
             told = clock.now_ns()
             size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(FILE_SUFFIX))
             seconds = bench.now // clock.NS_PER_S
             elapsed = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
-            _say(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")
+            _write_stderr(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")
     if shows:
-        _say("\n")
+        _write_stderr("\n")
 
 
-def _say(text: str) -> None:
+def _write_stderr(text: str) -> None:
     with suppress(OSError):  # a terminal that is gone ends no recording
         sys.stderr.write(text)
         sys.stderr.flush()

@@ -43,27 +43,27 @@ MOST_CHARACTERS: Final = 4_000_000
 FIRST_RUNS: Final = 150
 NEWEST_RUNS: Final = 50
 # How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
-OF_THE_WIRE: Final = (
+WIRE_DEPENDENT: Final = (
     Condition.ESTABLISHING,
     Condition.CONNECTED,
     Condition.SENDING,
     Condition.RECEIVING,
 )
-ANYTHING: Final = str(ANY_SCANS)
-SIMULATED: Final = "sim"
+ANY_TEXT: Final = str(ANY_SCANS)
+SIM_KERNEL: Final = "sim"
 NEVER: Final = 1 << 62
 DELETED: Final = "deleted"
-ENDS: Final = frozenset({DELETED, "STOP"})  # notes after which an instance, or all, are not called
-BEGINS: Final = frozenset({"created", "declared anew"})
-MOST_NAMED: Final = 3
+END_NOTES: Final = frozenset({DELETED, "STOP"})  # notes after which an instance, or all, are not called
+BEGIN_NOTES: Final = frozenset({"created", "declared anew"})
+MOST_NAMED_PARTNERS: Final = 3
 MOST_FRAMES: Final = 200  # that are expected one by one; after them the trace alone
-MOST_FRAME: Final = 256  # bytes of each
-OUTSIDE: Final = " A partner outside the bench took part ("
+MOST_FRAME_BYTES: Final = 256  # bytes of each
+OUTSIDE_TEXT: Final = " A partner outside the bench took part ("
 # What a TRCV_C shows by turns while frames come.
-BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
+TURN_CONDITIONS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
 
 
-class Seen:
+class StatusPattern:
     """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
 
     def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
@@ -89,12 +89,12 @@ class Seen:
     def is_full(self) -> bool:
         return self._count > FIRST_RUNS
 
-    def lose(self) -> None:
+    def add_gap(self) -> None:
         """Say that there may have been any scans here: what was shown was not read."""
         self._scan = None
         self._append(None)
 
-    def leave_out(self) -> None:
+    def mark_cut(self) -> None:
         """Say that runs between the first and the newest were left out."""
         self._scan, self._is_cut = None, True
         self._newest.clear()
@@ -109,14 +109,14 @@ class Seen:
             self._long.discard(count - NEWEST_RUNS)
         self._newest.append(scan)
 
-    def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
+    def format_pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return what was seen in the notation of a pattern, "" where nothing was.
 
         After a first `done` any number of scans `by_turns` may follow.
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
         atoms = [*self._atoms(self._first, 1), *[ANY_SCANS] * self._is_cut, *newest]
-        return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
+        return " ".join(map(str, _loosen_turns(atoms, by_turns, done) if by_turns else atoms))
 
     def _atoms(self, scans: Iterable[Scan | None], place: int) -> list[Atom]:
         return [ANY_SCANS if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
@@ -125,7 +125,7 @@ class Seen:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
 
 
-def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
+def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
     """Yield a pattern in which each stretch of scans by turns ends after its first `done` with anything."""
     is_open = False
     for atom in atoms:
@@ -145,19 +145,19 @@ class ExternalPartners(Struct, frozen=True):
     connects: frozenset[str] = frozenset()
 
     @property
-    def about(self) -> str:
+    def about_text(self) -> str:
         if not self.partners:
             return ""
-        who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
-        return f"{OUTSIDE}{who}): nothing is expected on {where}."
+        who, where = ", ".join(self.partners[:MOST_NAMED_PARTNERS]), ", ".join(sorted(self.connects))
+        return f"{OUTSIDE_TEXT}{who}): nothing is expected on {where}."
 
     @property
-    def told(self) -> str:
-        found = ", ".join(self.partners[:MOST_NAMED])
+    def warning(self) -> str:
+        found = ", ".join(self.partners[:MOST_NAMED_PARTNERS])
         return f"; {found} is no peer of this bench and will not be replayed" if found else ""
 
 
-class Entry(Struct, frozen=True):
+class SessionEntry(Struct, frozen=True):
     """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
 
     `is_frame`: it expects what a frame has brought in this very scan.
@@ -169,7 +169,7 @@ class Entry(Struct, frozen=True):
     is_frame: bool = False
 
 
-class _Shown:
+class _Tracker:
     """What one instance shows: `now` since its last edge, and once more when it is called in scan `again`.
 
     `read`: so many changes of its pins were looked at.
@@ -177,7 +177,7 @@ class _Shown:
 
     __slots__ = ("again", "interval", "is_lost", "now", "read", "seen")
 
-    def __init__(self, seen: Seen, interval: int) -> None:
+    def __init__(self, seen: StatusPattern, interval: int) -> None:
         self.seen, self.interval = seen, interval
         self.now: Scan = 0, False
         self.again = NEVER
@@ -185,62 +185,62 @@ class _Shown:
         self.read = 0
 
 
-class Session:
+class RecordedSession:
     """One bench from its first scan on; `note` what was carried out, the ledger tells what was seen."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, waves: WaveformRecorder) -> None:
         self._bench = bench
         rules = bench.project.rules
         codes = (rules.status, *rules.status_of.values())
-        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
-        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._of_the_wire = frozenset(code[each] for code in codes for each in WIRE_DEPENDENT if each in code)
+        self._turns = {code[each] for code in codes for each in TURN_CONDITIONS if each in code}
         self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
-        self._entries: list[Entry] = []
+        self._entries: list[SessionEntry] = []
         self._characters = self._frames = 0
         self._waves = waves
-        self._shown: dict[str, _Shown] = {}
+        self._shown: dict[str, _Tracker] = {}
         self.commands = 0
         self.marked_at = 0
         self._catch_up = reader.catch_up
-        reader.index.listen({BenchNote: self._noted})
-        if bench.kernel_name == SIMULATED:
+        reader.index.listen({BenchNote: self._handle_note})
+        if bench.kernel_name == SIM_KERNEL:
             reader.index.listen({StatusEdge: self._expect_frame})
-        reader.lost.append(self._lose)
+        reader.lost.append(self._note_gap)
         for name in waves.records:
-            self._new(name)
+            self._begin_instance(name)
 
     def note(self, command: words.BenchCommand, line: str) -> None:
         """Keep a command that was carried out."""
         if isinstance(command, words.RunScans | words.RunFor):
             return
         if isinstance(command, words.Delete):
-            self._expect(command.instance)  # afterwards nobody knows its name any more
+            self._expect_trace(command.instance)  # afterwards nobody knows its name any more
         self.commands += 1
-        self._peers_by_the_clock |= _goes_on(command)
-        text = _kept_text(command, line)
+        self._peers_by_the_clock |= _acts_by_clock(command)
+        text = _format_command(command, line)
         self._characters += len(text)
         if not self.is_overfull:
             self._add(text)
 
     def _add(self, line: str, traced: str = "", frame_in: int | None = None) -> None:
         scan = self._bench.runtime.scans if frame_in is None else frame_in
-        self._entries.append(Entry(scan, line, traced, frame_in is not None))
+        self._entries.append(SessionEntry(scan, line, traced, frame_in is not None))
 
-    def _expect(self, instance: str) -> None:
-        showing = self._up_to_now().get(instance)
+    def _expect_trace(self, instance: str) -> None:
+        showing = self._read_to_now().get(instance)
         if showing is not None and showing.seen:
-            self._add(self._trace(instance, showing.seen, self.outsiders().connects), instance)
-            self._new(instance)
+            self._add(self._trace(instance, showing.seen, self.external_partners().connects), instance)
+            self._begin_instance(instance)
 
     @property
     def is_by_the_clock(self) -> bool:
         """Return whether peers acted at times of a clock that is not the scans'."""
         peers = self._bench.project.peers
         acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
-        return acts and self._bench.kernel_name != SIMULATED
+        return acts and self._bench.kernel_name != SIM_KERNEL
 
-    def outsiders(self) -> ExternalPartners:
+    def external_partners(self) -> ExternalPartners:
         """Return the partners that are no peers of this bench, as far back as the ledger goes."""
         ledger = self._bench.runtime.ledger
         ours, calls = set(), []
@@ -253,55 +253,55 @@ class Session:
         partners = tuple(dict.fromkeys(call.peer for call in strange))
         return ExternalPartners(partners, frozenset(call.connection for call in strange))
 
-    def _trace(self, instance: str, seen: Seen, outside: frozenset[str]) -> str:
+    def _trace(self, instance: str, seen: StatusPattern, outside: frozenset[str]) -> str:
         decl = self._bench.project.instance(instance)
         is_outside = decl is not None and decl.connect in outside
-        return f"expect {instance} trace {ANYTHING if is_outside else self._pattern(seen)}"
+        return f"expect {instance} trace {ANY_TEXT if is_outside else self._pattern(seen)}"
 
-    def _pattern(self, seen: Seen) -> str:
-        return seen.pattern(self._turns, self._done) if self.is_by_the_clock else seen.pattern()
+    def _pattern(self, seen: StatusPattern) -> str:
+        return seen.format_pattern(self._turns, self._done) if self.is_by_the_clock else seen.format_pattern()
 
     @property
     def is_overfull(self) -> bool:
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
-    def _new(self, instance: str) -> _Shown:
+    def _begin_instance(self, instance: str) -> _Tracker:
         record = self._waves.records[instance]
-        showing = self._shown[instance] = _Shown(Seen(self._of_the_wire), self._interval(instance))
+        showing = self._shown[instance] = _Tracker(StatusPattern(self._of_the_wire), self._interval(instance))
         showing.read = record.total
-        record.on_drop = partial(self._dropped, showing, record)
+        record.on_drop = partial(self._note_dropped, showing, record)
         return showing
 
-    def _dropped(self, showing: _Shown, record: PinHistory, change: PinChange) -> None:
+    def _note_dropped(self, showing: _Tracker, record: PinHistory, change: PinChange) -> None:
         if record.total - record.kept_count > showing.read:
-            self._look(showing, change)
+            self._add_change(showing, change)
             showing.read += 1
             if showing.seen.is_full:
                 record.on_drop = None
 
-    def _up_to_now(self) -> dict[str, _Shown]:
+    def _read_to_now(self) -> dict[str, _Tracker]:
         self._catch_up()
         return self._read(self._bench.runtime.scans)
 
-    def _read(self, until: int) -> dict[str, _Shown]:
+    def _read(self, until: int) -> dict[str, _Tracker]:
         """Look at what the pins have done up to here, and count the calls up to scan `until`."""
         for name, record in self._waves.records.items():
-            showing = self._shown.get(name) or self._new(name)
+            showing = self._shown.get(name) or self._begin_instance(name)
             changes = record.list_changes_after(showing.read)
             if len(changes) < record.total - showing.read:
-                showing.seen.leave_out()
+                showing.seen.mark_cut()
                 showing.again = NEVER
             for change in changes:
-                self._look(showing, change)
+                self._add_change(showing, change)
             showing.read = record.total
-            self._go_on(showing, until)
+            self._count_calls(showing, until)
         return self._shown
 
-    def _look(self, showing: _Shown, change: PinChange) -> None:
+    def _add_change(self, showing: _Tracker, change: PinChange) -> None:
         _, scan, _, edge = change
         if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
             return
-        self._go_on(showing, scan - 1)
+        self._count_calls(showing, scan - 1)
         showing.now, showing.is_lost = (edge.outputs.status, edge.outputs.error), False
         showing.seen.add(showing.now)
         showing.again = self._call_after(showing, scan)
@@ -312,14 +312,14 @@ class Session:
         task = self._bench.project.task(decl.task) if decl is not None else None
         return task.interval_ns if task is not None else self._bench.runtime.interval_ns
 
-    def _call_after(self, showing: _Shown, scan: int) -> int:
+    def _call_after(self, showing: _Tracker, scan: int) -> int:
         each = self._bench.runtime.interval_ns
         if showing.interval == each:
             return scan + 1
         due = ((scan - 1) * each // showing.interval + 1) * showing.interval
         return -(-due // each) + 1
 
-    def _go_on(self, showing: _Shown, until: int) -> None:
+    def _count_calls(self, showing: _Tracker, until: int) -> None:
         """Count the calls up to scan `until`, which have changed nothing: one, or more than one."""
         if showing.again <= until:
             showing.seen.add(showing.now)
@@ -327,18 +327,18 @@ class Session:
                 showing.seen.add(showing.now)
             showing.again = self._call_after(showing, until)
 
-    def _noted(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
-        if note.what not in ENDS and note.what not in BEGINS:
+    def _handle_note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
+        if note.what not in END_NOTES and note.what not in BEGIN_NOTES:
             return
         for name, showing in self._read(scan - 1).items():
-            if note.what in BEGINS:
+            if note.what in BEGIN_NOTES:
                 showing.interval = self._interval(name)
             elif note.what != DELETED or note.subject == name:
                 showing.again = NEVER
 
-    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+    def _note_gap(self, seq: int, scan: int, t_ns: int) -> None:
         for showing in self._read(scan).values():
-            showing.seen.lose()
+            showing.seen.add_gap()
             showing.is_lost, showing.again = True, NEVER
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
@@ -353,7 +353,7 @@ class Session:
         pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
         self._add(f"expect {edge.instance} {pins}", frame_in=scan)
         is_late = scan != self._bench.runtime.scans  # DATA may have the next frame already
-        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data and not is_late else b""
+        content = self._bench.runtime.data(decl.data, MOST_FRAME_BYTES) if decl.data and not is_late else b""
         length = edge.outputs.rcvd_len
         size = content.find(0) + 1 if length is None else length  # a text: with its byte 00
         if content[:size]:
@@ -361,17 +361,17 @@ class Session:
 
     def mark(self) -> None:
         """Begin the expectations anew from here."""
-        before = dict(self._up_to_now())
+        before = dict(self._read_to_now())
         here = [instance.name for instance in self._bench.project.instances]
         kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
-        self._entries, self._frames = [_without_judgement(e) for e in kept], 0
+        self._entries, self._frames = [_drop_judgement(e) for e in kept], 0
         for instance in here:
-            self._add(f"expect {instance} trace {ANYTHING}", instance)
+            self._add(f"expect {instance} trace {ANY_TEXT}", instance)
         for name, showing in before.items():
-            fresh = self._new(name)
+            fresh = self._begin_instance(name)
             fresh.now, fresh.again, fresh.is_lost = showing.now, showing.again, showing.is_lost
             if fresh.is_lost:
-                fresh.seen.lose()
+                fresh.seen.add_gap()
         self.marked_at = self._bench.runtime.scans
 
     def steps(self) -> Iterator[str]:
@@ -382,26 +382,26 @@ class Session:
             raise mistake("save scenario", found, expected)
         passed = 0
         for entry in self._entries:
-            yield from _let_pass(entry.scans - passed)
+            yield from _run_line(entry.scans - passed)
             passed = entry.scans
             yield entry.line
-        yield from _let_pass(self._bench.runtime.scans - passed)
-        outside = self.outsiders().connects
-        for instance, showing in self._up_to_now().items():
+        yield from _run_line(self._bench.runtime.scans - passed)
+        outside = self.external_partners().connects
+        for instance, showing in self._read_to_now().items():
             if showing.seen:
                 yield self._trace(instance, showing.seen, outside)
 
 
-def _let_pass(scans: int) -> Iterator[str]:
+def _run_line(scans: int) -> Iterator[str]:
     if scans:
         yield f"run {scans}"
 
 
-def _without_judgement(entry: Entry) -> Entry:
-    return structs.replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+def _drop_judgement(entry: SessionEntry) -> SessionEntry:
+    return structs.replace(entry, line=f"expect {entry.traced} trace {ANY_TEXT}") if entry.traced else entry
 
 
-def _goes_on(command: words.BenchCommand) -> bool:
+def _acts_by_clock(command: words.BenchCommand) -> bool:
     match command:
         case words.PeerSend():
             return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
@@ -411,7 +411,7 @@ def _goes_on(command: words.BenchCommand) -> bool:
             return False
 
 
-def _kept_text(command: words.BenchCommand, line: str) -> str:
+def _format_command(command: words.BenchCommand, line: str) -> str:
     """Return the line as it was typed; bytes of a file as hex, for the file may be another one tomorrow."""
     from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
     if line.isprintable() and not from_file:
@@ -422,58 +422,58 @@ def _kept_text(command: words.BenchCommand, line: str) -> str:
 
 
 SUFFIX: Final = ".toml"
-MARKED: Final = " since scan "
-FAR: Final = os.path.join(os.pardir, os.pardir, os.pardir)
+MARK_TEXT: Final = " since scan "
+FAR_FOLDER: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 
 
-def scenario_text(session: Session, bench: Bench, path: Path, before: str | None = None) -> str:
+def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: str | None = None) -> str:
     """Return the text of a scenario file that shall stand at `path`.
 
     `before` is the project as the session began with it, where its file says something else by now. It comes
     into the scenario, and so does a project that came with the program: no file names the installation.
     """
     old, new = bench.project.base, path.parent
-    lines = [_from_here(line, old, new) for line in session.steps()]
+    lines = [_rebase_step(line, old, new) for line in session.steps()]
     steps = "\n".join(lines).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
-    about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
-    about += session.outsiders().about
+    about += f"{MARK_TEXT}{session.marked_at}." if session.marked_at else "."
+    about += session.external_partners().about_text
     head = {"name": path.stem, "about": about}
-    lines = [_project(bench.project.path, path.parent, before), "", "[scenario]"]
-    lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
+    lines = [_project_text(bench.project.path, path.parent, before), "", "[scenario]"]
+    lines += [f"{key} = {_quote(text)}" for key, text in head.items()]
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
 
 
-def _from_here(line: str, old: Path, new: Path) -> str:
+def _rebase_step(line: str, old: Path, new: Path) -> str:
     """Return a step as it stands in another folder: a file that it adds is named from there on."""
     start, name = "add udt ", line.removeprefix("add udt ")
     return start + relocate(name, old, new) if line.startswith(start) else line
 
 
-def _project(own: Path, folder: Path, before: str | None) -> str:
+def _project_text(own: Path, folder: Path, before: str | None) -> str:
     inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
     if before is None and not inside:
-        return f"project = {_quoted(_way_to(own, folder))}"
+        return f"project = {_quote(_relative_path(own, folder))}"
     text = relocate_files(read_text(own) if before is None else before, own.parent, folder, str(own))
     if "scenario" in parse_toml(text, str(own)):
         raise mistake("save scenario", f"{own}, which is a scenario itself", "a session of a project")
     return text.rstrip()
 
 
-def _way_to(project: Path, folder: Path) -> str:
+def _relative_path(project: Path, folder: Path) -> str:
     whole = os.path.realpath(project)
     try:
         way = os.path.relpath(whole, os.path.realpath(folder))
     except ValueError:  # another drive
         return whole
-    return whole if way.startswith(FAR) else way.replace(os.sep, "/")
+    return whole if way.startswith(FAR_FOLDER) else way.replace(os.sep, "/")
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def target(name: str, where: str) -> Path:
+def parse_toml_path(name: str, where: str) -> Path:
     """Return the path of a TOML file that is named in a command; raise UserError for another suffix."""
     bare = name.strip().strip("\"'")
     path = Path(bare).expanduser()

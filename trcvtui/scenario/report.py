@@ -11,7 +11,7 @@ from msgspec import Struct
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
+from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, StepResult, Verdict, cause_record
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure
 from trcvtui.wording import json_text
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 Write = Callable[[str], object]
 
 LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
-WHOLE: Final = "the scenario runs to its end"
-NOT_REACHED: Final = "not reached: a wait before it failed"
+WHOLE_CASE_NAME: Final = "the scenario runs to its end"
+NOT_REACHED_TEXT: Final = "not reached: a wait before it failed"
 
 
-class Case(Struct, frozen=True):
+class JunitCase(Struct, frozen=True):
     """One test case. `outcome` is "", failure, error or skipped; `kind`, `message` and `text` tell it."""
 
     name: str
@@ -44,12 +44,12 @@ class Case(Struct, frozen=True):
     text: str = ""
 
 
-class Suite(Struct, frozen=True):
+class JunitSuite(Struct, frozen=True):
     """One file: its path as it was given, the scenario's name, its cases, its traces."""
 
     path: str
     scenario: str
-    cases: tuple[Case, ...]
+    cases: tuple[JunitCase, ...]
     output: tuple[str, ...] = ()
 
     @property
@@ -66,18 +66,18 @@ class Report:
     def __init__(self, write: Write) -> None:
         self._write = write
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+    def begin_file(self, path: Path, scenario: Scenario, bench: Bench) -> None:
         """Tell that a file is about to run."""
 
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    def write_scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
     ) -> None:
         """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
 
-    def verdict(self, verdict: Verdict) -> None:
+    def write_verdict(self, verdict: Verdict) -> None:
         """Tell how the scenario ended."""
 
-    def wrong(self, path: Path, error: UserError) -> None:
+    def write_error(self, path: Path, error: UserError) -> None:
         """Tell that a file could not be run, or not to its end; stderr has it."""
 
     def end(self) -> None:
@@ -89,57 +89,57 @@ class Junit(Report):
 
     def __init__(self, write: Write) -> None:
         super().__init__(write)
-        self._suites: list[Suite] = []
+        self._suites: list[JunitSuite] = []
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+    def begin_file(self, path: Path, scenario: Scenario, bench: Bench) -> None:
         self._path, self._scenario = path, scenario
 
-    def verdict(self, verdict: Verdict) -> None:
+    def write_verdict(self, verdict: Verdict) -> None:
         steps = (*self._scenario.start, *self._scenario.steps)
-        cases = (*_taken(verdict.taken), *_not_reached(steps[len(verdict.taken) :]))
+        cases = (*_make_cases(verdict.taken), *_make_skipped_cases(steps[len(verdict.taken) :]))
         told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
         output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
-        suite = Suite(str(self._path), verdict.scenario, _with_the_rest(cases, verdict), output)
+        suite = JunitSuite(str(self._path), verdict.scenario, _add_rest_case(cases, verdict), output)
         self._suites.append(suite)
 
-    def wrong(self, path: Path, error: UserError) -> None:
+    def write_error(self, path: Path, error: UserError) -> None:
         lines = error.lines()
-        case = Case("the file can be run", 0, "error", "file", lines[0], "\n".join(lines))
-        self._suites.append(Suite(str(path), path.stem, (case,)))
+        case = JunitCase("the file can be run", 0, "error", "file", lines[0], "\n".join(lines))
+        self._suites.append(JunitSuite(str(path), path.stem, (case,)))
 
     def end(self) -> None:
-        self._write(_document(self._suites))
+        self._write(_format_xml(self._suites))
 
 
 # -- steps to cases ----------------------------------------------------------------------------------------
 
 
-def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
+def _make_cases(taken: Iterable[StepResult]) -> Iterator[JunitCase]:
     before = 0
     for one in taken:
         if not (_judges(one.step) or one.failure):
             continue
-        name, ns, before = _name(one.step), one.until_ns - before, one.until_ns
+        name, ns, before = _case_name(one.step), one.until_ns - before, one.until_ns
         if one.failure is None:
-            yield Case(name, ns)
+            yield JunitCase(name, ns)
         else:
             found = f"found: {one_line(one.failure.found)}"
             told = [f"ERROR {one_line(str(error))}" for error in one.errors]
             text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
-            yield Case(name, ns, "failure", one.step.line.split(maxsplit=1)[0], found, text)
+            yield JunitCase(name, ns, "failure", one.step.line.split(maxsplit=1)[0], found, text)
 
 
-def _not_reached(steps: Iterable[Step]) -> Iterator[Case]:
+def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
     for step in steps:
         if _judges(step):
-            yield Case(_name(step), 0, "skipped", message=NOT_REACHED)
+            yield JunitCase(_case_name(step), 0, "skipped", message=NOT_REACHED_TEXT)
 
 
-def _with_the_rest(cases: tuple[Case, ...], verdict: Verdict) -> tuple[Case, ...]:
+def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
     """Return the cases and, where none stands for the last steps, one for them: a suite is never empty."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
-    return (*cases, Case(WHOLE, rest)) if rest or not cases else cases
+    return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases
 
 
 def _judges(step: Step) -> bool:
@@ -148,7 +148,7 @@ def _judges(step: Step) -> bool:
     return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
 
 
-def _name(step: Step) -> str:
+def _case_name(step: Step) -> str:
     """Return `007 expect TRCV_C_1 STATUS=7004`: unlike any other of the file, in order when sorted."""
     number = "start" if step.number == START_STEP else f"{step.number:03}"
     line = one_line(step.line)
@@ -158,11 +158,11 @@ def _name(step: Step) -> str:
 # -- cases to XML ------------------------------------------------------------------------------------------
 
 
-def _document(suites: list[Suite]) -> str:
+def _format_xml(suites: list[JunitSuite]) -> str:
     # Here: the other formats need no XML, and a command line starts faster without.
     from xml.etree import ElementTree
 
-    root = ElementTree.Element("testsuites", {"name": "trcvtui scenario", **_sums(suites)})
+    root = ElementTree.Element("testsuites", {"name": "trcvtui scenario", **_count_outcomes(suites)})
     for suite in suites:
         _add_suite(root, suite)
     ElementTree.indent(root)
@@ -170,10 +170,10 @@ def _document(suites: list[Suite]) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'
 
 
-def _add_suite(root: Element, suite: Suite) -> None:
+def _add_suite(root: Element, suite: JunitSuite) -> None:
     from xml.etree.ElementTree import SubElement
 
-    element = SubElement(root, "testsuite", {"name": one_line(suite.path), **_sums([suite])})
+    element = SubElement(root, "testsuite", {"name": one_line(suite.path), **_count_outcomes([suite])})
     for case in suite.cases:
         named = {"classname": one_line(suite.scenario), "name": case.name, "time": _seconds(case.ns)}
         inner = SubElement(element, "testcase", named)
@@ -186,7 +186,7 @@ def _add_suite(root: Element, suite: Suite) -> None:
         SubElement(element, "system-out").text = "\n".join(output)
 
 
-def _sums(suites: list[Suite]) -> dict[str, str]:
+def _count_outcomes(suites: list[JunitSuite]) -> dict[str, str]:
     counts = {
         "tests": sum(len(suite.cases) for suite in suites),
         "failures": sum(suite.count("failure") for suite in suites),
@@ -208,16 +208,16 @@ class JsonLines(Report):
         self._interval_ns = interval_ns
         self._bench = bench
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+    def begin_file(self, path: Path, scenario: Scenario, bench: Bench) -> None:
         self._interval_ns, self._bench = bench.runtime.interval_ns, bench
 
-    def wrong(self, path: Path, error: UserError) -> None:
+    def write_error(self, path: Path, error: UserError) -> None:
         """Write the line of the file; step 0 is none of its steps."""
         failures = tuple(Failure(0, "", line) for line in error.lines())
-        self.verdict(Verdict(str(path), 0, failures, (), ()))
+        self.write_verdict(Verdict(str(path), 0, failures, (), ()))
 
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    def write_scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
     ) -> None:
         for edge in changed:
             sent = deliveries.get(edge.instance)
@@ -228,18 +228,18 @@ class JsonLines(Report):
         if self._bench is not None:
             late = {"late_ms": self._bench.late_ns / 1e6} if self._bench.late_ns else {}
             times |= {"at": self._bench.now / 1e9, **late}
-        self.write({"scan": scan, **times, **record})
+        self.write_record({"scan": scan, **times, **record})
 
-    def verdict(self, verdict: Verdict) -> None:
+    def write_verdict(self, verdict: Verdict) -> None:
         told = [
             {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
             for one in verdict.taken
             if one.told
         ]
-        self.write(
+        self.write_record(
             {
                 "scenario": verdict.scenario,
-                "passed": verdict.passed,
+                "passed": verdict.has_passed,
                 "scans": verdict.scans,
                 **({"late_scans": verdict.late_scans} if verdict.late_scans else {}),
                 "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
@@ -247,7 +247,7 @@ class JsonLines(Report):
             }
         )
 
-    def write(self, record: Mapping[str, object]) -> None:
+    def write_record(self, record: Mapping[str, object]) -> None:
         self._write(json_line(record))
 
 
@@ -275,8 +275,8 @@ def outputs_record(edge: StatusEdge) -> dict[str, object]:
 class Text(Report):
     """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
 
-    def verdict(self, verdict: Verdict) -> None:
-        word = "passed" if verdict.passed else "FAILED"
+    def write_verdict(self, verdict: Verdict) -> None:
+        word = "passed" if verdict.has_passed else "FAILED"
         late = f", {verdict.late_scans} of them late" if verdict.late_scans else ""
         self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans{late})\n")
         for instance, trace in verdict.traces:

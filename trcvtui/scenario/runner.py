@@ -21,11 +21,11 @@ from trcvtui.scenario.step_runner import Failure, StepRunner
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge
 
-MOST_KEPT: Final = 100
-NEWEST: Final = 5
+MOST_ERRORS: Final = 100
+NEWEST_ERRORS: Final = 5
 
 
-class ErrorTold(Struct, frozen=True):
+class ErrorSummary(Struct, frozen=True):
     """One cause of ERROR at one instance: its STATUS, the first and last scan, how many such edges."""
 
     instance: str
@@ -43,32 +43,34 @@ class ErrorTold(Struct, frozen=True):
         return f"{self.instance} {self.status:04X} {when}: {self.text}"
 
 
-class Errors:
+class ErrorSummaries:
     def __init__(self) -> None:
-        self._told: dict[tuple[str, int, str], ErrorTold] = {}
+        self._told: dict[tuple[str, int, str], ErrorSummary] = {}
 
-    def see(self, scan: int, changed: Iterable[StatusEdge]) -> None:
+    def add_errors(self, scan: int, changed: Iterable[StatusEdge]) -> None:
         for edge in changed:
             if not edge.outputs.error:
                 continue
-            told = ErrorTold(edge.instance, edge.outputs.status, _because(edge.cause, edge.block), scan, scan)
+            told = ErrorSummary(
+                edge.instance, edge.outputs.status, _explain(edge.cause, edge.block), scan, scan
+            )
             key = told.instance, told.status, told.text
             known = self._told.get(key)
             self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)
-            if len(self._told) > MOST_KEPT:
+            if len(self._told) > MOST_ERRORS:
                 del self._told[next(iter(self._told))]
 
-    def all(self) -> tuple[ErrorTold, ...]:
+    def list_all(self) -> tuple[ErrorSummary, ...]:
         return tuple(self._told.values())
 
-    def newest(self) -> tuple[ErrorTold, ...]:
-        return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST:])
+    def list_newest(self) -> tuple[ErrorSummary, ...]:
+        return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST_ERRORS:])
 
 
 def cause_record(cause: Cause, block: str) -> dict[str, object]:
     """Return a cause as an object of JSON: what took no part is null."""
     return {
-        "text": _because(cause, block),
+        "text": _explain(cause, block),
         "call": cause.underlying_call or None,
         "errno": cause.errno or None,
         "peer": cause.peer or None,
@@ -88,7 +90,7 @@ class Delivery(NamedTuple):
     read_by_peer: int | None
 
 
-NONE_SENT: Final[Mapping[str, Delivery]] = {}
+NO_DELIVERIES: Final[Mapping[str, Delivery]] = {}
 
 
 def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
@@ -115,13 +117,13 @@ def _delivery(bench: Bench, instance: str) -> Delivery | None:
     return Delivery(sent.accepted, sent.unacknowledged, read[0] if read else None)
 
 
-class StepTaken(Struct, frozen=True):
+class StepResult(Struct, frozen=True):
     """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
 
     step: words.Step
     until_ns: int
     failure: Failure | None
-    errors: tuple[ErrorTold, ...] = ()  # where it failed: the newest before
+    errors: tuple[ErrorSummary, ...] = ()  # where it failed: the newest before
     told: str = ""  # by the doctor
 
 
@@ -135,12 +137,12 @@ class Verdict(Struct, frozen=True):
     scans: int
     failures: tuple[Failure, ...]
     traces: tuple[tuple[str, str], ...]
-    taken: tuple[StepTaken, ...]
-    errors: tuple[ErrorTold, ...] = ()
+    taken: tuple[StepResult, ...]
+    errors: tuple[ErrorSummary, ...] = ()
     late_scans: int = 0
 
     @property
-    def passed(self) -> bool:
+    def has_passed(self) -> bool:
         return not self.failures
 
 
@@ -157,7 +159,7 @@ class VirtualPace:
         bench.step()
 
 
-class Runner:
+class ScenarioRunner:
     """One scenario on one bench; `on_scan` is told what changed in each scan, and how far sent bytes are."""
 
     def __init__(
@@ -174,17 +176,17 @@ class Runner:
         self._on_scan = on_scan
         self._stage = StepRunner(bench)
         self._stage.judge = judge
-        self._taken: list[StepTaken] = []
-        self._errors = Errors()
+        self._taken: list[StepResult] = []
+        self._errors = ErrorSummaries()
 
     def play(self, steps: Iterable[words.Step]) -> Verdict:
         """Carry out the steps in order; a failed `wait` ends the file."""
         for step in steps:
-            for _ in self._stage.take(step):
+            for _ in self._stage.run_step(step):
                 self._scan()
-            failure = self._stage.failure or self._internal(step)
-            errors = self._errors.newest() if failure is not None else ()
-            self._taken.append(StepTaken(step, self._stage.elapsed_ns, failure, errors, self._stage.told))
+            failure = self._stage.failure or self._find_internal_error(step)
+            errors = self._errors.list_newest() if failure is not None else ()
+            self._taken.append(StepResult(step, self._stage.elapsed_ns, failure, errors, self._stage.told))
             if self._stage.is_over:
                 break
         return Verdict(
@@ -193,24 +195,24 @@ class Runner:
             tuple(taken.failure for taken in self._taken if taken.failure is not None),
             tuple((name, str(trace)) for name, trace in self._stage.traces.items()),
             tuple(self._taken),
-            self._errors.all(),
+            self._errors.list_all(),
             self._bench.late_scans,
         )
 
-    def _internal(self, step: words.Step) -> Failure | None:
+    def _find_internal_error(self, step: words.Step) -> Failure | None:
         found = self._bench.containment.take_messages()
         return Failure(step.number, step.line, found) if found else None
 
     def _scan(self) -> None:
         runtime = self._bench.runtime
         self._pace.next_scan(self._bench)
-        self._stage.scanned()
+        self._stage.note_scan()
         if runtime.changed:
-            self._errors.see(runtime.scans, runtime.changed)
+            self._errors.add_errors(runtime.scans, runtime.changed)
             self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))
 
 
-def _because(cause: Cause, block: str) -> str:
+def _explain(cause: Cause, block: str) -> str:
     from trcvtui.diagnosis.advice import because  # with all advice: only who tells of an error waits
 
     return because(cause, block)

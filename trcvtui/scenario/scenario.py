@@ -55,7 +55,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     text = table.require("steps", TEXT)
     table.report_unread_keys()
     steps: list[Step] = []
-    start = _checked(project, table.problems)
+    start = _check_commands(project, table.problems)
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
     for step in start:
@@ -67,7 +67,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     return Scenario(name, about, project, start, tuple(steps))
 
 
-def _checked(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
+def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
     """Return the commands of `start`; leave what is wrong with all bench commands in `problems`."""
     start: tuple[Step, ...] = ()
     with noting(problems):
@@ -88,7 +88,7 @@ def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
 def check_bench(project: Project) -> None:
     """Raise UserError with every mistake in the bench commands of a project."""
     with all_problems() as problems:
-        _checked(project, problems)
+        _check_commands(project, problems)
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
@@ -117,9 +117,9 @@ MOST_DEPTH: Final = 4
 MOST_BYTES: Final = 1 << 18
 MOST_LINES: Final = 5000
 LONGEST_TEXT: Final = 2000
-SCENARIOS: Final = "scenarios"
-_TABLE: Final = re.compile(rb"^[ \t]*\[[ \t]*scenario[ \t]*\]", re.MULTILINE)
-_STEPS: Final = re.compile(r"\s*steps\s*=\s*(?:\"\"\"|''')\s*")
+SCENARIO_FOLDER: Final = "scenarios"
+_TABLE_PATTERN: Final = re.compile(rb"^[ \t]*\[[ \t]*scenario[ \t]*\]", re.MULTILINE)
+_STEPS_PATTERN: Final = re.compile(r"\s*steps\s*=\s*(?:\"\"\"|''')\s*")
 
 
 class ScriptLine(Struct, frozen=True):
@@ -148,20 +148,20 @@ class ScenarioFile(Struct, frozen=True):
 # -- where they lie ----------------------------------------------------------------------------------------
 
 
-class Found(Struct, frozen=True):
+class ScenarioFiles(Struct, frozen=True):
     """TOML files in reading order, each once; `is_cut` where there were more than are looked at."""
 
     paths: tuple[Path, ...]
     is_cut: bool
 
 
-def find_files(project: Path) -> Found:
+def find_files(project: Path) -> ScenarioFiles:
     """Return the TOML files beside a project, in its scenarios/, in ./configs/scenarios, those shipped."""
     looked = _Search()
-    looked.below(project.parent, depth=0)
+    looked.search_below(project.parent, depth=0)
     for folder in (project.parent, Path("configs"), configs_path()):
-        looked.below(folder / SCENARIOS, MOST_DEPTH)
-    return Found(tuple(looked.found.values()), looked.is_cut)
+        looked.search_below(folder / SCENARIO_FOLDER, MOST_DEPTH)
+    return ScenarioFiles(tuple(looked.found.values()), looked.is_cut)
 
 
 class _Search:
@@ -172,20 +172,20 @@ class _Search:
         self.is_cut = False
         self._entries = 0
 
-    def below(self, folder: Path, depth: int) -> None:
+    def search_below(self, folder: Path, depth: int) -> None:
         self._entries = 0
-        self._into(folder, depth)
+        self._search_folder(folder, depth)
 
-    def _into(self, folder: Path, depth: int) -> None:
+    def _search_folder(self, folder: Path, depth: int) -> None:
         folders: list[Path] = []
         for entry in self._entries_of(folder):
             path = folder / entry.name
             if entry.is_dir(follow_symlinks=False):
                 folders.append(path)
             elif entry.name.endswith(".toml") and path.is_file():  # a pipe would never end
-                self._take(path)
+                self._add_file(path)
         for inner in folders if depth else ():
-            self._into(inner, depth - 1)
+            self._search_folder(inner, depth - 1)
 
     def _entries_of(self, folder: Path) -> list[os.DirEntry[str]]:
         room = MOST_ENTRIES - self._entries
@@ -198,7 +198,7 @@ class _Search:
         self._entries += len(seen)
         return sorted(seen[:room], key=lambda entry: entry.name)
 
-    def _take(self, path: Path) -> None:
+    def _add_file(self, path: Path) -> None:
         real = os.path.realpath(path)
         if real in self.found:
             return
@@ -221,50 +221,50 @@ def read_scenario_file(path: Path) -> ScenarioFile | None:
         return None
     if len(content) > MOST_BYTES:
         too_large = f"{path}: found a larger file, expected at most {MOST_BYTES} bytes for this list"
-        return ScenarioFile(path, path.stem, "", (), too_large) if _TABLE.search(content) else None
-    return _described(path, content)
+        return ScenarioFile(path, path.stem, "", (), too_large) if _TABLE_PATTERN.search(content) else None
+    return _parse_file(path, content)
 
 
-def _described(path: Path, content: bytes) -> ScenarioFile | None:
+def _parse_file(path: Path, content: bytes) -> ScenarioFile | None:
     text = content.decode("utf-8-sig", errors="replace")
     try:
         table = parse_toml(text, str(path)).get("scenario")
     except UserError:
-        if not _TABLE.search(content):
+        if not _TABLE_PATTERN.search(content):
             return None
-        return ScenarioFile(path, path.stem, "", (), **_of_project(path))
+        return ScenarioFile(path, path.stem, "", (), **_project_fields(path))
     if table is None:
         return None
     said: dict[str, Any] = table if isinstance(table, dict) else {}
-    name, about, steps = (_text(said.get(key)) for key in ("name", "about", "steps"))
-    lines = tuple(islice(_script(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
-    return ScenarioFile(path, cut(name or path.stem), cut(about), lines, **_of_project(path))
+    name, about, steps = (_text_or_empty(said.get(key)) for key in ("name", "about", "steps"))
+    lines = tuple(islice(_script_lines(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
+    return ScenarioFile(path, cut_text(name or path.stem), cut_text(about), lines, **_project_fields(path))
 
 
-def _text(value: object) -> str:
+def _text_or_empty(value: object) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _of_project(path: Path) -> dict[str, Any]:
+def _project_fields(path: Path) -> dict[str, Any]:
     try:
         project = load_scenario(path).project
     except UserError as wrong:
-        return {"problem": cut(wrong.lines()[0])}
+        return {"problem": cut_text(wrong.lines()[0])}
     blocks = dict.fromkeys(each.block for each in project.instances)
     return {"blocks": tuple(blocks), "dialect": project.dialect.name}
 
 
-def _script(steps: str, file: list[str]) -> Iterator[ScriptLine]:
+def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
     """Yield the lines of the steps with their places in the file; from 1 where it writes them otherwise."""
     lines = steps.rstrip().split("\n")
-    head = next((at for at, line in enumerate(file) if _STEPS.fullmatch(line)), -1) + 1
+    head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1
     step = 0
     for place, line in enumerate(lines, first):
         is_step = bool(line.strip()) and not line.strip().startswith("#")
         step += is_step
-        yield ScriptLine(place, step if is_step else 0, cut(line.strip()))
+        yield ScriptLine(place, step if is_step else 0, cut_text(line.strip()))
 
 
-def cut(text: str) -> str:
+def cut_text(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

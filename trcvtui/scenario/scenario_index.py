@@ -16,25 +16,25 @@ from trcvtui.dialects.status_report import parse_code
 from trcvtui.errors import UserError
 from trcvtui.project.tables import read_toml
 
-ROOT: Final = Path(__file__).parents[2]
+SOURCE_ROOT: Final = Path(__file__).parents[2]
 
-Shown = tuple[int, str]  # a code, the block that shows it
+ShownCode = tuple[int, str]  # a code, the block that shows it
 
 
-def scenarios_of(
+def find_scenarios(
     folder: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
-) -> Mapping[Shown, tuple[str, ...]]:
+) -> Mapping[ShownCode, tuple[str, ...]]:
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
     With codes only the files that write the digits of one somewhere are read: all of them take 60 ms.
     `wanted` chooses by the file's name.
     """
-    showing: dict[Shown, list[str]] = {}
-    for path in sorted((ROOT / "configs" / "scenarios" / folder).glob("*.toml")):
+    showing: dict[ShownCode, list[str]] = {}
+    for path in sorted((SOURCE_ROOT / "configs" / "scenarios" / folder).glob("*.toml")):
         if wanted is not None and not wanted(path.name):
             continue
-        for shown in shown_by(path) if codes is None or _mentions(path, codes) else ():
-            showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
+        for shown in read_shown_codes(path) if codes is None or _mentions(path, codes) else ():
+            showing.setdefault(shown, []).append(path.relative_to(SOURCE_ROOT).as_posix())
     return {shown: tuple(files) for shown, files in sorted(showing.items())}
 
 
@@ -46,7 +46,7 @@ def _mentions(path: Path, codes: Collection[int]) -> bool:
     return any(b"%X" % code in text for code in codes)
 
 
-def shown_by(path: Path) -> frozenset[Shown]:
+def read_shown_codes(path: Path) -> frozenset[ShownCode]:
     """Return what a scenario file waits for or expects; nothing when the file is wrong."""
     try:
         document = read_toml(path)

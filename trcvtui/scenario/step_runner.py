@@ -2,8 +2,8 @@
 
 Rule: a step lets no scan pass by itself. It asks for each one, so that a runner can let it pass at once or at
 the clock's pace, and an engine between serving its screen.
-Bounds of a trace, an instance: MOST_RUNS_SINCE runs of the newest scans (64 bytes each, 6.4 MB),
-MOST_RUNS_TOLD runs of the oldest. A run is any number of equal scans: an instance that waits costs nothing.
+Bounds of a trace, an instance: MOST_NEWEST_RUNS runs of the newest scans (64 bytes each, 6.4 MB),
+MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans: an instance that waits costs nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.bench.conditions import found, holds
+from trcvtui.bench.conditions import describe_now, holds
 from trcvtui.bench.split_test import SplitTest
 from trcvtui.commands import words
 from trcvtui.commands.patterns import ANY_SCANS, Scan, ScanRun, TracePattern, format_trace, matches
@@ -25,13 +25,13 @@ from trcvtui.commands.patterns import ANY_SCANS, Scan, ScanRun, TracePattern, fo
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge
 
-NOBODY_KEEPS: Final = "a run that nobody keeps: `trcvtui scenario` does, and the prompt of a bench"
-LOOK_NS: Final = 2_000_000  # between two looks at whether the doctor has ended
-MOST_RUNS_SINCE: Final = 100_000
-MOST_RUNS_TOLD: Final = 5000
+NOT_KEPT_TEXT: Final = "a run that nobody keeps: `trcvtui scenario` does, and the prompt of a bench"
+DOCTOR_CHECK_NS: Final = 2_000_000  # between two looks at whether the doctor has ended
+MOST_NEWEST_RUNS: Final = 100_000
+MOST_FIRST_RUNS: Final = 5000
 
 
-class Section(Struct, frozen=True):
+class TraceSection(Struct, frozen=True):
     """The scans between two `trace`; `lost` of them, the oldest, are no longer kept."""
 
     runs: tuple[ScanRun, ...]
@@ -42,7 +42,7 @@ class Section(Struct, frozen=True):
         return (not self.lost or pattern.atoms[0] == ANY_SCANS) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
-        lost = f"{self.lost} older scans, no longer kept ({MOST_RUNS_SINCE} changes are), then "
+        lost = f"{self.lost} older scans, no longer kept ({MOST_NEWEST_RUNS} changes are), then "
         return lost * bool(self.lost) + format_trace(self.runs)
 
 
@@ -58,23 +58,23 @@ class Trace:
 
     def add(self, scan: Scan) -> None:
         scan = self._known.setdefault(scan, scan)
-        if not _went_on(self._since, scan):
+        if not _extend_run(self._since, scan):
             self._since.append((scan, 1))
-            if len(self._since) > MOST_RUNS_SINCE:
+            if len(self._since) > MOST_NEWEST_RUNS:
                 self._lost += self._since.popleft()[1]
-        if not self._is_cut and not _went_on(self._told, scan):
-            self._is_cut = len(self._told) == MOST_RUNS_TOLD
+        if not self._is_cut and not _extend_run(self._told, scan):
+            self._is_cut = len(self._told) == MOST_FIRST_RUNS
             if not self._is_cut:
                 self._told.append((scan, 1))
 
-    def take(self) -> Section:
+    def take_section(self) -> TraceSection:
         """Return the scans since the last time, and begin anew."""
-        section = Section(tuple(self._since), self._lost)
+        section = TraceSection(tuple(self._since), self._lost)
         self._since.clear()
         self._lost = 0
         return section
 
-    def newest(self, most: int) -> str:
+    def newest_text(self, most: int) -> str:
         """Return the newest runs in the notation of a pattern, `...` for those before them."""
         kept = self._since if self._is_cut else self._told
         runs = list(islice(reversed(kept), most))[::-1]
@@ -86,7 +86,7 @@ class Trace:
         return (format_trace(self._told) if self._told else "") + " ..." * self._is_cut
 
 
-def _went_on(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
+def _extend_run(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
     if not runs or runs[-1][0] != scan:
         return False
     runs[-1] = (scan, runs[-1][1] + 1)
@@ -115,7 +115,7 @@ class StepRunner:
         for decl in bench.project.instances:
             self.traces[decl.name] = Trace()
 
-    def take(self, step: words.Step) -> Iterator[None]:
+    def run_step(self, step: words.Step) -> Iterator[None]:
         """Take one step; each time this yields, one scan has to pass and `scanned` to be called."""
         self.failure, self.told = None, ""
         match step.command:
@@ -126,12 +126,12 @@ class StepRunner:
                 while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
                     yield
             case words.Wait(condition, within_ns):
-                yield from self._until(step, condition, within_ns)
+                yield from self._wait_for(step, condition, within_ns)
                 self.is_over = self.failure is not None
             case words.Expect(condition, within_ns):
-                yield from self._until(step, condition, within_ns or 0)
+                yield from self._wait_for(step, condition, within_ns or 0)
             case words.ExpectTrace(instance, pattern):
-                section = self.traces[instance].take()
+                section = self.traces[instance].take_section()
                 if not section.fits(pattern):
                     self._fail(step, str(section))
             case words.TrySplits() as command:
@@ -139,9 +139,9 @@ class StepRunner:
             case words.Doctor() as command:
                 yield from self._ask_doctor(step, command)
             case command:
-                self._do(step, command)
+                self._run_command(step, command)
 
-    def scanned(self) -> None:
+    def note_scan(self) -> None:
         for edge in self.bench.runtime.due_edges:
             self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
 
@@ -151,17 +151,17 @@ class StepRunner:
         runtime = self.bench.runtime
         return self.bench.now + runtime.interval_ns if runtime.scans else 0
 
-    def _do(self, step: words.Step, command: words.BenchCommand) -> None:
+    def _run_command(self, step: words.Step, command: words.BenchCommand) -> None:
         # No wait: when `do` returns, the local kernel has taken all of a send that it can take now.
         error = self.bench.do(command)
         if error:
             self._fail(step, error)
 
-    def _until(self, step: words.Step, condition: words.Condition, within_ns: int) -> Iterator[None]:
+    def _wait_for(self, step: words.Step, condition: words.Condition, within_ns: int) -> Iterator[None]:
         left = self._scans_in(within_ns)
         while not holds(self.bench, condition):
             if left == 0:
-                self._fail(step, found(self.bench, condition))
+                self._fail(step, describe_now(self.bench, condition))
                 return
             left -= 1
             yield
@@ -178,15 +178,15 @@ class StepRunner:
         from trcvtui.bench.doctor_requests import BenchDoctor
 
         if self.judge is None:
-            self._fail(step, NOBODY_KEEPS)
+            self._fail(step, NOT_KEPT_TEXT)
             return
         doctor = BenchDoctor()
         doctor.ask(self.judge, self.bench, step.number, step.line, command)
-        while not (answers := [*doctor.go_on(self.judge, self.bench, is_wanted=False)]):
+        while not (answers := [*doctor.advance(self.judge, self.bench, is_wanted=False)]):
             if self.bench.kernel_name == "live":
                 yield
             else:
-                clock.sleep_until(clock.now_ns() + LOOK_NS)
+                clock.sleep_until(clock.now_ns() + DOCTOR_CHECK_NS)
         self.told = answers[0].told
         if answers[0].error:
             self._fail(step, answers[0].error)

@@ -26,7 +26,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.engine.driver import LAST_WORDS_S, EngineDriver
+from trcvtui.engine.driver import EXIT_WAIT_S, EngineDriver
 from trcvtui.errors import UserError, mistake
 from trcvtui.picture.protocol import MOST_TABS, EngineStopped
 
@@ -118,7 +118,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
     try:
         with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
-            engine.project()
+            engine.wait_for_project()
             command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
             answers = application(command, entrance, f"trcvtui {project.name}", about, begin)
             web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUT_S)
@@ -135,9 +135,9 @@ def revive(engine: EngineDriver) -> str:
         sys.stderr.write(f"{str(stopped).strip()}\n")
         engine.restart()
         try:
-            engine.project()
+            engine.wait_for_project()
         except (UserError, EngineStopped) as wrong:
-            engine.wait(LAST_WORDS_S)  # for its end: the next tab tries again
+            engine.wait(EXIT_WAIT_S)  # for its end: the next tab tries again
             return f"{wrong}\n"
     return ""
 

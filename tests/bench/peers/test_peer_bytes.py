@@ -130,7 +130,7 @@ def test_what_is_kept_of_a_flood_is_bounded(wire: Wire) -> None:
         wire.until(lambda: peer.queues.inbox.count == 32768 * (number + 1))  # noqa: B023 - called at once
     snapshot = peer.snapshot()
     assert snapshot.bytes_received == 8 * 32768
-    assert peer.queues.inbox.last == b"\x06" * 32768 + b"\x07" * 32768
+    assert peer.queues.inbox.last_bytes == b"\x06" * 32768 + b"\x07" * 32768
     assert len(snapshot.last_received) == 4096
 
 

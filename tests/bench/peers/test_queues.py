@@ -14,11 +14,11 @@ def play(outbox: Outbox, until: int, step: int = 10, stack: int = 1 << 30) -> li
     gone: list[tuple[int, bytes]] = []
     for now in range(0, until + 1, step):
         room = stack
-        while room and (chunk := outbox.due(now)) is not None:
+        while room and (chunk := outbox.due_bytes(now)) is not None:
             taken = bytes(chunk[:room])
             gone.append((now, taken))
             room -= len(taken)
-            outbox.taken(len(taken), now)
+            outbox.count_sent(len(taken), now)
     return gone
 
 
@@ -66,16 +66,16 @@ def test_what_the_stack_does_not_take_stays_first() -> None:
 def test_a_message_is_announced_once() -> None:
     outbox = box(PeerSend("P", b"abc", (1,), repeat=2))
     announced = []
-    while (chunk := outbox.due(0)) is not None:
-        announced.append(outbox.message_begins)
-        outbox.taken(len(chunk), 0)
+    while (chunk := outbox.due_bytes(0)) is not None:
+        announced.append(outbox.message_start)
+        outbox.count_sent(len(chunk), 0)
     assert announced == [(3, b"abc"), (0, b""), (3, b"abc"), (0, b"")]
 
 
 def test_dropping_tells_how_much() -> None:
     outbox = box(PeerSend("P", b"abc", (1,), gap_ns=10, repeat=3), PeerSend("P", b"de"))
-    outbox.taken(1, 0)
-    assert (outbox.unsent, outbox.clear(), outbox.unsent, outbox.due(1000)) == (10, 10, 0, None)
+    outbox.count_sent(1, 0)
+    assert (outbox.unsent, outbox.clear(), outbox.unsent, outbox.due_bytes(1000)) == (10, 10, 0, None)
 
 
 SENDS = st.builds(

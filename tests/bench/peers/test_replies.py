@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.bench.bench_project import bench_project
 from tests.bench.peers.peer_wire import Wire, connected, write
-from trcvtui.bench.peers.queues import Replies
+from trcvtui.bench.peers.queues import ReplyRules
 from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.peer import read_replies
 from trcvtui.commands.table import parse_line, rule_text
@@ -38,11 +38,13 @@ def rule(text: str, project: Project) -> ReplyOn:
 
 def answers(text: str, pieces: Sequence[bytes], project: Project, room: int = ROOM) -> list[bytes]:
     """Return what a rule answers; each piece comes in a scan of its own."""
-    replies = Replies()
+    replies = ReplyRules()
     assert replies.add(rule(text, project)) == ""
     found = []
     for now, piece in enumerate(pieces):
-        found += [fill_message(send.payload, send.fills, n) for send, n in replies.take(piece, now, room)]
+        found += [
+            fill_message(send.payload, send.fills, n) for send, n in replies.find_answers(piece, now, room)
+        ]
     return found
 
 
@@ -87,15 +89,15 @@ def test_each_answer_of_a_rule_has_the_next_number(project: Project) -> None:
 
 
 def test_what_there_is_no_room_to_answer_is_counted_as_missed(project: Project) -> None:
-    replies = Replies()
+    replies = ReplyRules()
     replies.add(rule("contains hex 05 send hex 06", project))
-    assert len(list(replies.take(b"\x05" * 9, 0, 4))) == 4
+    assert len(list(replies.find_answers(b"\x05" * 9, 0, 4))) == 4
     (told,) = replies.snapshot()
     assert (told.rule, told.hits, told.missed) == ("contains hex 05 send hex 06", 4, 5)
 
 
 def test_rules_end_one_by_one_or_all(project: Project) -> None:
-    replies = Replies()
+    replies = ReplyRules()
     for text in ("contains hex 01 send hex 0A", "contains hex 02 send hex 0B"):
         replies.add(rule(text, project))
     assert replies.remove(3, "P1") == "P1 has 2 rules, no number 3"
@@ -105,7 +107,7 @@ def test_rules_end_one_by_one_or_all(project: Project) -> None:
 
 
 def test_the_sixty_fifth_rule_is_refused(project: Project) -> None:
-    replies = Replies()
+    replies = ReplyRules()
     for _ in range(64):
         assert replies.add(rule("contains hex 01 send hex 0A", project)) == ""
     assert "64 rules already" in replies.add(rule("contains hex 01 send hex 0A", project))

@@ -60,7 +60,7 @@ def plain(tmp_path: Path) -> Controller:
 
 
 def say(console: Controller, line: str) -> LineAnswer:
-    console.take(1, line)
+    console.handle_line(1, line)
     return console.picture(UpdateRequest(), EngineTiming(), 0).answers[-1]
 
 

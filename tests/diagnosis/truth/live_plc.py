@@ -54,7 +54,7 @@ class LivePlc:
     def run(self, scans: int) -> None:
         for _ in range(scans):
             self._pace.next_scan(self.bench)
-            self._report.scan(self.bench.runtime.scans, self.bench.runtime.changed)
+            self._report.write_scan(self.bench.runtime.scans, self.bench.runtime.changed)
             with self._passed:
                 self._passed.notify_all()
 

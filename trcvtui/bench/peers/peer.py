@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.bench.peers.queues import PeerQueues, Replies
+from trcvtui.bench.peers.queues import PeerQueues, ReplyRules
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import PeerRoutine
 from trcvtui.commands.words import PeerPlay, PeerSend
@@ -19,8 +19,8 @@ from trcvtui.project.project import PeerDecl
 from trcvtui.snapshots.bench import PeerSnapshot
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
-NO_POLICY: Final = ConnectionPolicy()
-LAST_SHOWN: Final = 4096  # received bytes in a snapshot
+DEFAULT_POLICY: Final = ConnectionPolicy()
+MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 
 
 class Peer:
@@ -35,7 +35,7 @@ class Peer:
         kernel: Kernel,
         resolve: Callable[[str], Endpoint | None],
         journal: Callable[[Event], None],
-        policy: ConnectionPolicy = NO_POLICY,
+        policy: ConnectionPolicy = DEFAULT_POLICY,
     ) -> None:
         self.decl = decl
         self.stalled = False
@@ -46,15 +46,15 @@ class Peer:
             decl, kernel, resolve, self.queues, options
         )
         self.transport.broadcasts = policy.broadcasts
-        self.due = self.queues.outbox.next_due
+        self.due_at = self.queues.outbox.next_due
         # What the transport does alone.
         self.listen = self.transport.listen
         self.connect = self.transport.connect
         self.close = self.transport.close
         self.rst = self.transport.rst
         self.shutdown = self.transport.shutdown
-        self.is_in = self.transport.is_in
-        self.end = self.transport.end
+        self.is_in = self.transport.is_in_state
+        self.end = self.transport.free_sockets
 
     # -- what others ask -----------------------------------------------------------------------------
 
@@ -68,7 +68,7 @@ class Peer:
         return self.transport.can_send
 
     @property
-    def replies(self) -> Replies:
+    def replies(self) -> ReplyRules:
         return self.queues.replies
 
     @property
@@ -92,7 +92,7 @@ class Peer:
             bytes_sent=self.queues.bytes_sent,
             bytes_received=self.queues.inbox.total,
             pending=self.unsent,
-            last_received=self.queues.inbox.last[-LAST_SHOWN:],
+            last_received=self.queues.inbox.last_bytes[-MOST_SHOWN_BYTES:],
             received_here=self.queues.inbox.count,
             udp=self.decl.udp,
             replies=self.replies.snapshot(),
@@ -159,7 +159,7 @@ class AutomaticPeer:
         self._next_word = 0
         self._next_attempt = 0
 
-    def due(self, now: int) -> int | None:
+    def due_at(self, now: int) -> int | None:
         """Return when it acts next, None: not by time alone."""
         peer, routine = self._peer, self._routine
         if peer.can_send:
@@ -170,7 +170,7 @@ class AutomaticPeer:
         """Connect again or say the next message, when it is due."""
         if self._peer.can_send:
             self._next_attempt = now + self._routine.reconnect_ns
-            self._say(now)
+            self._send_if_due(now)
             return
         if now > self._next_word:
             self._next_word = 0  # no partner was there for it: the next connection begins a new beat
@@ -182,7 +182,7 @@ class AutomaticPeer:
             self._next_attempt = now + self._routine.reconnect_ns
             self._peer.connect(now)
 
-    def _say(self, now: int) -> None:
+    def _send_if_due(self, now: int) -> None:
         says = self._routine.says
         if says and now >= self._next_word and not self._peer.unsent:
             self._next_word = next_due(self._next_word or now, self._routine.every_ns, now)

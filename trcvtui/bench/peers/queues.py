@@ -25,7 +25,7 @@ from trcvtui.snapshots.bench import ReplySnapshot, SentMessage
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger
-LAST_SENT, SENT_SHOWN = 5, 32  # messages in a snapshot, and bytes of each
+KEPT_SENT_MESSAGES, SHOWN_BYTES = 5, 32  # messages in a snapshot, and bytes of each
 
 
 class Inbox:
@@ -39,14 +39,14 @@ class Inbox:
         self._held: tuple[bytes, int] | None = None
         self.checker: FrameChecker | None = None  # of self-checking traffic
 
-    def begin(self) -> None:
+    def begin_connection(self) -> None:
         self.count = self._told = 0
         self._held = None
         self._last.clear()
         if self.checker is not None:
             self.checker.begin()
 
-    def take(self, arrived: memoryview) -> None:
+    def add_bytes(self, arrived: memoryview) -> None:
         self.total += len(arrived)
         self.count += len(arrived)
         self._last += arrived
@@ -56,7 +56,7 @@ class Inbox:
             del self._last[:-KEPT_BYTES]
 
     @property
-    def last(self) -> bytes:
+    def last_bytes(self) -> bytes:
         """Return the last bytes of this connection, at most 65536."""
         return bytes(self._last[-KEPT_BYTES:])
 
@@ -75,10 +75,10 @@ class Inbox:
         return True
 
 
-MOST_WAITING: Final = 256  # answers of a peer whose partner asks and does not read
+MOST_WAITING_ANSWERS: Final = 256  # answers of a peer whose partner asks and does not read
 
 
-class _Sending:
+class _SendProgress:
     """One `send` in progress: which message of its repetitions, which chunk, what is left of it."""
 
     def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
@@ -88,19 +88,19 @@ class _Sending:
         self._gaps = send.gaps_ns or (send.gap_ns,)
         self.left = send.repeat  # messages to come, the running one included
         self.due = self.began = now + pause_ns
-        self._pieces = self._filled()
+        self._pieces = self._make_pieces()
         self._piece = 0
         self.rest = self._pieces[0]
         self.is_fresh = True  # nothing of the running message has gone yet
 
     @property
-    def begin(self) -> bytes:
-        return b"".join(piece[:SENT_SHOWN] for piece in self._pieces[:SENT_SHOWN])[:SENT_SHOWN]
+    def first_bytes(self) -> bytes:
+        return b"".join(piece[:SHOWN_BYTES] for piece in self._pieces[:SHOWN_BYTES])[:SHOWN_BYTES]
 
-    def comes_next(self, now: int) -> None:
+    def schedule(self, now: int) -> None:
         self.due = self.began = max(self.due, now + self._pause_ns)
 
-    def taken(self, count: int, now: int) -> None:
+    def count_sent(self, count: int, now: int) -> None:
         """Count bytes that the stack took, and plan what comes next."""
         self.is_fresh = False
         self.rest = self.rest[count:]
@@ -121,10 +121,10 @@ class _Sending:
         self.began = self.due
         if self.send.fills and self.left:
             self._number += 1
-            self._pieces = self._filled()
+            self._pieces = self._make_pieces()
         self._piece, self.rest, self.is_fresh = 0, self._pieces[0], True
 
-    def _filled(self) -> tuple[memoryview, ...]:
+    def _make_pieces(self) -> tuple[memoryview, ...]:
         return chunks(fill_message(self.send.payload, self.send.fills, self._number), self.send.split)
 
     @property
@@ -138,44 +138,44 @@ class Outbox:
     """All that waits to be sent, in the order in which it was given."""
 
     def __init__(self) -> None:
-        self._sendings: deque[_Sending] = deque()
+        self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
         """Take one send command; its first chunk is due now, after what waits already.
 
         `number` is that of its first message, for what is filled in; `pause_ns` comes before it.
         """
-        self._sendings.append(_Sending(send, now, number, pause_ns))
+        self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
     @property
     def room(self) -> int:
         """Return how many more answers may wait."""
-        return max(0, MOST_WAITING - len(self._sendings))
+        return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
     def next_due(self, now: int) -> int | None:
         """Return when something is due next; None: never, or it waits for room in the stack."""
         return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
-    def due(self, now: int) -> memoryview | None:
+    def due_bytes(self, now: int) -> memoryview | None:
         """Return what is to be sent now, None while nothing is due."""
         if not self._sendings or self._sendings[0].due > now:
             return None
         return self._sendings[0].rest
 
     @property
-    def message_begins(self) -> tuple[int, bytes]:
+    def message_start(self) -> tuple[int, bytes]:
         """Return size and beginning of the message that the due bytes begin, 0 when they go on with one."""
         first = self._sendings[0]
-        return (len(first.send.payload), first.begin) if first.is_fresh else (0, b"")
+        return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
-    def taken(self, count: int, now: int) -> None:
+    def count_sent(self, count: int, now: int) -> None:
         """Count bytes of the due chunk as sent."""
         first = self._sendings[0]
-        first.taken(count, now)
+        first.count_sent(count, now)
         if not first.left:
             self._sendings.popleft()
             if self._sendings:
-                self._sendings[0].comes_next(now)
+                self._sendings[0].schedule(now)
 
     def clear(self) -> int:
         """Drop everything; return how many bytes will not be sent."""
@@ -191,15 +191,15 @@ class Outbox:
 # What looks for a match: `take` returns how often it is found, now that these bytes have arrived.
 
 
-class _Contained:
+class _ContentMatcher:
     def __init__(self, match: Contains) -> None:
         self._wanted = match.payload
         self._kept = b""
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         self._kept = b""
 
-    def take(self, arrived: bytes, now: int) -> int:
+    def count_matches(self, arrived: bytes, now: int) -> int:
         content, hits, at = self._kept + arrived, 0, 0
         while (place := content.find(self._wanted, at)) >= 0:
             hits, at = hits + 1, place + len(self._wanted)
@@ -207,18 +207,18 @@ class _Contained:
         return hits
 
 
-class _Beginning:
+class _StartMatcher:
     """A beginning that has come in part goes on in the next scan; a whole or a wrong one is over."""
 
     def __init__(self, match: Starts) -> None:
         self._wanted = match.payload
-        self.begin()
+        self.reset()
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         self._found = 0  # bytes of the beginning, -1 once it is over
         self._at = -1
 
-    def take(self, arrived: bytes, now: int) -> int:
+    def count_matches(self, arrived: bytes, now: int) -> int:
         if self._found < 0 and now != self._at:
             self._found = 0
         self._at = now
@@ -235,16 +235,16 @@ class _Beginning:
         return 1
 
 
-class _Frames:
+class _FieldMatcher:
     def __init__(self, match: FieldIs) -> None:
         self._match = match
         self._number = match.layout.leaf_number(match.path)
         self._frame = bytearray()
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         self._frame.clear()
 
-    def take(self, arrived: bytes, now: int) -> int:
+    def count_matches(self, arrived: bytes, now: int) -> int:
         size, hits, at = self._match.layout.size, 0, 0
         while at < len(arrived):
             piece = arrived[at : at + size - len(self._frame)]
@@ -260,35 +260,35 @@ class _Frames:
         return value == self._match.value
 
 
-def _looking(match: Match) -> _Contained | _Beginning | _Frames:
+def _make_matcher(match: Match) -> _ContentMatcher | _StartMatcher | _FieldMatcher:
     match match:
         case Contains():
-            return _Contained(match)
+            return _ContentMatcher(match)
         case Starts():
-            return _Beginning(match)
+            return _StartMatcher(match)
         case FieldIs():
-            return _Frames(match)
+            return _FieldMatcher(match)
 
 
-class _Rule(Struct):
+class _ReplyRule(Struct):
     command: ReplyOn
-    looking: _Contained | _Beginning | _Frames
+    looking: _ContentMatcher | _StartMatcher | _FieldMatcher
     text: str
     hits: int = 0
     missed: int = 0
 
 
-class Replies:
+class ReplyRules:
     """The rules of one peer, in the order in which they were given."""
 
     def __init__(self) -> None:
-        self._rules: list[_Rule] = []
+        self._rules: list[_ReplyRule] = []
 
     def add(self, command: ReplyOn) -> str:
         """Take one more rule; it sees what comes from now on. Return what is wrong, or ""."""
         if len(self._rules) == MOST_RULES:
             return f"{command.peer} has {MOST_RULES} rules already; `reply off` ends them"
-        self._rules.append(_Rule(command, _looking(command.match), rule_text(command)))
+        self._rules.append(_ReplyRule(command, _make_matcher(command.match), rule_text(command)))
         return ""
 
     def remove(self, number: int, peer: str) -> str:
@@ -301,14 +301,14 @@ class Replies:
             self._rules.clear()
         return ""
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         for rule in self._rules:
-            rule.looking.begin()
+            rule.looking.reset()
 
-    def take(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
+    def find_answers(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
         """Yield each message to be sent and its number, from 0, at most `room`, for what has arrived."""
         for rule in self._rules:
-            hits = rule.looking.take(arrived, now)
+            hits = rule.looking.count_matches(arrived, now)
             answers = min(hits, room)
             room -= answers
             rule.missed += hits - answers
@@ -332,28 +332,28 @@ class PeerQueues:
     def __init__(self, name: str, journal: Callable[[Event], None]) -> None:
         self.inbox = Inbox()
         self.outbox = Outbox()
-        self.replies = Replies()
+        self.replies = ReplyRules()
         self.messages = self.bytes_sent = 0
-        self.last_sent: deque[SentMessage] = deque(maxlen=LAST_SENT)
+        self.last_sent: deque[SentMessage] = deque(maxlen=KEPT_SENT_MESSAGES)
         self.landing = memoryview(bytearray(READ_BYTES))  # a transport reads into it
         self._name = name
         self._journal = journal
 
-    def begin(self) -> None:
-        self.inbox.begin()
-        self.replies.begin()
+    def begin_connection(self) -> None:
+        self.inbox.begin_connection()
+        self.replies.reset()
 
-    def take(self, size: int, now: int, may_answer: bool = True) -> None:
+    def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
         """Take so many bytes of `landing`, and queue what is answered to them."""
-        self.inbox.take(self.landing[:size])
+        self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.room if may_answer else 0
-            for send, number in self.replies.take(bytes(self.landing[:size]), now, room):
+            for send, number in self.replies.find_answers(bytes(self.landing[:size]), now, room):
                 self.outbox.put(send, now, number)
 
-    def sent(self, count: int, local: str, remote: str, offset: int) -> None:
+    def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
         """Count bytes of the due chunk as sent; the message that they begin is told with its place."""
-        size, begin = self.outbox.message_begins
+        size, begin = self.outbox.message_start
         if size:
             self.messages += 1
             self.last_sent.appendleft(SentMessage(self.messages, size, begin))

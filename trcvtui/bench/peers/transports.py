@@ -21,7 +21,7 @@ BACKLOG: Final = 4
 MOST_ACCEPTS: Final = 64
 MOST_READS: Final = 64
 MOST_DATAGRAMS: Final = 256
-LARGEST: Final = 65507  # bytes of a datagram
+LARGEST_BYTES: Final = 65507  # bytes of a datagram
 
 
 class _Transport:
@@ -53,12 +53,12 @@ class _Transport:
         assert isinstance(self._decl.end, Endpoint)
         return Endpoint(self._decl.end.address, self._port)
 
-    def _reached_by(self, handle: Handle) -> None:
+    def _note_local_end(self, handle: Handle) -> None:
         self.local = self._kernel.local_end(handle)
         if self.local is not None:
             self._port = self.local.port
 
-    def _failed(self, what: str, fault: Fault) -> str:
+    def _report_failure(self, what: str, fault: Fault) -> str:
         self._queues.note(what, str(fault))
         return f"{self._decl.name} {what}: {fault}"
 
@@ -90,7 +90,7 @@ class StreamTransport(_Transport):
             return "listening"
         return self._ended[0] if self._ended else "closed"
 
-    def is_in(self, state: str) -> bool:
+    def is_in_state(self, state: str) -> bool:
         """Return whether a state word of the bench commands is true.
 
         closed, reset and refused say how the last connection or attempt ended, also while a passive peer
@@ -113,13 +113,13 @@ class StreamTransport(_Transport):
         handle = self._kept if self._kept is not None else self._socket(self._own_end())
         self._kept = None
         if isinstance(handle, Fault):
-            return self._failed("cannot listen", handle)
+            return self._report_failure("cannot listen", handle)
         fault = self._kernel.listen(handle, BACKLOG)
         if fault is not None:
             self._kernel.close(handle)
-            return self._failed("cannot listen", fault)
+            return self._report_failure("cannot listen", fault)
         self._listener = handle
-        self._reached_by(handle)
+        self._note_local_end(handle)
         self._queues.note("listening", str(self.local))
         return ""
 
@@ -132,18 +132,18 @@ class StreamTransport(_Transport):
         self._ended = ("closed",)
         end = self._decl.end if isinstance(self._decl.end, Endpoint) else self._resolve(self._decl.end[1:])
         if end is None:
-            self._refused(f"{self._decl.end} does not listen")
+            self._note_refusal(f"{self._decl.end} does not listen")
             return ""
         handle = self._socket(self._decl.source)
         if isinstance(handle, Fault):
-            return self._failed("cannot connect", handle)
+            return self._report_failure("cannot connect", handle)
         self._attempt, self.remote = handle, end
         fault = self._kernel.connect(handle, end)
         if fault is not None:
             self._withdraw()
-            self._refused(str(fault))
+            self._note_refusal(str(fault))
         else:
-            self._look()
+            self._poll_attempt()
         return ""
 
     def close(self) -> str:
@@ -170,13 +170,13 @@ class StreamTransport(_Transport):
         if self._handle is not None:  # else the partner was faster
             self._kernel.shutdown(handle)
             self._kernel.close(handle)
-            self._end(("closed",), "closed")
+            self._end_connection(("closed",), "closed")
 
     def rst(self) -> str:
         """Send RST; without a connection nothing is sent."""
         if self._handle is not None:
             self._kernel.abort(self._handle)
-            self._end(("reset", "closed"), "sent RST")
+            self._end_connection(("reset", "closed"), "sent RST")
         else:
             self._queues.note("nothing to reset")
         return ""
@@ -198,7 +198,7 @@ class StreamTransport(_Transport):
             return f"{self._decl.name} is {self.state}, not connected"
         return f"{self._decl.name} has shut down its sending side" if self._half_closed else ""
 
-    def end(self) -> None:
+    def free_sockets(self) -> None:
         """Free every socket; the run is over."""
         for handle in (self._handle, self._attempt):
             if handle is not None:
@@ -214,9 +214,9 @@ class StreamTransport(_Transport):
         """Look for a verdict, read what has arrived, accept, send what is due; time in ns of the run."""
         self._now, self._is_stalled = now, is_stalled
         if self._attempt is not None:
-            self._look()
+            self._poll_attempt()
         if self._handle is not None:
-            self._watch(self._handle) if is_stalled else self._read(self._handle)
+            self._check_loss(self._handle) if is_stalled else self._read(self._handle)
         if self._listener is not None:
             self._accept(self._listener)
         self.send_due(now)
@@ -225,28 +225,28 @@ class StreamTransport(_Transport):
         """Send what is due as far as the stack takes it; a Fault ends the connection and is no error."""
         self._now = now
         outbox = self._queues.outbox
-        while self._handle is not None and (chunk := outbox.due(now)) is not None:
+        while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
             got = self._kernel.send(self._handle, chunk)
             if isinstance(got, Fault):
-                self._lost(self._handle, got) if self._is_stalled else self._read(self._handle, got)
+                self._handle_loss(self._handle, got) if self._is_stalled else self._read(self._handle, got)
             elif isinstance(got, int):
-                self._queues.sent(got, str(self.local or ""), str(self.remote), self._offset)
+                self._queues.note_sent(got, str(self.local or ""), str(self.remote), self._offset)
                 self._offset += got
-                outbox.taken(got, now)
+                outbox.count_sent(got, now)
             else:
                 break
         return ""
 
-    def _look(self) -> None:
+    def _poll_attempt(self) -> None:
         assert self._attempt is not None
         verdict = self._kernel.connect_result(self._attempt)
         if verdict is None:
             handle, self._attempt = self._attempt, None
             assert self.remote is not None
-            self._connected(handle, self.remote)
+            self._begin_connection(handle, self.remote)
         elif isinstance(verdict, Fault):
             self._withdraw()
-            self._refused(str(verdict))
+            self._note_refusal(str(verdict))
 
     def _accept(self, listener: Handle) -> None:
         for _ in range(MOST_ACCEPTS):
@@ -258,24 +258,24 @@ class StreamTransport(_Transport):
                 self._read(self._handle)  # what was sent by one that has gone at once is heard
             if self._handle is not None:
                 self._kernel.abort(self._handle)
-                self._end(("reset", "closed"), "reset for a newer connection")
+                self._end_connection(("reset", "closed"), "reset for a newer connection")
             self._kernel.set_options(got.handle, self._options)
-            self._connected(got.handle, got.peer)
+            self._begin_connection(got.handle, got.peer)
 
-    def _connected(self, handle: Handle, remote: Endpoint) -> None:
+    def _begin_connection(self, handle: Handle, remote: Endpoint) -> None:
         self._handle, self.remote = handle, remote
         self.local = self._kernel.local_end(handle)
         self._half_closed = False
         self._offset = 0
-        self._queues.begin()
+        self._queues.begin_connection()
         self._queues.note("connected", f"to {remote}", str(self.local or ""))
 
-    def _watch(self, handle: Handle) -> None:
+    def _check_loss(self, handle: Handle) -> None:
         loss = self._kernel.loss(handle)
         if loss is not None and loss.fault is not None:
-            self._lost(handle, loss.fault)
+            self._handle_loss(handle, loss.fault)
         elif loss is not None and not loss.unread:
-            self._partner_closed(handle)
+            self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
         """Read what is here; `lost`: the end that a send has met, which comes after it."""
@@ -286,24 +286,24 @@ class StreamTransport(_Transport):
             if isinstance(got, WouldBlock):
                 return
             if isinstance(got, Fault):
-                self._lost(handle, got)
+                self._handle_loss(handle, got)
                 return
             if got == 0:
-                self._partner_closed(handle)
+                self._handle_partner_end(handle)
                 return
-            self._queues.take(got, self._now, may_answer=not self._half_closed)
+            self._queues.handle_received(got, self._now, may_answer=not self._half_closed)
 
     # -- ends ----------------------------------------------------------------------------------------
 
-    def _partner_closed(self, handle: Handle) -> None:
+    def _handle_partner_end(self, handle: Handle) -> None:
         self._kernel.close(handle)
-        self._end(("closed",), "partner closed")
+        self._end_connection(("closed",), "partner closed")
 
-    def _lost(self, handle: Handle, fault: Fault) -> None:
+    def _handle_loss(self, handle: Handle, fault: Fault) -> None:
         self._kernel.abort(handle)
-        self._end(("reset",), "lost", str(fault))
+        self._end_connection(("reset",), "lost", str(fault))
 
-    def _end(self, words: tuple[str, ...], what: str, detail: str = "") -> None:
+    def _end_connection(self, words: tuple[str, ...], what: str, detail: str = "") -> None:
         self._handle, self._ended = None, words
         self._queues.note(what, detail)
         self._queues.drop_unsent()
@@ -313,7 +313,7 @@ class StreamTransport(_Transport):
         self._kernel.abort(self._attempt)
         self._attempt = None
 
-    def _refused(self, why: str) -> None:
+    def _note_refusal(self, why: str) -> None:
         self._ended = ("refused",)
         self._queues.note("refused", why)
 
@@ -342,7 +342,7 @@ class DatagramTransport(_Transport):
         """Return listening or closed: there is no connection that could be anything else."""
         return "closed" if self._handle is None else "listening"
 
-    def is_in(self, state: str) -> bool:
+    def is_in_state(self, state: str) -> bool:
         return state == self.state
 
     @property
@@ -365,14 +365,14 @@ class DatagramTransport(_Transport):
         own = self._own_end()
         handle = self._kernel.datagram_socket(self._decl.name)
         if isinstance(handle, Fault):
-            return self._failed("cannot listen", handle)
+            return self._report_failure("cannot listen", handle)
         fault = self._kernel.bind(handle, own)
         if fault is not None:
             self._kernel.close(handle)
-            return self._failed("cannot listen", fault)
+            return self._report_failure("cannot listen", fault)
         self._handle, self._heard = handle, None
-        self._reached_by(handle)
-        self._queues.begin()
+        self._note_local_end(handle)
+        self._queues.begin_connection()
         self._queues.note("listening", f"{self.local} (UDP)")
         if self.broadcasts and self.local is not None:
             name = self._decl.name
@@ -384,21 +384,21 @@ class DatagramTransport(_Transport):
     def close(self) -> str:
         """Close the socket; what waits in it, and what is still to be sent, is gone."""
         if self._handle is not None:
-            self.end()
+            self.free_sockets()
             self._queues.note("stopped listening")
             self._queues.drop_unsent()
         return ""
 
     def connect(self, now: int) -> str:
-        return self._no_connection("connect")
+        return self._no_connection_error("connect")
 
     def rst(self) -> str:
-        return self._no_connection("rst")
+        return self._no_connection_error("rst")
 
     def shutdown(self) -> str:
-        return self._no_connection("shutdown")
+        return self._no_connection_error("shutdown")
 
-    def _no_connection(self, verb: str) -> str:
+    def _no_connection_error(self, verb: str) -> str:
         return f"{self._decl.name} speaks UDP: there is no connection to {verb}"
 
     def obstacle(self, send: PeerSend | None = None) -> str:
@@ -410,11 +410,11 @@ class DatagramTransport(_Transport):
         if self.remote is None:
             return f"{self._decl.name} has nobody to send to: no remote that is open, and nobody was heard"
         largest = max(map(len, chunks(send.payload, send.split)))
-        if largest > LARGEST:
-            return f"{self._decl.name}: a datagram of {largest} bytes; at most {LARGEST}, so use split="
+        if largest > LARGEST_BYTES:
+            return f"{self._decl.name}: a datagram of {largest} bytes; at most {LARGEST_BYTES}, so use split="
         return ""
 
-    def end(self) -> None:
+    def free_sockets(self) -> None:
         for handle in (self._handle, self._hearing):
             if handle is not None:
                 self._kernel.close(handle)
@@ -439,22 +439,22 @@ class DatagramTransport(_Transport):
             if got.source != self._heard:
                 self._queues.note("heard", str(got.source))
             self._heard = got.source
-            self._queues.replies.begin()  # nothing is looked for across datagrams
-            self._queues.take(got.size, now)
+            self._queues.replies.reset()  # nothing is looked for across datagrams
+            self._queues.handle_received(got.size, now)
 
     def send_due(self, now: int) -> str:
         """Send what is due; return why a datagram did not go. It is not tried again."""
         wrong, outbox = "", self._queues.outbox
-        while self._handle is not None and (chunk := outbox.due(now)) is not None:
+        while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
             target = self.remote
             got = None if target is None else self._kernel.send_to(self._handle, chunk, target)
             if got is WOULD_BLOCK:
                 break
             if isinstance(got, int):
-                self._queues.sent(got, str(self.local), str(target), self._queues.bytes_sent)
+                self._queues.note_sent(got, str(self.local), str(target), self._queues.bytes_sent)
             else:
                 why = got or "nobody to send to"
                 wrong = f"{self._decl.name} cannot send: {why}"
                 self._queues.note("not sent", f"{len(chunk)} bytes: {why}")
-            outbox.taken(len(chunk), now)
+            outbox.count_sent(len(chunk), now)
         return wrong

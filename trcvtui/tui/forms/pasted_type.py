@@ -20,7 +20,7 @@ UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
 
 def pasted_type(text: str, base: Path) -> tuple[Path, str]:
     """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
-    from trcvtui.engine.project_edits import refuse_what_came_along  # read when first asked for
+    from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 
     lines = text[: MOST + 1].expandtabs(4).splitlines()
     hidden = find_hidden("".join(lines))
@@ -33,5 +33,5 @@ def pasted_type(text: str, base: Path) -> tuple[Path, str]:
     stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
     files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))
     file = next(file for file in files if not os.path.lexists(file))
-    refuse_what_came_along(file, "paste")
+    refuse_shipped_file(file, "paste")
     return file, source

@@ -10,7 +10,7 @@ from textual.binding import BindingType
 
 from trcvtui.paths import configs_path
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.scenario.scenario import Found, ScenarioFile, ScriptLine, read_scenario_file
+from trcvtui.scenario.scenario import ScenarioFile, ScenarioFiles, ScriptLine, read_scenario_file
 from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, pad, plain, wrapped
 from trcvtui.tui.messages import KeyClicked, ScenarioChosen
@@ -24,7 +24,7 @@ SHIPPED: Final = "came with trcvtui"
 class ScenarioListModel:
     """Scenario files in reading order. `revision` counts up with each change of `rows`."""
 
-    def __init__(self, found: Found, chosen: Path | None = None) -> None:
+    def __init__(self, found: ScenarioFiles, chosen: Path | None = None) -> None:
         self.is_cut = found.is_cut
         self.filter = ""
         self.revision = 0

@@ -222,9 +222,9 @@ class ViewModel:
             self.answers[0] = LineAnswer(0, "", internal)
 
     def _report(self, error: BaseException) -> ExceptionNote:
-        from trcvtui.bench.error_report import report_of  # read when first needed
+        from trcvtui.bench.error_report import report_error  # read when first needed
 
-        return report_of(error, self.project, [*self.lines], None)
+        return report_error(error, self.project, [*self.lines], None)
 
     def _take_waves(self, picture: BenchUpdate) -> None:
         interval_ns = picture.snapshot.interval_ns

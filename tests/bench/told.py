@@ -8,8 +8,8 @@ from pathlib import Path
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.diagnosis.advice import Advice, advice_on
-from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.diagnosis.advice import Advice, make_advice
+from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, past_evidence
 from trcvtui.history.link_statistics import past_facts
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -135,12 +135,12 @@ class Told:
         return picture
 
     def evidence(self, instance: str) -> Evidence:
-        found = evidence_now(self.picture(instance), self.driver.console.bench.project, instance)
+        found = make_current_evidence(self.picture(instance), self.driver.console.bench.project, instance)
         assert found is not None
         return found
 
     def of(self, instance: str) -> Advice:
-        return advice_on(self.evidence(instance))
+        return make_advice(self.evidence(instance))
 
     def then(self, instance: str, condition: Condition) -> Advice:
         """Return what is told of the newest edge of the past that shows a condition."""
@@ -156,4 +156,4 @@ class Told:
         decl = project.instance(instance)
         assert decl is not None
         facts, until = past_facts(self.lines, line, edge, decl.connect)
-        return advice_on(evidence_then(line, edge, facts, until, project, 10_000_000))
+        return make_advice(past_evidence(line, edge, facts, until, project, 10_000_000))

@@ -12,7 +12,7 @@ from typing import Any
 
 from tests.recording.wire import ACK, FIN, PSH, RST, SYN, tcp, udp
 from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
-from trcvtui.diagnosis.doctor import DoctorQuestion, as_json, judge
+from trcvtui.diagnosis.doctor import DoctorQuestion, as_json, judge_capture
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
@@ -929,5 +929,5 @@ Verdicts = list[dict[str, Any]]  # as JSON has them
 
 
 def verdicts_of(path: Path, plc: str | None = None, receivers: tuple[Receiver, ...] = ()) -> Verdicts:
-    verdicts, _, _ = judge(str(path), DoctorQuestion(plc, receivers))
+    verdicts, _, _ = judge_capture(str(path), DoctorQuestion(plc, receivers))
     return [json.loads(json_text(as_json(one))) for one in verdicts]

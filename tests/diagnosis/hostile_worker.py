@@ -16,7 +16,9 @@ import trcvtui.diagnosis.workers
 FOLDER = os.environ["HOSTILE_FOLDER"]
 WAY = os.environ["HOSTILE_WAY"]
 PICKLED: Any = pickle_dumps
-JUDGE: Any = getattr(trcvtui.diagnosis.workers._judge_there, "honest", trcvtui.diagnosis.workers._judge_there)
+JUDGE: Any = getattr(
+    trcvtui.diagnosis.workers._judge_at_worker, "honest", trcvtui.diagnosis.workers._judge_at_worker
+)
 
 
 class Code(Exception):
@@ -57,7 +59,7 @@ class Types:
 
 
 judge.honest = JUDGE  # type: ignore[attr-defined]  # Dask loads this file twice
-trcvtui.diagnosis.workers._judge_there = judge
+trcvtui.diagnosis.workers._judge_at_worker = judge
 if WAY == "result":
     distributed.worker.to_serialize = lambda value: Serialized(*PICKLED(value))
 if WAY == "result that says it is pickled":

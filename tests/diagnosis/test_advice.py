@@ -23,9 +23,9 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.diagnosis import advice
-from trcvtui.diagnosis.advice import RULES, Advice, Moves, advice_on, rows
-from trcvtui.diagnosis.evidence import NOTHING_KNOWN, Evidence, evidence_then
-from trcvtui.diagnosis.job import do
+from trcvtui.diagnosis.advice import ADVICE_RULES, Advice, Traffic, make_advice, rules
+from trcvtui.diagnosis.evidence import NO_FACTS, Evidence, past_evidence
+from trcvtui.diagnosis.job import tip
 from trcvtui.dialects import DIALECTS
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
@@ -129,7 +129,7 @@ def advice_of_scenario(name: str, condition: Condition) -> Advice:
         if isinstance(line.event, StatusEdge) and line.event.condition == str(condition)
     )
     until = ScanStamp(line.scan, line.t_ns)
-    return advice_on(evidence_then(line, edge, NOTHING_KNOWN, until, bench.project, 10_000_000))
+    return make_advice(past_evidence(line, edge, NO_FACTS, until, bench.project, 10_000_000))
 
 
 def rules_of(told: Advice) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ def stranger(*lines: str) -> Evidence:
     ids=["too short", "too long", "without a pause"],
 )
 def test_a_partner_that_is_no_peer_is_known_by_its_bursts(lines: tuple[str, ...], has_message: bool) -> None:
-    (check,) = [line for line in advice_on(stranger(*lines)).causes if "bytes came" in line]
+    (check,) = [line for line in make_advice(stranger(*lines)).causes if "bytes came" in line]
     assert ("if that is the sender's message" in check) is has_message
 
 
@@ -193,7 +193,7 @@ def test_a_partner_that_does_not_read_is_named() -> None:
     told.do("run 2")
     answer = told.of("S")
     assert (set(rules_of(answer)), answer.do[0].text) == (
-        {"stalled_peer", "does_not_read"},
+        {"explain_stall", "explain_not_reading"},
         "`peer P1 resume`",
     )
 
@@ -216,9 +216,9 @@ def test_facts_survive_a_flood_that_the_lines_do_not() -> None:
 
 def test_a_reset_stream_is_not_called_shifted_any_more() -> None:
     told = Told(*UP, *CUT, "set X EN_R=1", "run 20")
-    assert "shifted_by_a_drop" in rules_of(told.of("X"))
+    assert "explain_shift_by_drop" in rules_of(told.of("X"))
     told.do("pulse X COM_RST", "run 5", "peer P1 connect", "run 5", "peer P1 send random 96 seed=1", "run 5")
-    assert "shifted_by_a_drop" not in rules_of(told.of("X"))
+    assert "explain_shift_by_drop" not in rules_of(told.of("X"))
 
 
 def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell() -> None:
@@ -231,12 +231,12 @@ def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell(
 def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:
     half, again = "peer P1 send random 48 seed=1", ("set X EN_R=0", "run 2", "set X EN_R=1", "run 2")
     told = Told(*UP, half, "run 3", *again, half, "run 3")
-    assert "shifted_by_a_drop" not in rules_of(told.of("X"))
+    assert "explain_shift_by_drop" not in rules_of(told.of("X"))
 
 
 def test_a_frame_that_is_all_here_is_complete_and_a_slow_sender_is_not_stuck() -> None:
     whole = replace(Told(*UP, "peer P1 send random 40 seed=1", "run 3").evidence("X"), have=96)
-    assert advice_on(whole).why.startswith("complete: ")
+    assert make_advice(whole).why.startswith("complete: ")
     slow = Told(*UP, "peer P1 send random 96 seed=1 split=10,10,10,10,10 gap=T#2s", "run 780")
     assert slow.of("X").why.startswith("receiving: ")
 
@@ -248,19 +248,19 @@ def test_every_condition_has_an_answer_whatever_is_known() -> None:
     for condition in Condition:
         bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 10_000_000)
         for evidence in (replace(known, condition=str(condition)), bare, replace(bare, is_past=True)):
-            told = advice_on(evidence)
+            told = make_advice(evidence)
             if not told.why or not all(told.checks) or "None" in " ".join(told.checks):
                 wrong.append((condition, told))
     assert wrong == []
 
 
 def test_no_rule_is_asked_twice_for_one_condition() -> None:
-    asked = [(c, rule.moves, rule.tell, rule.says_why) for rule in RULES for c in rule.conditions]
+    asked = [(c, rule.moves, rule.tell, rule.says_why) for rule in ADVICE_RULES for c in rule.conditions]
     assert len(set(asked)) == len(asked)
 
 
 def test_each_error_has_something_to_look_at_on_its_card() -> None:
-    known = {condition for rule in RULES if not rule.says_why for condition in rule.conditions}
+    known = {condition for rule in ADVICE_RULES if not rule.says_why for condition in rule.conditions}
     rows_of = [row for dialect in DIALECTS.values() for row in dialect.status if row.conditions]
     bare = {row.word for row in rows_of if not row.checks and not known & {*row.conditions}}
     assert bare == set()
@@ -269,11 +269,11 @@ def test_each_error_has_something_to_look_at_on_its_card() -> None:
 def test_a_rule_is_one_row_and_one_of_what_moves_replaces_the_general_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made_up = rows(
-        Condition.PARTNER_CLOSED, lambda e: do("the machine is away", f"{e.instance}: look after it")
+    made_up = rules(
+        Condition.PARTNER_CLOSED, lambda e: tip("the machine is away", f"{e.instance}: look after it")
     )
-    of_datagrams = rows(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Moves.DATAGRAMS)
-    monkeypatch.setattr(advice, "RULES", (*RULES, *made_up, *of_datagrams))
+    of_datagrams = rules(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Traffic.DATAGRAMS)
+    monkeypatch.setattr(advice, "ADVICE_RULES", (*ADVICE_RULES, *made_up, *of_datagrams))
     told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)
     assert (told.causes[-1], told.do[-1].text) == ("the machine is away", "X: look after it")
     assert "recv gave 0 bytes" in told.why  # a FIN is no error of recv

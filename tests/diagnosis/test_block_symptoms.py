@@ -52,8 +52,8 @@ def test_an_error_counts_where_it_stands_or_comes_again(
 ) -> None:
     symptoms = BlockSymptoms(bench, 0)
     for scan, condition in enumerate(conditions, 1):
-        symptoms.take(scan, scan * 10**7, shown(bench, condition, done=condition is Condition.RECEIVED))
-    found_now = symptoms.found(is_running=False)
+        symptoms.add_event(scan, scan * 10**7, shown(bench, condition, done=condition is Condition.RECEIVED))
+    found_now = symptoms.list_findings(is_running=False)
     texts = [one.explains[0] for one in found_now]
     assert [text.split(" showed ")[1].split(":")[0] for text in texts] == found
     assert all(one.status == ("80A0",) and one.mend for one in found_now)
@@ -62,14 +62,14 @@ def test_an_error_counts_where_it_stands_or_comes_again(
 def test_an_error_that_is_expected_is_none(bench: Bench) -> None:
     cause = Cause(CauseKind.INPUT, "EN_R is 1 without a connection", is_expected=True)
     symptoms = BlockSymptoms(bench, 0)
-    symptoms.take(1, 0, shown(bench, Condition.CONNECT_FAILED, cause))
-    assert symptoms.found(is_running=False) == ()
+    symptoms.add_event(1, 0, shown(bench, Condition.CONNECT_FAILED, cause))
+    assert symptoms.list_findings(is_running=False) == ()
 
 
 def test_an_error_of_a_handshake_has_the_words_of_the_library(bench: Bench) -> None:
     words = "the partner's certificate: IP address mismatch"
     symptoms = BlockSymptoms(bench, 0)
-    symptoms.take(1, 0, BenchNote(bench.project.instances[0].connect, SESSION_ENDED, words))
-    symptoms.take(1, 0, shown(bench, Condition.TLS_HANDSHAKE, HANDSHAKE))
-    (found,) = symptoms.found(is_running=False)
+    symptoms.add_event(1, 0, BenchNote(bench.project.instances[0].connect, SESSION_ENDED, words))
+    symptoms.add_event(1, 0, shown(bench, Condition.TLS_HANDSHAKE, HANDSHAKE))
+    (found,) = symptoms.list_findings(is_running=False)
     assert found.explains[0].endswith(words)

@@ -30,7 +30,7 @@ from tests.diagnosis.doctor_cases import (
 from tests.recording.wire import ACK, PLC, RST, SYN, capture, serial_line, tcp
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion
-from trcvtui.diagnosis.doctor import doctor as run_doctor
+from trcvtui.diagnosis.doctor import run_doctor as run_doctor
 from trcvtui.diagnosis.receiver import Receiver
 
 ROOT = Path(__file__).parents[2]

@@ -28,8 +28,8 @@ from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.handshake import why_it_failed
-from trcvtui.diagnosis.job import Sentence
+from trcvtui.diagnosis.handshake import explain_handshake_failure
+from trcvtui.diagnosis.job import AdvisedCause
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.layer import TlsError
 from trcvtui.snapshots.doctor import Finding
@@ -68,8 +68,8 @@ def symptom_of(folder: Path, connect: str, more: str, code: str) -> Finding:
         assert desk.shown() == [code]
         symptoms = BlockSymptoms(desk.bench, 0)
         for line in desk.bench.runtime.ledger:
-            symptoms.take(line.scan, line.t_ns, line.event)
-        (found,) = symptoms.found(is_running=False)
+            symptoms.add_event(line.scan, line.t_ns, line.event)
+        (found,) = symptoms.list_findings(is_running=False)
         return found
 
 
@@ -96,8 +96,8 @@ def test_what_has_no_row_of_its_own_is_told_in_the_words_of_the_partner(
     with desk_of(secure_bench, CLIENT.format(port=9)) as desk:
         (config,) = desk.bench.project.connects
     failed = Cause(CauseKind.KERNEL, "", call="session", error=cause[0], words=cause[1])
-    said = why_it_failed(Evidence("X", "TRCV_C", "", failed, ScanStamp(0, 0), 0, config=config))
-    assert isinstance(said, Sentence) and card in said.cause
+    said = explain_handshake_failure(Evidence("X", "TRCV_C", "", failed, ScanStamp(0, 0), 0, config=config))
+    assert isinstance(said, AdvisedCause) and card in said.cause
     assert [mend in line.text for line in said.do] == [True]
 
 

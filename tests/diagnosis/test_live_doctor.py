@@ -18,8 +18,8 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.doctor_requests import BenchDoctor, read_result
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor_process import DoctorInput, found_in_run
-from trcvtui.diagnosis.judges import JUDGE, FilesJudge
+from trcvtui.diagnosis.doctor_process import DoctorInput, judge_run
+from trcvtui.diagnosis.judges import JUDGE_ENTRY, FilesJudge
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
@@ -169,7 +169,7 @@ def after_ten_seconds(
                 values[decl.name] = dict(zip(paths, shown, strict=True))
         recorder.close()  # as a box has it: the run goes on
         bench.close()
-    return found_in_run(str(file), collect_recorded_facts)
+    return judge_run(str(file), collect_recorded_facts)
 
 
 def _pass(bench: Bench, recorder: Any, scans: int) -> None:
@@ -435,14 +435,14 @@ def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> 
     judge = FilesJudge(lambda: [str(tmp_path / "run.pcapng")], "127.0.0.1:2000", tmp_path / "p.toml")
     judge.start_judging()
     while judge.is_judging:
-        judge.go_on()
+        judge.advance()
     assert json.loads(judge.result_json)["findings"][0]["cause"] == "frame-short"
 
 
 def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     told: list[str] = []
-    monkeypatch.setattr(DoctorInput, "_tell", lambda _, text, at_once=False: told.append(text))
+    monkeypatch.setattr(DoctorInput, "_report", lambda _, text, at_once=False: told.append(text))
     judged = DoctorInput(str(tmp_path / "answer"), collect_recorded_facts, load_bench)
     judged.add_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
@@ -451,7 +451,7 @@ def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: py
 
 
 def test_a_process_that_ends_half_way_has_found_nothing() -> None:
-    answer = PendingAnswer(JUDGE)
+    answer = PendingAnswer(JUDGE_ENTRY)
     line = "reads a.pcap: 4%"
     for written, told in (
         (line.encode()[:9], ""),
@@ -473,7 +473,7 @@ def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
     judge = FilesJudge(lambda: [str(tmp_path / "none.pcapng")])
     judge.start_judging()
     while judge.is_judging:
-        judge.go_on()
+        judge.advance()
     assert "none.pcapng: found No such file" in json.loads(judge.result_json)["trouble"]
 
 
@@ -488,7 +488,7 @@ class NoJudge:
     def start_judging(self) -> None:
         raise self._why
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         return
 
 

@@ -10,9 +10,9 @@ from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import Step
-from trcvtui.diagnosis.advice import Advice, advice_on
-from trcvtui.diagnosis.evidence import evidence_now
-from trcvtui.diagnosis.serial import warnings_of
+from trcvtui.diagnosis.advice import Advice, make_advice
+from trcvtui.diagnosis.evidence import make_current_evidence
+from trcvtui.diagnosis.serial import list_framing_warnings
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.net.results import Fault
 from trcvtui.picture.bench_update import UpdateRequest
@@ -64,13 +64,13 @@ def bench_on(folder: Path, port: str = "/dev/ttyUSB0", timeout: str = "T#0s", ta
 
 def why(bench: Bench, name: str) -> Advice:
     picture = Controller(bench).picture(UpdateRequest(), EngineTiming(), 0)
-    evidence = evidence_now(picture, bench.project, name)
+    evidence = make_current_evidence(picture, bench.project, name)
     assert evidence is not None
-    return advice_on(evidence)
+    return make_advice(evidence)
 
 
 def warned(bench: Bench) -> tuple[str, ...]:
-    return warnings_of(bench.runtime.snapshot(), bench.project, "RD")
+    return list_framing_warnings(bench.runtime.snapshot(), bench.project, "RD")
 
 
 def test_a_port_that_may_not_be_opened_is_told_with_its_call_and_its_errno(tmp_path: Path) -> None:

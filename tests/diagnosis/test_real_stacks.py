@@ -16,10 +16,10 @@ import pytest
 
 from tests.diagnosis.test_remedies import BY_A_PARAMETER
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.causes import RULES
+from trcvtui.diagnosis.causes import CAUSE_RULES
 
 ARCHIVE = Path(__file__).with_name("real_stacks.zip")
-CAUSES = sorted({"healthy", *(rule.cause for rule in RULES)}, key=len, reverse=True)
+CAUSES = sorted({"healthy", *(rule.cause for rule in CAUSE_RULES)}, key=len, reverse=True)
 
 
 with ZipFile(ARCHIVE) as _archive:

@@ -17,9 +17,9 @@ from tests.bench.bench_lines import do
 from tests.diagnosis.doctor_cases import MS, Built, Wire, begin, cotp, static, verdicts_of
 from tests.recording.wire import udp
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.message_joints import length_of
+from trcvtui.diagnosis.message_joints import find_length_field
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.serial import warnings_of
+from trcvtui.diagnosis.serial import list_framing_warnings
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
@@ -328,7 +328,7 @@ def test_the_card_points_to_the_framing_between_the_errors(tmp_path: Path) -> No
     bench = fresh_bench(load_project(tmp_path / "p.toml"), "sim")
     for one in LINES:
         do(bench, f"feed RX hex {one.hex(' ')}", scans=10)
-    (told,) = warnings_of(bench.runtime.snapshot(), bench.project, "RS")
+    (told,) = list_framing_warnings(bench.runtime.snapshot(), bench.project, "RS")
     bench.close()
     assert "the gap of 200 ms never comes" in told and "key B" in told
 
@@ -357,7 +357,7 @@ def test_a_length_field_is_that_which_is_right_in_each_message(
     make: Callable[[int], bytes], said: tuple[object, ...], tmp_path: Path
 ) -> None:
     messages = [make(n) for n in range(120)]
-    assert length_of(messages) == said
+    assert find_length_field(messages) == said
     assert suggested(messages, tmp_path)[0].startswith("# length field: 2 bytes")
 
 

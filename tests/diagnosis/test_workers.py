@@ -18,14 +18,14 @@ import pytest
 from tests.diagnosis.doctor_cases import Built, healthy_fixed, resets
 from trcvtui.cli.main import main
 from trcvtui.diagnosis import workers
-from trcvtui.diagnosis.doctor import Answer, DoctorQuestion, try_to_judge
-from trcvtui.diagnosis.workers import answers_of_cluster, answers_of_processes
+from trcvtui.diagnosis.doctor import CaptureAnswer, DoctorQuestion, try_to_judge
+from trcvtui.diagnosis.workers import judge_in_cluster, judge_in_processes
 from trcvtui.errors import UserError
 
 QUESTION = DoctorQuestion()
 
 
-def judge_or_die(path: str, asked: DoctorQuestion) -> Answer | UserError:
+def judge_or_die(path: str, asked: DoctorQuestion) -> CaptureAnswer | UserError:
     """Judge; a file named so kills the process that reads it, as one that needs too much memory would."""
     if "deadly" in path:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -49,7 +49,7 @@ def test_a_file_that_kills_its_worker_is_reported_and_no_other_is_lost(tmp_path:
     deadly.touch()
     paths = captures(tmp_path, 4)
     paths[1:1] = [str(deadly)]
-    answers = dict(answers_of_processes(paths, QUESTION, judge_or_die, 2))
+    answers = dict(judge_in_processes(paths, QUESTION, judge_or_die, 2))
     assert set(answers) == set(paths)
     wrong = answers.pop(str(deadly))
     assert isinstance(wrong, UserError)
@@ -149,13 +149,13 @@ def test_what_no_worker_can_open_is_judged_here(
 def test_a_file_that_kills_all_workers_of_a_cluster_is_reported_and_no_other_is_lost(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trcvtui.diagnosis.workers.LOOK_S", 0.2)
+    monkeypatch.setattr("trcvtui.diagnosis.workers.POLL_S", 0.2)
     for _ in range(2):
         cluster.work()
     deadly = tmp_path / "deadly.pcapng"
     deadly.touch()
     paths = [*captures(tmp_path, 3), str(deadly)]
-    answers = dict(answers_of_cluster(paths, QUESTION, judge_or_die, cluster.address, Answer))
+    answers = dict(judge_in_cluster(paths, QUESTION, judge_or_die, cluster.address, CaptureAnswer))
     assert isinstance(answers[str(deadly)], UserError)
     assert sum(not isinstance(answer, UserError) for answer in answers.values()) == 3
 
@@ -205,7 +205,7 @@ def test_a_hostile_worker_runs_no_code_here(
         return
     with Client(cluster.address, set_as_default=False) as client, warnings.catch_warnings():  # it is hostile
         warnings.simplefilter("ignore")
-        task = client.submit(workers._judge_there, path, QUESTION, try_to_judge, pure=False)
+        task = client.submit(workers._judge_at_worker, path, QUESTION, try_to_judge, pure=False)
         with contextlib.suppress(Exception):
             task.result()
         while not ours.exists():
@@ -221,7 +221,7 @@ def test_a_message_of_a_hostile_scheduler_that_says_it_is_pickled_runs_no_code_h
             return Path.touch, (tmp_path / "ran",)
 
     sent = protocol.dumps({"op": protocol.ToPickle(Code())})
-    with workers._building_nothing():
+    with workers._forbid_unpickling():
         assert protocol.loads(sent) == {"op": None}
     assert not (tmp_path / "ran").exists()
     protocol.loads(sent)

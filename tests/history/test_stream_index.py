@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.diagnosis.card import notes_of
+from trcvtui.diagnosis.card import list_frame_notes
 from trcvtui.history.records import MAX_SCAN
 from trcvtui.history.stream_index import KEPT_STREAMS, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
@@ -122,7 +122,7 @@ def test_what_is_remembered_is_bounded() -> None:
 
 def test_frames_that_agree_with_messages_need_no_word() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 24), ended(1, 0, 24), started(2, 24))
-    assert notes_of(receiving(have=0), ledger) == []
+    assert list_frame_notes(receiving(have=0), ledger) == []
     assert ledger.list_message_starts("TRCV_C_1", of_job=False) == {0}
 
 
@@ -130,7 +130,7 @@ def test_shifted_frames_are_named_with_their_shift() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 5), sent(2, 5, 24), sent(3, 29, 24))
     for job in (1, 2):
         ledger.add_lines([(50, 0, ended(job, 24 * (job - 1), 24))])
-    assert notes_of(receiving(have=0), ledger) == [
+    assert list_frame_notes(receiving(have=0), ledger) == [
         "P1's message 3 begins at byte 5 of DATA: frames and messages are shifted"
     ]
     assert ledger.list_message_starts("TRCV_C_1", of_job=False) == {5}
@@ -140,17 +140,17 @@ def test_one_message_over_several_frames_is_named() -> None:
     ledger = told(
         connected(), sent(1, 0, 100), started(1, 0), ended(1, 0, 24), started(2, 24), ended(2, 24, 24)
     )
-    assert notes_of(receiving(have=0), ledger) == [
+    assert list_frame_notes(receiving(have=0), ledger) == [
         "DATA begins with byte 24 of P1's message 1: one message fills several frames"
     ]
 
 
 def test_a_message_that_is_shorter_than_the_frame_is_named() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 17), taken(1, 0, 17))
-    assert notes_of(receiving(have=17, need=24), ledger) == [
+    assert list_frame_notes(receiving(have=17, need=24), ledger) == [
         "P1's message 1, 17 B, is wholly here and ends 7 bytes before the frame does"
     ]
-    assert notes_of(receiving(have=12, need=24), ledger) == [], "its end is still on the way"
+    assert list_frame_notes(receiving(have=12, need=24), ledger) == [], "its end is still on the way"
 
 
 def test_it_knows_from_when_to_when_a_connect_had_lost_its_partner() -> None:

@@ -331,7 +331,7 @@ def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
     judge = FilesJudge(kept.files, looks_again=True)
     judge.start_judging()
     while judge.is_judging:
-        judge.go_on()
+        judge.advance()
     (found,) = json.loads(judge.result_json)["findings"]
     assert found["cause"] == "refused" and found["t_ns"] >= 0
 

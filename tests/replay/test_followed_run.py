@@ -103,7 +103,7 @@ def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_
             block.add_entry(entry)
         sink.add_block(block.encode())
         if length > 1:
-            sink.go_on(follower.NO_DEADLINE)
+            sink.advance(follower.NO_DEADLINE)
     sink.close()
     runs = [begun(path) for path in sorted(tmp_path.iterdir())]
     assert [check_replay(run) for run, _ in runs] == [""] * len(runs)
@@ -224,7 +224,7 @@ def test_keyframes_of_one_seed_are_the_same_bytes(tmp_path: Path, monkeypatch: p
 def test_a_file_without_its_keyframe_says_what_it_lacks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RecordedRunWriter, "go_on", lambda self, until: False)
+    monkeypatch.setattr(RecordedRunWriter, "advance", lambda self, until: False)
     with pytest.raises(
         UserError, match=r"found no keyframe in 1 file, R-0002.pcapng the first: the run beside"
     ):

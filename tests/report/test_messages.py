@@ -309,10 +309,10 @@ class Cut:
         for each in told:
             ns += int(each * 1e9) if isinstance(each, float) else 1_000_000
             if isinstance(each, int):
-                self.cutter.hole(ns, each)
+                self.cutter.add_hole(ns, each)
             elif isinstance(each, bytes):
-                self.cutter.segment(ns, each, largest)
-        self.cutter.end(ns, "FIN")
+                self.cutter.add_segment(ns, each, largest)
+        self.cutter.end_message(ns, "FIN")
         return [(size, reason, begins) for size, _, reason, begins in self.found]
 
 
@@ -360,7 +360,7 @@ def test_without_a_type_pauses_end_messages_and_what_is_held_is_bounded() -> Non
     assert max(size for size, _, _ in Cut(0).play(*[L] * 200)) < 65_535 + 1460
     held = Cut(12)
     for n in range(1000):
-        held.cutter.segment(n, L, 1460)
+        held.cutter.add_segment(n, L, 1460)
         assert len(held.cutter._held) <= 65_535
     assert all(size == 12 for size, *_ in held.found)
 

@@ -26,7 +26,7 @@ from tests.scenario.scenarios import (
 )
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.commands import words
-from trcvtui.diagnosis.advice import because
+from trcvtui.diagnosis.advice import describe_cause
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.rules import OWN_ROWS
@@ -144,7 +144,7 @@ def table_lists_each_code(path: Path, run: Played) -> None:
 
 def no_text_says_none(run: Played) -> None:
     """No text of an event, and no reason of a STATUS, has Python's None for an address that is not there."""
-    texts = [*texts_in(run.events), *(because(edge.cause, edge.block) for edge in run.edges), run.text]
+    texts = [*texts_in(run.events), *(describe_cause(edge.cause, edge.block) for edge in run.edges), run.text]
     assert [text for text in texts if re.search(r"\bNone\b", text)] == []
 
 

@@ -58,7 +58,7 @@ class FixedJudge:
     def start_judging(self) -> None:
         self.looks += 1
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         pass
 
 

@@ -42,7 +42,7 @@ class Judge(Protocol):
     def start_judging(self) -> None:
         """Let it look; raise UserError where there is nothing to look at."""
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         """Find out whether it has ended."""
 
 
@@ -88,7 +88,7 @@ class BenchDoctor:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
             return ()
         if self._looks:
-            judge.go_on()
+            judge.advance()
             seconds = (clock.now_ns() - self._began_ns) // 500_000_000 / 2
             self.snapshot = replace(self.snapshot, progress=f"{seconds:.1f} s: {judge.progress}".rstrip(": "))
             if not judge.is_judging:

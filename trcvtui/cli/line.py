@@ -214,12 +214,12 @@ def add_doctor(parser: CommandParser) -> None:
 
 
 def _doctor(args: Args) -> int:
-    from trcvtui.diagnosis.doctor import DoctorQuestion, doctor, verdict_on_project
+    from trcvtui.diagnosis.doctor import DoctorQuestion, judge_project, run_doctor
 
     sets = tuple(args.set) if args.project is None else ()
     asked = DoctorQuestion(args.plc, _receivers(args), partial(_recorded, sets))
     projects = [Path(file) for file in args.files if file.endswith(".toml")]
-    lints = [verdict_on_project(load_bench(path, args.set)) for path in projects]
+    lints = [judge_project(load_bench(path, args.set)) for path in projects]
     files = [file for file in args.files if not file.endswith(".toml")]
     if args.suggest is not None:
         from trcvtui.diagnosis.readings.suggest import suggest
@@ -227,29 +227,29 @@ def _doctor(args: Args) -> int:
         for line in suggest(files, args.plc, args.suggest):
             sys.stderr.write(f"{line}\n")
     if args.time is None:
-        return doctor(files, asked, args.format, args.jobs, lints, scheduler=args.scheduler)
+        return run_doctor(files, asked, args.format, args.jobs, lints, scheduler=args.scheduler)
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
         runs = {run: str(path) for path in projects for run in _run_for(path, args, folder)}
-        return doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
+        return run_doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
 
 
 def _receivers(args: Args) -> tuple[Receiver, ...]:
-    from trcvtui.diagnosis.doctor import receiver_of_type
+    from trcvtui.diagnosis.doctor import make_type_receiver
 
     receivers: tuple[Receiver, ...] = ()
     if args.project is not None:
-        from trcvtui.diagnosis.lint import receivers_of
+        from trcvtui.diagnosis.lint import list_receivers
         from trcvtui.replay.what_if import find_changed_pins
 
-        receivers = receivers_of(load_bench(args.project, args.set), find_changed_pins(args.set))
+        receivers = list_receivers(load_bench(args.project, args.set), find_changed_pins(args.set))
     if args.udt is None:
         return receivers
     from trcvtui.udt.command import read_file_layout
 
     layout, sender = read_file_layout(args.udt)
-    return (*receivers, receiver_of_type(layout, sender.layout))
+    return (*receivers, make_type_receiver(layout, sender.layout))
 
 
 def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:

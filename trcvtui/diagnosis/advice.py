@@ -19,19 +19,19 @@ from trcvtui.blocks.outcome import UNDERLYING_CALLS, Cause, CauseKind
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DoLine, Sentence, Tell, as_sentence, says
+from trcvtui.diagnosis.job import AdvisedCause, SuggestedAction, Tell, as_advised_cause, make_constant_rule
 from trcvtui.history.records import SETUP_CALLS
 from trcvtui.wording import count
 
-INJECTED: Final = "injected fault: "
-AN_END: Final = "0 bytes"  # what recv gives at a FIN, and no errno
-SESSION: Final = {
+INJECTED_PREFIX: Final = "injected fault: "
+EMPTY_READ_TEXT: Final = "0 bytes"  # what recv gives at a FIN, and no errno
+SESSION_ERROR_TEXTS: Final = {
     "ECONNREFUSED": "the partner took the call and refused it in the handshake",
     "ECONNRESET": "the partner took the call and ended it in the handshake",
 }
 
 
-class Moves(Enum):
+class Traffic(Enum):
     """What moves on the link of a block: it decides what is asked."""
 
     ANYTHING = auto()
@@ -49,68 +49,72 @@ class Rule(NamedTuple):
     """
 
     conditions: frozenset[Condition]
-    moves: Moves
+    moves: Traffic
     tell: Tell
     says_why: bool = False
 
 
-def rows(
+def rules(
     conditions: Condition | tuple[Condition, ...],
     *tells: Tell,
-    of: Moves | tuple[Moves, ...] = Moves.ANYTHING,
+    of: Traffic | tuple[Traffic, ...] = Traffic.ANYTHING,
     says_why: bool = False,
 ) -> tuple[Rule, ...]:
     of_these = frozenset((conditions,) if isinstance(conditions, Condition) else conditions)
-    moves = (of,) if isinstance(of, Moves) else of
+    moves = (of,) if isinstance(of, Traffic) else of
     return tuple(Rule(of_these, each, tell, says_why) for each in moves for tell in tells)
 
 
-DATAGRAMS: Final = (Moves.DATAGRAMS, Moves.DATAGRAMS_OF_A_CONNECT)
-ALL_DATAGRAMS: Final = (*DATAGRAMS, Moves.DATAGRAM_JOBS)
+DATAGRAMS: Final = (Traffic.DATAGRAMS, Traffic.DATAGRAMS_OF_A_CONNECT)
+ALL_DATAGRAMS: Final = (*DATAGRAMS, Traffic.DATAGRAM_JOBS)
 # What knows no number stands in the STATUS table, on the same card.
-RULES: Final[tuple[Rule, ...]] = (
+ADVICE_RULES: Final[tuple[Rule, ...]] = (
     # how things stand, for the sentence of why
-    *rows(Condition.RECEIVING, receive.how_it_stands, says_why=True),
-    *rows(Condition.ESTABLISHING, link.who_is_waited_for, says_why=True),
-    *rows(Condition.SENDING, job.how_far, of=(Moves.ANYTHING, Moves.MESSAGES, *DATAGRAMS), says_why=True),
-    *rows(Condition.RECEIVING, receive.message_stands, of=Moves.MESSAGES, says_why=True),
-    *rows(Condition.RECEIVING, receive.datagram_stands, of=DATAGRAMS, says_why=True),
-    *rows(Condition.ESTABLISHING, link.who_is_waited_for, of=Moves.DATAGRAMS_OF_A_CONNECT, says_why=True),
-    *rows(
+    *rules(Condition.RECEIVING, receive.describe_receive_job, says_why=True),
+    *rules(Condition.ESTABLISHING, link.describe_setup_wait, says_why=True),
+    *rules(
+        Condition.SENDING, job.progress, of=(Traffic.ANYTHING, Traffic.MESSAGES, *DATAGRAMS), says_why=True
+    ),
+    *rules(Condition.RECEIVING, receive.describe_message_job, of=Traffic.MESSAGES, says_why=True),
+    *rules(Condition.RECEIVING, receive.describe_datagram_receive, of=DATAGRAMS, says_why=True),
+    *rules(
+        Condition.ESTABLISHING, link.describe_setup_wait, of=Traffic.DATAGRAMS_OF_A_CONNECT, says_why=True
+    ),
+    *rules(
         (Condition.STARTED, Condition.RUNNING),
-        receive.datagram_job_stands,
-        of=Moves.DATAGRAM_JOBS,
+        receive.describe_datagram_job,
+        of=Traffic.DATAGRAM_JOBS,
         says_why=True,
     ),
     # what to check next
-    *rows(
+    *rules(
         Condition.INTERNAL_FAULT,
-        says("please send the report", cause="the error is in this program, not on the line"),
-        says(
+        make_constant_rule("please send the report", cause="the error is in this program, not on the line"),
+        make_constant_rule(
             "start {instance} anew: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
         ),
     ),
-    *rows(
+    *rules(
         Condition.STILL_ASKED,
-        says(
+        make_constant_rule(
             "`set {instance} EN_R=0`, and 1 when it is up",
             "set {instance} EN_R=0",
             cause="EN_R is 1 while there is no connection",
         ),
-        link.lost_before,
+        link.explain_lost_connection,
     ),
-    *rows(Condition.ENDPOINT_GONE, link.lost_before),
-    *rows(Condition.PORT_IN_USE, link.injected, link.what_failed, job.another_port),
-    *rows(Condition.PORT_RESERVED, job.where_the_flaw_is, job.another_port),
-    *rows(
+    *rules(Condition.ENDPOINT_GONE, link.explain_lost_connection),
+    *rules(Condition.PORT_IN_USE, link.name_fault, link.explain_failure, job.suggest_another_port),
+    *rules(Condition.PORT_RESERVED, job.explain_description_flaw, job.suggest_another_port),
+    *rules(
         Condition.REFUSED,
-        link.injected,
-        job.no_such_selector,
-        link.what_failed,
-        link.peer_that_could_call,
-        link.lost_before,
+        link.name_fault,
+        job.explain_refused_selector,
+        link.explain_failure,
+        link.suggest_peer_call,
+        link.explain_lost_connection,
     ),
-    *rows(
+    *rules(
         (
             Condition.UNREACHABLE,
             Condition.NO_SOCKET,
@@ -121,13 +125,13 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.ACCEPT_FAILED,
             Condition.CONNECT_FAILED,
         ),
-        link.injected,
-        link.no_connection_left,
-        link.what_failed,
-        link.peer_that_could_call,
-        link.lost_before,
+        link.name_fault,
+        link.explain_connection_limit,
+        link.explain_failure,
+        link.suggest_peer_call,
+        link.explain_lost_connection,
     ),
-    *rows(
+    *rules(
         (
             Condition.REMOTE_WRONG,
             Condition.ID_WRONG,
@@ -144,16 +148,16 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.TLS_SERVER_CHECKS,
             Condition.TLS_REFERENCE,
         ),
-        job.where_the_flaw_is,
+        job.explain_description_flaw,
     ),
-    *rows((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.wrong_length),
-    *rows(Condition.AREA_CHANGED, job.must_stay),
-    *rows(Condition.DATA_SYMBOLIC, job.symbolic_data),
-    *rows(Condition.MESSAGE_TOO_LONG, job.message_too_long),
-    *rows((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.no_data),
-    *rows(Condition.RESULT_WRONG, job.result_too_small),
-    *rows(Condition.NAME_UNKNOWN, job.ask_for_the_name),
-    *rows(
+    *rules((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.explain_wrong_length),
+    *rules(Condition.AREA_CHANGED, job.explain_changed_parameter),
+    *rules(Condition.DATA_SYMBOLIC, job.explain_symbolic_data),
+    *rules(Condition.MESSAGE_TOO_LONG, job.explain_message_too_long),
+    *rules((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.explain_missing_data),
+    *rules(Condition.RESULT_WRONG, job.explain_small_result),
+    *rules(Condition.NAME_UNKNOWN, job.suggest_name_lookup),
+    *rules(
         (
             Condition.TLS_MESSAGE,
             Condition.TLS_HANDSHAKE,
@@ -163,60 +167,60 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.TLS_EXPIRED,
             Condition.TLS_EXTENSION,
         ),
-        handshake.why_it_failed,
+        handshake.explain_handshake_failure,
     ),
-    *rows(Condition.STRING_OVERRUN, serial.string_too_long),
-    *rows(Condition.RECEIVE_LENGTH_WRONG, serial.size_does_not_fit),
-    *rows(Condition.DATA_OVERRUN, serial.frame_too_long),
-    *rows(
+    *rules(Condition.STRING_OVERRUN, serial.explain_string_too_long),
+    *rules(Condition.RECEIVE_LENGTH_WRONG, serial.explain_wrong_frame_size),
+    *rules(Condition.DATA_OVERRUN, serial.explain_frame_too_long),
+    *rules(
         Condition.RECEIVING,
-        receive.shifted_by_a_drop,
-        receive.shifted,
-        receive.too_short_a_sender,
-        receive.several_messages_a_frame,
-        receive.too_long_a_sender,
-        receive.one_odd_message,
-        receive.messages_of_many_sizes,
-        receive.bursts_do_not_fill,
-        receive.ad_hoc_hint,
-        receive.nothing_sent,
-        link.may_be_cut,
-        link.second_client,
+        receive.explain_shift_by_drop,
+        receive.explain_shift,
+        receive.explain_short_sender,
+        receive.explain_several_messages,
+        receive.explain_long_sender,
+        receive.explain_odd_size,
+        receive.explain_many_sizes,
+        receive.explain_burst_size,
+        receive.suggest_ad_hoc,
+        receive.explain_nothing_sent,
+        link.explain_quiet_line,
+        link.explain_second_client,
     ),
-    *rows(
+    *rules(
         Condition.RECEIVED,
-        receive.shifted_by_a_drop,
-        receive.shifted,
-        receive.too_short_a_sender,
-        receive.too_long_a_sender,
-        receive.one_odd_message,
-        receive.messages_of_many_sizes,
-        receive.parts_of_a_message,
+        receive.explain_shift_by_drop,
+        receive.explain_shift,
+        receive.explain_short_sender,
+        receive.explain_long_sender,
+        receive.explain_odd_size,
+        receive.explain_many_sizes,
+        receive.explain_partial_message,
     ),
-    *rows(
+    *rules(
         Condition.ESTABLISHING,
-        link.injected,
-        link.let_go,
-        link.what_failed,
-        link.wrong_partner,
-        link.peer_that_could_call,
-        link.unanswered,
-        link.lost_before,
+        link.name_fault,
+        link.explain_refused_caller,
+        link.explain_failure,
+        link.explain_wrong_partner,
+        link.suggest_peer_call,
+        link.explain_unanswered_call,
+        link.explain_lost_connection,
     ),
-    *rows(Condition.NOT_CALLED, job.not_called),
-    *rows(
+    *rules(Condition.NOT_CALLED, job.explain_not_called),
+    *rules(
         Condition.NOT_CONNECTED,
-        link.asked_too_early,
-        link.wrong_partner,
-        link.what_failed,
-        link.peer_that_could_call,
+        link.explain_early_request,
+        link.explain_wrong_partner,
+        link.explain_failure,
+        link.suggest_peer_call,
     ),
-    *rows(Condition.LINK_DEAD, link.injected, link.dead_link),
-    *rows((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.stalled_peer, job.does_not_read),
-    *rows(Condition.CONNECT_IN_USE, job.who_holds),
-    *rows(Condition.CONNECTED, job.nobody_reads_here, job.no_edge, link.second_client),
-    *rows(Condition.NO_JOB, job.cont_is_missing, link.lost_before),
-    *rows(
+    *rules(Condition.LINK_DEAD, link.name_fault, link.explain_dead_link),
+    *rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
+    *rules(Condition.CONNECT_IN_USE, job.explain_connect_holder),
+    *rules(Condition.CONNECTED, job.explain_receive_off, job.explain_no_edge, link.explain_second_client),
+    *rules(Condition.NO_JOB, job.explain_missing_cont, link.explain_lost_connection),
+    *rules(
         (
             Condition.PARTNER_CLOSED,
             Condition.FOUND_CLOSED,
@@ -224,77 +228,79 @@ RULES: Final[tuple[Rule, ...]] = (
             Condition.SEND_FAILED,
             Condition.RECEIVE_FAILED,
         ),
-        link.injected,
-        handshake.why_it_failed,
-        link.ended_by_partner,
-        link.closed_after_its_message,
+        link.name_fault,
+        handshake.explain_handshake_failure,
+        link.explain_partner_end,
+        link.explain_close_after_message,
     ),
     # messages over a connection
-    *rows(
+    *rules(
         Condition.RECEIVING,
-        receive.too_long_messages,
-        receive.nothing_sent,
-        receive.short_messages,
-        link.may_be_cut,
-        link.second_client,
-        of=Moves.MESSAGES,
+        receive.explain_long_message,
+        receive.explain_nothing_sent,
+        receive.explain_short_message,
+        link.explain_quiet_line,
+        link.explain_second_client,
+        of=Traffic.MESSAGES,
     ),
-    *rows(Condition.RECEIVED, receive.short_messages, of=Moves.MESSAGES),
+    *rules(Condition.RECEIVED, receive.explain_short_message, of=Traffic.MESSAGES),
     # datagrams
-    *rows(
+    *rules(
         Condition.RECEIVING,
-        receive.wrong_port,
-        receive.nobody_sends,
-        receive.too_long_datagrams,
-        receive.short_datagrams,
+        receive.explain_wrong_port,
+        receive.explain_no_sender,
+        receive.explain_cut_datagram,
+        receive.explain_short_datagram,
         of=DATAGRAMS,
     ),
-    *rows(Condition.RECEIVED, receive.too_long_datagrams, receive.short_datagrams, of=DATAGRAMS),
-    *rows(Condition.RECEIVE_FAILED, link.injected, receive.too_long_datagrams, of=DATAGRAMS),
-    *rows(Condition.SEND_FAILED, link.injected, of=DATAGRAMS),
-    *rows(Condition.CONNECT_IN_USE, job.who_holds, of=ALL_DATAGRAMS),
-    *rows(Condition.LENGTH_WRONG, job.wrong_length, of=ALL_DATAGRAMS),
-    *rows(Condition.DATA_EMPTY, job.no_data, of=ALL_DATAGRAMS),
-    *rows(Condition.NO_JOB, job.cont_is_missing, of=DATAGRAMS),
-    *rows(Condition.CREATED, receive.datagrams_wait, receive.no_edge_for_a_datagram, of=Moves.DATAGRAMS),
-    *rows((Condition.SENDING, Condition.SENT), receive.nobody_is_told, of=Moves.DATAGRAMS),
-    *rows((Condition.SENDING, Condition.SENT), receive.took_it, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(
+    *rules(Condition.RECEIVED, receive.explain_cut_datagram, receive.explain_short_datagram, of=DATAGRAMS),
+    *rules(Condition.RECEIVE_FAILED, link.name_fault, receive.explain_cut_datagram, of=DATAGRAMS),
+    *rules(Condition.SEND_FAILED, link.name_fault, of=DATAGRAMS),
+    *rules(Condition.CONNECT_IN_USE, job.explain_connect_holder, of=ALL_DATAGRAMS),
+    *rules(Condition.LENGTH_WRONG, job.explain_wrong_length, of=ALL_DATAGRAMS),
+    *rules(Condition.DATA_EMPTY, job.explain_missing_data, of=ALL_DATAGRAMS),
+    *rules(Condition.NO_JOB, job.explain_missing_cont, of=DATAGRAMS),
+    *rules(Condition.CREATED, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAMS),
+    *rules((Condition.SENDING, Condition.SENT), receive.explain_sent, of=Traffic.DATAGRAMS),
+    *rules((Condition.SENDING, Condition.SENT), receive.explain_done, of=Traffic.DATAGRAMS_OF_A_CONNECT),
+    *rules(
         Condition.CONNECTED,
-        receive.datagrams_wait,
-        receive.no_edge_for_a_datagram,
-        of=Moves.DATAGRAMS_OF_A_CONNECT,
+        receive.explain_unread,
+        receive.explain_datagram_edge,
+        of=Traffic.DATAGRAMS_OF_A_CONNECT,
     ),
-    *rows(
+    *rules(
         Condition.MESSAGE_TOO_LONG,
-        receive.datagram_too_long,
-        of=(Moves.DATAGRAMS_OF_A_CONNECT, Moves.DATAGRAM_JOBS),
+        receive.explain_datagram_too_long,
+        of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
-    *rows(
+    *rules(
         Condition.REMOTE_WRONG,
-        receive.addr_is_empty,
-        of=(Moves.DATAGRAMS_OF_A_CONNECT, Moves.DATAGRAM_JOBS),
+        receive.explain_empty_addr,
+        of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
-    *rows(Condition.SEND_BUFFER_FULL, link.injected, receive.nobody_is_told, of=Moves.DATAGRAMS_OF_A_CONNECT),
+    *rules(
+        Condition.SEND_BUFFER_FULL, link.name_fault, receive.explain_sent, of=Traffic.DATAGRAMS_OF_A_CONNECT
+    ),
     # TUSEND and TURCV
-    *rows(Condition.NO_JOB, receive.datagrams_wait, receive.no_edge_for_a_datagram, of=Moves.DATAGRAM_JOBS),
-    *rows(
+    *rules(Condition.NO_JOB, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAM_JOBS),
+    *rules(
         (Condition.STARTED, Condition.RUNNING),
-        receive.wrong_port,
-        receive.nobody_sends,
-        receive.short_datagrams,
-        receive.nobody_is_told,
-        of=Moves.DATAGRAM_JOBS,
+        receive.explain_wrong_port,
+        receive.explain_no_sender,
+        receive.explain_short_datagram,
+        receive.explain_sent,
+        of=Traffic.DATAGRAM_JOBS,
     ),
-    *rows(Condition.RECEIVED, receive.short_datagrams, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.SENT, receive.nobody_is_told, of=Moves.DATAGRAM_JOBS),
-    *rows((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.injected, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.NOT_CONNECTED, receive.socket_is_closed, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.NEEDS_ADDR, receive.addr_is_empty, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.FINISHED, receive.result_says, of=Moves.RESULT),
+    *rules(Condition.RECEIVED, receive.explain_short_datagram, of=Traffic.DATAGRAM_JOBS),
+    *rules(Condition.SENT, receive.explain_sent, of=Traffic.DATAGRAM_JOBS),
+    *rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.name_fault, of=Traffic.DATAGRAM_JOBS),
+    *rules(Condition.NOT_CONNECTED, receive.explain_closed_socket, of=Traffic.DATAGRAM_JOBS),
+    *rules(Condition.NEEDS_ADDR, receive.explain_empty_addr, of=Traffic.DATAGRAM_JOBS),
+    *rules(Condition.FINISHED, receive.explain_result_layout, of=Traffic.RESULT),
 )
 
-JOB: Final = frozenset({Condition.STARTED, Condition.RUNNING})
+JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +313,7 @@ class Advice:
 
     why: str
     causes: tuple[str, ...] = ()
-    do: tuple[DoLine, ...] = ()
+    do: tuple[SuggestedAction, ...] = ()
     code: int | None = None
     rules: tuple[Tell, ...] = ()
 
@@ -317,82 +323,82 @@ class Advice:
         return (*self.causes, *(each.text for each in self.do))
 
 
-def advice_on(e: Evidence) -> Advice:
+def make_advice(e: Evidence) -> Advice:
     failed = e.facts.attempt
-    words = because(failed.cause, e.block) if failed is not None else ""
-    first = _attempt_told(e, words)
-    rules = () if first and _stops_it(e) else _asked(e)
-    told = _answers(e, (serial.port_trouble, *rules))
+    words = describe_cause(failed.cause, e.block) if failed is not None else ""
+    first = _describe_failed_attempt(e, words)
+    rules = () if first and _has_failed_early(e) else _select_rules(e)
+    told = _ask_rules(e, (serial.explain_port_trouble, *rules))
     parts = [*first, *(sentence for _, sentence in told)]
     causes = tuple(dict.fromkeys(part.cause for part in parts if part.cause))
     do = tuple(dict.fromkeys(line for part in parts for line in part.do))
     if first:  # which may say a cause already, after its own words
         causes = (causes[0], *(cause for cause in causes[1:] if cause not in causes[0]))
-    return Advice(why(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in told))
+    return Advice(explain_status(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in told))
 
 
-def _answers(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, Sentence]]:
-    return [(tell, as_sentence(answer)) for tell in rules if (answer := tell(e))]
+def _ask_rules(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, AdvisedCause]]:
+    return [(tell, as_advised_cause(answer)) for tell in rules if (answer := tell(e))]
 
 
-def _asked(e: Evidence) -> tuple[Tell, ...]:
-    found = _rules(e, _moves(e)) or _rules(e, Moves.ANYTHING) or (link.injected,)
-    return (*found, job.press_c)
+def _select_rules(e: Evidence) -> tuple[Tell, ...]:
+    found = _rules(e, _transfer_kind(e)) or _rules(e, Traffic.ANYTHING) or (link.name_fault,)
+    return (*found, job.suggest_description_key)
 
 
-def _rules(e: Evidence, moves: Moves, says_why: bool = False) -> tuple[Tell, ...]:
+def _rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[Tell, ...]:
     condition = _condition(e)
     return tuple(
         rule.tell
-        for rule in RULES
+        for rule in ADVICE_RULES
         if rule.moves is moves and condition in rule.conditions and rule.says_why is says_why
     )
 
 
-def _moves(e: Evidence) -> Moves:
+def _transfer_kind(e: Evidence) -> Traffic:
     row = block_row(e.block)
     if row.speaks_udp:
-        return Moves.DATAGRAM_JOBS if row.datagrams else Moves.DATAGRAMS
+        return Traffic.DATAGRAM_JOBS if row.datagrams else Traffic.DATAGRAMS
     if row.data_pin == "RESULT":
-        return Moves.RESULT
+        return Traffic.RESULT
     if e.is_datagram:
-        return Moves.DATAGRAMS_OF_A_CONNECT
-    return Moves.MESSAGES if e.is_message else Moves.ANYTHING
+        return Traffic.DATAGRAMS_OF_A_CONNECT
+    return Traffic.MESSAGES if e.is_message else Traffic.ANYTHING
 
 
 def _condition(e: Evidence) -> Condition:
     condition = Condition(e.condition)
     if condition is Condition.RECEIVING_PART:
         return Condition.RECEIVING
-    return (block_row(e.block).runs_as or condition) if condition in JOB else condition
+    return (block_row(e.block).runs_as or condition) if condition in JOB_CONDITIONS else condition
 
 
-def why(e: Evidence) -> str:
+def explain_status(e: Evidence) -> str:
     """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
-    moves = _moves(e)
+    moves = _transfer_kind(e)
     found = _rules(e, moves, says_why=True)
-    if not found and moves not in (Moves.DATAGRAMS, Moves.DATAGRAM_JOBS):
-        found = _rules(e, Moves.ANYTHING, says_why=True)
-    asked = [tell for tell in found if e.need or tell is link.who_is_waited_for]
-    stands = as_sentence(asked[0](e)).cause if asked else ""
+    if not found and moves not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):
+        found = _rules(e, Traffic.ANYTHING, says_why=True)
+    asked = [tell for tell in found if e.need or tell is link.describe_setup_wait]
+    stands = as_advised_cause(asked[0](e)).cause if asked else ""
     if not stands:
-        return serial.waits_for_the_port(e) or because(e.cause, e.block)
-    return INJECTED + stands if e.cause.injected else stands
+        return serial.describe_port_wait(e) or describe_cause(e.cause, e.block)
+    return INJECTED_PREFIX + stands if e.cause.injected else stands
 
 
-def because(cause: Cause, block: str) -> str:
+def describe_cause(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
     if cause.call == "session":  # what came inside the connection
-        text = SESSION.get(cause.error, f"{cause.name} ({cause.error})")
+        text = SESSION_ERROR_TEXTS.get(cause.error, f"{cause.name} ({cause.error})")
     elif cause.call in UNDERLYING_CALLS:  # it is no call
         text += "" if cause.why is CauseKind.PARAMETER and cause.detail else f" ({cause.error})"
     elif cause.call and cause.call in text:
-        text = f"{cause.call} gave {cause.error or AN_END}"
+        text = f"{cause.call} gave {cause.error or EMPTY_READ_TEXT}"
     elif cause.call:
-        text += f" ({cause.call} gave {cause.error or AN_END})"
+        text += f" ({cause.call} gave {cause.error or EMPTY_READ_TEXT})"
     if cause.injected:
-        text = INJECTED + text
+        text = INJECTED_PREFIX + text
     text += _numbers(cause, block)
     if cause.peer and cause.peer not in text:
         text += f", partner {cause.peer}"
@@ -423,12 +429,12 @@ def _numbers(cause: Cause, block: str) -> str:
 # -- the last failed attempt, while the next one is waited for --------------------------------------------
 
 # What shows while a connection is built; RUNNING of the block that builds one.
-BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
+BUILDING_CONDITIONS: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
 
 
 def _is_building(e: Evidence) -> bool:
-    is_run = e.condition == Condition.RUNNING and block_row(e.block).runs_as in BUILDING
-    return e.condition in BUILDING or is_run
+    is_run = e.condition == Condition.RUNNING and block_row(e.block).runs_as in BUILDING_CONDITIONS
+    return e.condition in BUILDING_CONDITIONS or is_run
 
 
 def _attempt_code(e: Evidence) -> int | None:
@@ -437,20 +443,20 @@ def _attempt_code(e: Evidence) -> int | None:
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 
 
-def _attempt_told(e: Evidence, words: str) -> tuple[Sentence, ...]:
+def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
     """Return what is told of it: it is asked about as in the scan that showed it, `words` are its cause."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()
     then = replace(e, condition=attempt.condition, cause=attempt.cause)
-    asked = (tell for tell in _asked(then) if tell is not link.lost_before)
-    first, *rest = [sentence for _, sentence in _answers(then, asked)] or [Sentence(words)]
+    asked = (tell for tell in _select_rules(then) if tell is not link.explain_lost_connection)
+    first, *rest = [sentence for _, sentence in _ask_rules(then, asked)] or [AdvisedCause(words)]
     said = f" ({attempt.said})" if attempt.said and attempt.said not in first.cause else ""
     head = f"the last attempt ended in {attempt.status:04X} in scan {attempt.at.scan}"
     return (first._replace(cause=": ".join(filter(None, (head, first.cause))) + said), *rest)
 
 
-def _stops_it(e: Evidence) -> bool:
+def _has_failed_early(e: Evidence) -> bool:
     """Return whether it never came to a socket: ports and partners have no part in it."""
     attempt = e.facts.attempt
     return attempt is not None and attempt.cause.call in SETUP_CALLS

@@ -19,11 +19,11 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import BUSY_CONDITIONS, DONE_CONDITIONS, Condition
 from trcvtui.blocks.environment import JobEnded, SendEnded
 from trcvtui.blocks.table import block_row
-from trcvtui.diagnosis.advice import advice_on
-from trcvtui.diagnosis.evidence import NOTHING_KNOWN, evidence_then
+from trcvtui.diagnosis.advice import make_advice
+from trcvtui.diagnosis.evidence import NO_FACTS, past_evidence
 from trcvtui.diagnosis.readings.framing_advice import advise
 from trcvtui.diagnosis.readings.proposal import FramingAdvice
-from trcvtui.diagnosis.symptoms import LINK_ERRORS, REFUSED_JOBS
+from trcvtui.diagnosis.symptoms import JOB_REFUSALS, LINK_ERRORS
 from trcvtui.history.records import ScanStamp
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
@@ -32,18 +32,18 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
-LINKED: Final = (BUSY_CONDITIONS | DONE_CONDITIONS | {Condition.CONNECTED, Condition.ESTABLISHED}) - {
-    Condition.NOTHING_TO_RESET
-}
-BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
+LINKED_CONDITIONS: Final = (
+    BUSY_CONDITIONS | DONE_CONDITIONS | {Condition.CONNECTED, Condition.ESTABLISHED}
+) - {Condition.NOTHING_TO_RESET}
+BUILDING_CONDITIONS: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
 UNCONNECTED_NS: Final = 10 * SECOND
 QUIET_NS: Final = SECOND  # a job with bytes waits so long at least, with one message ten times as long
 KEPT_PAUSES: Final = 64
 GOOD_JOBS: Final = 2
 RECENT_NS: Final = 10 * SECOND
-FACT: Final = 0.95
-FRAMING: Final = 0.85  # a proposal that was not tried on the block
-OVERRUNS: Final = (Condition.STRING_OVERRUN, Condition.DATA_OVERRUN)
+FACT_CONFIDENCE: Final = 0.95
+FRAMING_CONFIDENCE: Final = 0.85  # a proposal that was not tried on the block
+OVERRUN_CONDITIONS: Final = (Condition.STRING_OVERRUN, Condition.DATA_OVERRUN)
 NO_ADVICE: Final = FramingAdvice((), "")
 
 
@@ -60,7 +60,7 @@ class _ErrorRecord:
     has_recurred: bool = False
 
 
-def _last_ns(item: tuple[object, _ErrorRecord]) -> int:
+def _last_error_ns(item: tuple[object, _ErrorRecord]) -> int:
     return item[1].last_ns
 
 
@@ -74,18 +74,18 @@ class BlockSymptoms:
         self._came: dict[str, deque[int]] = {}  # when bytes of each CONNECT came
         self._handshakes: dict[str, str] = {}  # why that of each CONNECT ended last, in the library's words
 
-    def take(self, scan: int, t_ns: int, event: object) -> None:
+    def add_event(self, scan: int, t_ns: int, event: object) -> None:
         match event:
             case StatusEdge() if event.outputs.error and not event.cause.is_expected:
-                self._take_error(scan, t_ns, event)
+                self._add_error(scan, t_ns, event)
             case StatusEdge():
-                if event.condition in LINKED:
+                if event.condition in LINKED_CONDITIONS:
                     self._linked_ns[event.instance] = t_ns
-                    self._end(event.instance, LINK_ERRORS)
+                    self._mark_errors_over(event.instance, LINK_ERRORS)
                 if event.outputs.done:
-                    self._end(event.instance)
+                    self._mark_errors_over(event.instance)
             case JobEnded() | SendEnded() if event.done:
-                self._end(event.instance)
+                self._mark_errors_over(event.instance)
             case InputEdge(instance, "CONT" | "REQ", value) if value:
                 self._linked_ns[instance] = t_ns
             case BenchNote(subject, what, detail) if what == SESSION_ENDED:
@@ -93,13 +93,13 @@ class BlockSymptoms:
             case BytesReceived(connection):
                 self._came.setdefault(connection, deque(maxlen=KEPT_PAUSES)).append(t_ns)
 
-    def _take_error(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
+    def _add_error(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
         first = _ErrorRecord(Line(0, scan, t_ns, edge), edge, t_ns)
         record = self._errors.setdefault((edge.instance, edge.condition), first)
         record.has_recurred = record.has_recurred or record.is_over
         record.times, record.last_ns, record.good, record.is_over = record.times + 1, t_ns, 0, False
 
-    def _end(self, instance: str, errors: frozenset[Condition] | None = None) -> None:
+    def _mark_errors_over(self, instance: str, errors: frozenset[Condition] | None = None) -> None:
         for (name, condition), record in self._errors.items():
             if name == instance and (errors is None or condition in errors):
                 record.is_over, record.good = True, record.good + (errors is None)
@@ -107,22 +107,22 @@ class BlockSymptoms:
     def refuses_jobs(self, instance: str) -> bool:
         """Return whether an instance refuses its jobs to the end, whatever the line does."""
         return any(
-            name == instance and condition in REFUSED_JOBS and not record.is_over
+            name == instance and condition in JOB_REFUSALS and not record.is_over
             for (name, condition), record in self._errors.items()
         )
 
-    def found(self, is_running: bool) -> tuple[Finding, ...]:
+    def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
         """Return the symptoms of the run, of one that goes on what is not over."""
         snapshot = self._bench.runtime.snapshot()
-        found = [*self._standing_errors(is_running)]
+        found = [*self._find_lasting_errors(is_running)]
         named = {one.instance for one in found}
         for shown in snapshot.instances:
             if shown.name not in named:
                 found += [*self._unconnected(shown), *self._unfinished(shown)]
         return tuple(found)
 
-    def _standing_errors(self, is_running: bool) -> Iterator[Finding]:
-        newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_ns)}
+    def _find_lasting_errors(self, is_running: bool) -> Iterator[Finding]:
+        newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_error_ns)}
         for (name, _), record in self._errors.items():
             is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
             if record.is_over and (not record.has_recurred or (is_running and is_old)):
@@ -135,14 +135,14 @@ class BlockSymptoms:
         name, word = edge.instance, f"{edge.outputs.status:04X}"
         row = bench.project.dialect.row(edge.outputs.status, edge.block)
         then = ScanStamp(scan, t_ns)
-        card = advice_on(
-            evidence_then(record.line, edge, NOTHING_KNOWN, then, bench.project, bench.runtime.interval_ns)
+        card = make_advice(
+            past_evidence(record.line, edge, NO_FACTS, then, bench.project, bench.runtime.interval_ns)
         )
         checks = [each.text for each in card.do] or (row.checks_of(edge.block)[:2] if row is not None else ())
         shown = bench.runtime.snapshot().instance(name)
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
-        connect, is_session = self._connect_of(name), edge.cause.call == "session"
+        connect, is_session = self._find_connect(name), edge.cause.call == "session"
         said = self._handshakes.get(connect, "") if is_session else ""
         text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
         is_tls = is_session and Condition(edge.condition).name.startswith("TLS_")
@@ -151,14 +151,14 @@ class BlockSymptoms:
             evidence=(text, *card.causes), status=(word,), mend=tuple([Remedy(each) for each in checks]),
             is_fact=is_session and bool(card.do), leads_to=(Condition(edge.condition),),
         )  # fmt: skip
-        return self._by_framing(found) if edge.condition in OVERRUNS else found
+        return self._explain_by_framing(found) if edge.condition in OVERRUN_CONDITIONS else found
 
     def _finding(self, name: str, cause: str, text: str, t_ns: int, **more: Any) -> Finding:
         at, scan = (self._wall_ns + t_ns, 0, 0, 0), t_ns // self._bench.runtime.interval_ns + 1
-        made = Finding(FACT, (text,), "", at, name, cause=cause, explains=(text,), scan=scan)
+        made = Finding(FACT_CONFIDENCE, (text,), "", at, name, cause=cause, explains=(text,), scan=scan)
         return replace(made, **more)
 
-    def _by_framing(self, found: Finding) -> Finding:
+    def _explain_by_framing(self, found: Finding) -> Finding:
         """Return how the bytes of its line part into frames, where an instance cuts them anywhere."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
@@ -171,9 +171,9 @@ class BlockSymptoms:
         mend = Remedy(best.title, f"framing {found.instance} apply {advice.proposals.index(best) + 1}")
         texts = (f"{best.frames} of {best.of_frames} frames have the {best.title}", *best.evidence)
         evidence = (*found.explains, *texts)
-        return replace(found, cause="framing", confidence=FRAMING, evidence=evidence, mend=(mend,))
+        return replace(found, cause="framing", confidence=FRAMING_CONFIDENCE, evidence=evidence, mend=(mend,))
 
-    def _connect_of(self, name: str) -> str:
+    def _find_connect(self, name: str) -> str:
         """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""
         project = self._bench.project
         decl = project.instance(name)
@@ -186,7 +186,7 @@ class BlockSymptoms:
         """Yield that a connection was asked for and does not stand, where no ERROR says so."""
         config = self._bench.project.connect(shown.connect)
         is_stream = config is not None and not config.is_datagram
-        if shown.condition not in BUILDING or not shown.pin("CONT") or not is_stream:
+        if shown.condition not in BUILDING_CONDITIONS or not shown.pin("CONT") or not is_stream:
             return
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:
@@ -206,10 +206,10 @@ class BlockSymptoms:
         here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
         text = f"{here}, and none came for {duration(quiet)}"
         sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
-        more = {"connect": shown.connect, "confidence": sure, "mend": self._begin_anew(shown)}
+        more = {"connect": shown.connect, "confidence": sure, "mend": self._offer_com_rst(shown)}
         yield self._finding(shown.name, "job-waits", text, last, **more)
 
-    def _begin_anew(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
+    def _offer_com_rst(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
         """Return COM_RST for a job that wants another length than the next one will."""
         data = self._bench.project.data_decl(shown.data) if shown.data else None
         wanted = shown.pin("LEN") or (data.size if data is not None else shown.need)

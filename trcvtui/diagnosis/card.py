@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from trcvtui.diagnosis.advice import Advice, advice_on
+from trcvtui.diagnosis.advice import Advice, make_advice
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import DoLine
+from trcvtui.diagnosis.job import SuggestedAction
 from trcvtui.diagnosis.receive import is_stuck
 from trcvtui.errors import one_line
 from trcvtui.history.records import MessageSpan
@@ -35,7 +35,7 @@ class Card:
         self._asked: tuple[str, object, int | None, bytes] | None = None
         self._offer: Offer | None = None
 
-    def on(
+    def build_advice(
         self,
         e: Evidence,
         instance: InstanceSnapshot,
@@ -48,16 +48,16 @@ class Card:
 
         Without `has_values` no value of DATA is told.
         """
-        told = advice_on(e)
-        causes = told.causes if told.checks else tuple(notes_of(instance, index))
-        swapped = self._swapped(e, data) if has_values else ""
+        told = make_advice(e)
+        causes = told.causes if told.checks else tuple(list_frame_notes(instance, index))
+        swapped = self._suspect_byte_order(e, data) if has_values else ""
         offer, do = self.offer(e, data, index), told.do
         if offer is not None:
-            read = DoLine(f"{reads} {offer.choice}")
+            read = SuggestedAction(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
             swapped = swapped or one_line(offer.why)
         return Advice(
-            told.why + _missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
+            told.why + _name_missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
         )
 
     def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
@@ -70,21 +70,21 @@ class Card:
             size = e.have
         if size is None or size != decl.size:
             content = _message_bytes(e.instance, data, index)
-        elif e.done_scan is None or _wanders(e):
+        elif e.done_scan is None or _has_shifting_frames(e):
             return None
         asked = e.instance, decl.layout, size, content
         if asked != self._asked:
-            from trcvtui.diagnosis.data_view import offer_for  # read when the first bytes are here
+            from trcvtui.diagnosis.data_view import find_layout_offer  # read when the first bytes are here
 
             # Of a few bytes nothing is known: what more of them have shown stays.
             before = self._offer if self._asked is not None and self._asked[:3] == asked[:3] else None
-            found = offer_for(decl, size, content)
+            found = find_layout_offer(decl, size, content)
             self._asked, self._offer = asked, found or (before if size != decl.size else None)
         return self._offer
 
-    def _swapped(self, e: Evidence, data: DataBytes) -> str:
+    def _suspect_byte_order(self, e: Evidence, data: DataBytes) -> str:
         decl, content = data.decl, data.content
-        if decl is None or e.done_scan is None or e.facts.drop is not None or _wanders(e):
+        if decl is None or e.done_scan is None or e.facts.drop is not None or _has_shifting_frames(e):
             return ""
         if self._suspected is None or self._suspected[:2] != (decl.layout, content):
             from trcvtui.diagnosis.data_view import byte_order_suspicion  # read when a frame is here
@@ -101,16 +101,16 @@ def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
     return max(parts, key=len, default=b"" if known else data.partial or data.content)
 
 
-def _wanders(e: Evidence) -> bool:
+def _has_shifting_frames(e: Evidence) -> bool:
     size = e.facts.messages.common
     return e.facts.messages.count > 1 and (size is None or size != e.done_len)
 
 
-def _missing(e: Evidence, decl: DataDecl | None) -> str:
+def _name_missing(e: Evidence, decl: DataDecl | None) -> str:
     """Return which member a stuck frame's bytes end at; of a shifted one it is not known."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
-    if e.facts.drop is not None or _wanders(e):
+    if e.facts.drop is not None or _has_shifting_frames(e):
         return ""
     number = decl.layout.count_leaves_within(e.have)
     if not number or number == decl.layout.leaf_count:
@@ -127,14 +127,14 @@ def _missing(e: Evidence, decl: DataDecl | None) -> str:
     return f". The last whole member is {one_line(last.path)}; {missing} {'are' if after else 'is'} missing"
 
 
-def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+def list_frame_notes(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """Return what is proven about frames and messages of an instance; nothing where they agree."""
     if instance.adhoc:
         return []
-    return [*_shifted(instance, index), *_unfinished(instance, index)]
+    return [*_note_shift(instance, index), *_note_unfinished_frame(instance, index)]
 
 
-def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+def _note_shift(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     messages = index.list_messages(instance.name, of_job=False)
     if not messages or messages[0].begins:
         return []
@@ -145,7 +145,7 @@ def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     return [f"{_name(first)} begins at byte {first.position} of DATA: frames and messages are shifted"]
 
 
-def _unfinished(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+def _note_unfinished_frame(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """The newest message is wholly here, and the job still waits for bytes that were not sent."""
     messages = index.list_messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:

@@ -17,38 +17,38 @@ class CauseWords(NamedTuple):
     filter: str = ""
 
 
-_SYN, _RST, _DATA = "tcp.flags.syn == 1", "tcp.flags.reset == 1", "tcp.len > 0"
-_COPY: Final = "tcp.analysis.retransmission"
-_LOST: Final = f"{_COPY} || tcp.analysis.out_of_order || tcp.analysis.lost_segment"
-_CLOSED: Final = "tcp.window_size == 0 || tcp.analysis.window_update"
-_GONE: Final = (Condition.PARTNER_CLOSED,)
-_WAITS: Final = (Condition.RECEIVING_PART,)
-_NO_CALL: Final = (Condition.REFUSED, Condition.CONNECT_FAILED)  # a PLC has one of them
+_SYN_FILTER, _RST_FILTER, _DATA_FILTER = "tcp.flags.syn == 1", "tcp.flags.reset == 1", "tcp.len > 0"
+_COPY_FILTER: Final = "tcp.analysis.retransmission"
+_LOSS_FILTER: Final = f"{_COPY_FILTER} || tcp.analysis.out_of_order || tcp.analysis.lost_segment"
+_WINDOW_FILTER: Final = "tcp.window_size == 0 || tcp.analysis.window_update"
+_PARTNER_CLOSED: Final = (Condition.PARTNER_CLOSED,)
+_RECEIVING_PART: Final = (Condition.RECEIVING_PART,)
+_CALL_FAILED: Final = (Condition.REFUSED, Condition.CONNECT_FAILED)  # a PLC has one of them
 # fmt: off
 _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("address", "the ends cannot find each other as they are described",
-     "let one end call and the other listen, on one port", (Condition.ESTABLISHING,), _SYN),
+     "let one end call and the other listen, on one port", (Condition.ESTABLISHING,), _SYN_FILTER),
     ("no-such-host", "an address is called that no host has", "correct the address, or plug the host in",
      (Condition.UNREACHABLE, Condition.CONNECT_FAILED), "arp"),
     ("duplicate-ip", "two devices have one address", "give one of them another address", (), "arp"),
     ("second-client", "a further client wants the connection of another one",
      "end the first connection before, or give the second client a CONNECT and a port of its own",
-     (), f"{_SYN} || {_RST}"),
+     (), f"{_SYN_FILTER} || {_RST_FILTER}"),
     ("refused", "nothing listens on the port that is called",
      "start the listener before the call, or correct the port",
-     _NO_CALL, f"{_SYN} || {_RST}"),
+     _CALL_FAILED, f"{_SYN_FILTER} || {_RST_FILTER}"),
     ("turned-away", "the partner takes the call and turns it away",
      "free the partner's connection: another client holds it, or an old connection of this PLC until its "
      "keep-alive ends; or let the partner's address filter have this PLC",
-     _NO_CALL, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
+     _CALL_FAILED, f"{_SYN_FILTER} || tcp.flags.fin == 1 || {_RST_FILTER}"),
     ("filtered", "a call does not get through",
      "look for a firewall, a wrong address, a cable: nothing comes back",
-     (Condition.UNREACHABLE, Condition.CONNECT_FAILED, Condition.ESTABLISHING), _SYN),
+     (Condition.UNREACHABLE, Condition.CONNECT_FAILED, Condition.ESTABLISHING), _SYN_FILTER),
     ("wrong-tsap", "the TSAPs of both ends do not fit",
-     "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE,
-     f"{_DATA} || tcp.flags.fin == 1 || {_RST}"),
+     "make the TSAPs of both ends the same: the local one here is the remote one there", _PARTNER_CLOSED,
+     f"{_DATA_FILTER} || tcp.flags.fin == 1 || {_RST_FILTER}"),
     ("plain-tcp", "the partner speaks plain TCP where the CONNECT speaks ISO-on-TCP",
-     "give the CONNECT a description of plain TCP, or let the partner speak RFC 1006", (), _DATA),
+     "give the CONNECT a description of plain TCP, or let the partner speak RFC 1006", (), _DATA_FILTER),
     ("tls-refused", "the TLS handshake failed",
      "let both ends speak TLS, and trust the certificate that the other one shows",
      (Condition.TLS_HANDSHAKE,), "tls"),
@@ -56,65 +56,65 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "give both ends the same baud rate, data bits, parity and stop bits; look at cable and shield", (), ""),
     ("closes-each-message", "the partner ends its connection after each message",
      "let the partner keep its connection open; each close costs a receiver its 80C5",
-     _GONE, "tcp.flags.fin == 1"),
+     _PARTNER_CLOSED, "tcp.flags.fin == 1"),
     ("reconnect-storm", "connections are lost and built again",
      "find out which end closes the connections, and why",
-     _GONE, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
+     _PARTNER_CLOSED, f"{_SYN_FILTER} || tcp.flags.fin == 1 || {_RST_FILTER}"),
     ("no-keep-alive", "an idle connection was forgotten on the way",
      "set KeepAliveTimeInterval below the time after which the way forgets an idle connection",
      (Condition.LINK_DEAD,), "tcp.time_delta > 20"),
     ("half-open", "an end has started anew, and the other one keeps its old connection",
      "look why it starts anew (supply, watchdog, a download); a shorter KeepAliveTimeInterval frees the old "
      "connection sooner",
-     (Condition.RECEIVE_FAILED, Condition.LINK_DEAD), f"{_SYN} || {_RST}"),
+     (Condition.RECEIVE_FAILED, Condition.LINK_DEAD), f"{_SYN_FILTER} || {_RST_FILTER}"),
     ("mtu", "large packets do not get through", "set the MTU at both ends lower, or mend the way",
-     (Condition.LINK_DEAD,), f"{_COPY} || tcp.options.sack_le"),
+     (Condition.LINK_DEAD,), f"{_COPY_FILTER} || tcp.options.sack_le"),
     ("dead-link", "one end has fallen silent",
      "look at cable, switch and power of the end that is silent; keep-alive tells it sooner",
-     (Condition.LINK_DEAD,), f"{_COPY} || tcp.analysis.keep_alive"),
+     (Condition.LINK_DEAD,), f"{_COPY_FILTER} || tcp.analysis.keep_alive"),
     ("resets", "an end resets the connection",
      "check the log of the device that sends the reset: a crash, a timeout, a connection limit",
-     (Condition.RECEIVE_FAILED,), _RST),
+     (Condition.RECEIVE_FAILED,), _RST_FILTER),
     ("plc-not-reading", "the PLC does not take what is there",
-     "keep EN_R at 1, or call the block in each scan: nothing takes the bytes", (), _CLOSED),
+     "keep EN_R at 1, or call the block in each scan: nothing takes the bytes", (), _WINDOW_FILTER),
     ("partner-not-reading", "the partner does not take what is there",
-     "let the partner read, or send less often", (Condition.SENDING,), _CLOSED),
+     "let the partner read, or send less often", (Condition.SENDING,), _WINDOW_FILTER),
     ("flood", "more comes than the block takes",
      "let the partner send less often, call the block faster, or take several messages a job",
-     (), f"{_DATA} || {_CLOSED}"),
+     (), f"{_DATA_FILTER} || {_WINDOW_FILTER}"),
     ("slow-ack", "small writes wait for late acknowledgements",
      "send a message with one write, or set TCP_NODELAY at the end that waits",
-     (), f"{_DATA} || tcp.analysis.ack_rtt > 0.03"),
+     (), f"{_DATA_FILTER} || tcp.analysis.ack_rtt > 0.03"),
     ("loss", "packets get lost on the way",
-     "look at cable, duplex, switch and radio of this way", _WAITS, _LOST),
+     "look at cable, duplex, switch and radio of this way", _RECEIVING_PART, _LOSS_FILTER),
     ("capture-incomplete", "the capture lacks packets that arrived",
      "", (), "tcp.analysis.ack_lost_segment || tcp.analysis.lost_segment"),
-    ("header", "bytes stand before or after the members", "declare them as members", (), _DATA),
-    ("padding", "the partner packs its members otherwise", "give DATA its layout", (), _DATA),
-    ("byte-order", "the partner's numbers are turned round", "give DATA its byte order", (), _DATA),
+    ("header", "bytes stand before or after the members", "declare them as members", (), _DATA_FILTER),
+    ("padding", "the partner packs its members otherwise", "give DATA its layout", (), _DATA_FILTER),
+    ("byte-order", "the partner's numbers are turned round", "give DATA its byte order", (), _DATA_FILTER),
     ("encoding", "bytes were sent as a string, in UTF-8", "let the partner send bytes, not a string",
      (Condition.MESSAGE_TOO_LONG,), ""),
     ("text", "text comes where numbers are declared", "declare a text, and convert it in the program",
-     (), _DATA),
+     (), _DATA_FILTER),
     ("frame-short", "messages are shorter than a job waits for",
-     "compare LEN and the type of DATA with what the partner sends", _WAITS, _DATA),
+     "compare LEN and the type of DATA with what the partner sends", _RECEIVING_PART, _DATA_FILTER),
     ("frame-long", "messages are longer than a job takes",
-     "compare LEN and the type of DATA with what the partner sends", (), _DATA),
+     "compare LEN and the type of DATA with what the partner sends", (), _DATA_FILTER),
     ("adhoc-missing", "messages of several lengths meet a job of one length",
-     "receive ad hoc", _WAITS, _DATA),
+     "receive ad hoc", _RECEIVING_PART, _DATA_FILTER),
     ("shifted", "jobs begin inside messages",
-     "reset the connection (COM_RST) so that frames begin anew", (), _DATA),
+     "reset the connection (COM_RST) so that frames begin anew", (), _DATA_FILTER),
     ("adhoc-splits", "a message comes in pieces, and each ends an ad-hoc job",
-     "receive static with a fixed LEN, or cut in the program (TwinCAT: ReceiveData)", (), _DATA),
-    ("merged", "several messages come at once", "receive static with LEN of one message", (), _DATA),
+     "receive static with a fixed LEN, or cut in the program (TwinCAT: ReceiveData)", (), _DATA_FILTER),
+    ("merged", "several messages come at once", "receive static with LEN of one message", (), _DATA_FILTER),
     ("datagram-size", "a datagram is larger than LEN or DATA",
      "DATA, and LEN, of the largest datagram", (Condition.MESSAGE_TOO_LONG,), "udp"),
     ("framing", "messages lack the marks that a frame has",
-     "set prefix and suffix as the partner sends them", (), _DATA),
+     "set prefix and suffix as the partner sends them", (), _DATA_FILTER),
     ("members-unwritten", "frames end before DATA does",
-     "LEN 0, or the size of DATA: then all members are written", (), _DATA),
+     "LEN 0, or the size of DATA: then all members are written", (), _DATA_FILTER),
     ("odd-values", "members have values that no machine sends",
-     "compare the type of DATA with what the partner sends, member by member", (), _DATA),
+     "compare the type of DATA with what the partner sends, member by member", (), _DATA_FILTER),
     ("block-error", "a block shows an ERROR, and no other finding explains it", "", (), ""),
     ("not-connected", "a connection is asked for, and none stands",
      "look whether the partner calls, or listens, at this address and port", (), ""),
@@ -127,11 +127,11 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "set EN_R or REQ after 7004: the connection stands then", (Condition.NOT_CONNECTED,), ""),
 )
 # fmt: on
-CAUSES: Final = {row[0]: CauseWords(*row[1:]) for row in _ROWS}
-TOLD: Final = frozenset(condition for row in CAUSES.values() for condition in row.leads_to)
+CAUSE_WORDS: Final = {row[0]: CauseWords(*row[1:]) for row in _ROWS}
+CAUSED_CONDITIONS: Final = frozenset(condition for row in CAUSE_WORDS.values() for condition in row.leads_to)
 
 
-def remedy_of(cause: str) -> tuple[Remedy, ...]:
+def default_remedies(cause: str) -> tuple[Remedy, ...]:
     """Return what mends a cause where nothing better is known; (): nothing."""
-    text = CAUSES[cause].remedy
+    text = CAUSE_WORDS[cause].remedy
     return (Remedy(text),) if text else ()

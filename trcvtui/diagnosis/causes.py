@@ -17,21 +17,21 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.capture.quality import Quality
-from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, is_session
-from trcvtui.diagnosis.host_causes import OF_DOUBLE, find_icmp_reports, finding_of, mtu
+from trcvtui.diagnosis.frame_causes import FEW_MESSAGES, FRAME_RULES, is_session
+from trcvtui.diagnosis.host_causes import DOUBLE_EFFECTS, find_icmp_reports, judge_mtu, make_host_finding
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
     DirectionFacts,
     LateAck,
     LineFacts,
-    Reads,
+    RecordedReads,
     SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
 from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
-from trcvtui.diagnosis.restarts import half_open, restarts_of
-from trcvtui.diagnosis.session_causes import TPKT, is_http, line_errors, tls_refused, wrong_tsap
+from trcvtui.diagnosis.restarts import find_restarts, judge_half_open
+from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_line_errors, judge_tls, judge_wrong_tsap
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, duration, times
 
@@ -39,13 +39,13 @@ UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
 IDLE_NS: Final = 20 * SECOND
 CLOSED_NS: Final = SECOND  # a window that stays closed
 AT_ONCE_NS: Final = 2 * SECOND
-RELEASED_NS: Final = 1_500_000  # after the ACK that it waited for, a write leaves so soon
+AFTER_ACK_NS: Final = 1_500_000  # after the ACK that it waited for, a write leaves so soon
 NEAR_NS: Final = 30_000_000
 SHORT_LIFE_NS: Final = 30 * SECOND
 STORM: Final = 4  # connections
-NEW_NS: Final = 10 * SECOND  # in which the same ends build a new connection
-SURE: Final = 0.95  # a fact of the protocol, or a remedy that was tried
-UNTRIED: Final = 0.85
+RECONNECT_NS: Final = 10 * SECOND  # in which the same ends build a new connection
+PROVEN: Final = 0.95  # a fact of the protocol, or a remedy that was tried
+UNTRIED_CONFIDENCE: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
 
 
@@ -62,15 +62,15 @@ class EndsGroup:
         return tuple([one for one in self.lines if one.has_begin and one.answered_ns is not None])
 
     @cached_property
-    def ended(self) -> tuple[LineFacts, ...]:
+    def ended_lines(self) -> tuple[LineFacts, ...]:
         return tuple([one for one in self.built if one.end is not None])
 
     @cached_property
-    def one_message(self) -> tuple[LineFacts, ...]:
-        return tuple([one for one in self.ended if _is_one_message(one)])
+    def one_message_lines(self) -> tuple[LineFacts, ...]:
+        return tuple([one for one in self.ended_lines if _is_one_message(one)])
 
     @cached_property
-    def in_turn(self) -> tuple[LineFacts, ...]:
+    def sequential_lines(self) -> tuple[LineFacts, ...]:
         """Return those that were built and lost in turn; the others are parallel to one of them."""
         found: list[LineFacts] = []
         for one in self.built:
@@ -79,55 +79,57 @@ class EndsGroup:
         return tuple(found)
 
     @cached_property
-    def harmful(self) -> int:
+    def harmful_end_count(self) -> int:
         """Return how many ends did harm to a block, as far as that is known, and were not asked for."""
-        ends = [(one, one.end) for one in self.ended if one.end is not None and not one.end.is_ours]
+        ends = [(one, one.end) for one in self.ended_lines if one.end is not None and not one.end.is_ours]
         return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
 
     @cached_property
-    def stands_again(self) -> bool:
+    def has_recovered(self) -> bool:
         """Return whether one of them stands, and has for ten seconds."""
-        return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
+        return any(one.is_built and one.end is None and one.lasted_ns >= RECONNECT_NS for one in self.lines)
 
     @cached_property
-    def half_open(self) -> int:
+    def half_open_count(self) -> int:
         return sum(one in self.restarts for one in self.built)
 
     @cached_property
-    def calls_anew(self) -> frozenset[LineFacts]:
+    def restart_calls(self) -> frozenset[LineFacts]:
         return frozenset(self.restarts[one] for one in self.lines if one in self.restarts)
 
     @cached_property
-    def goes_on(self) -> bool:
-        return any(one.is_built and one.end is None and len(one.messages) >= FEW for one in self.lines)
+    def is_still_sending(self) -> bool:
+        return any(
+            one.is_built and one.end is None and len(one.messages) >= FEW_MESSAGES for one in self.lines
+        )
 
     @cached_property
-    def has_stood(self) -> bool:
+    def has_built_line(self) -> bool:
         return any(one.is_built for one in self.lines)
 
     @cached_property
-    def ordinary(self) -> int:
+    def ordinary_end_count(self) -> int:
         """Return how many the caller itself ended: both had sent bytes, nothing was on its way to it."""
-        return sum(1 for one in self.ended if _is_ordinary(one))
+        return sum(1 for one in self.ended_lines if _is_ordinary(one))
 
     @cached_property
-    def turned_away(self) -> int:
-        return sum(map(_is_turned_away, self.ended))
+    def turned_away_count(self) -> int:
+        return sum(map(_is_turned_away, self.ended_lines))
 
     @cached_property
-    def refusals(self) -> int:
+    def refusal_count(self) -> int:
         return sum(one.listener.resets for one in self.lines if not one.is_built)
 
     @cached_property
-    def by_plc_and_resets(self) -> tuple[int, int]:
+    def plc_end_and_reset_counts(self) -> tuple[int, int]:
         """Return how many of them the PLC end ended, and how many of all ended by RST."""
-        ends = [one.end for one in self.ended if one.end is not None]
+        ends = [one.end for one in self.ended_lines if one.end is not None]
         return sum(1 for end in ends if end.by_plc), sum(1 for end in ends if end.kind == "rst")
 
     @cached_property
     def life_and_period_ns(self) -> tuple[int, int]:
         """Return how long connections stood, and after what time the next one was built."""
-        life = int(median(one.lasted_ns for one in self.ended))
+        life = int(median(one.lasted_ns for one in self.ended_lines))
         return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
 
 
@@ -151,7 +153,7 @@ def _is_tcp(case: LineCase) -> bool:
     return case.line.protocol == "tcp"
 
 
-def _refused(case: LineCase) -> Finding | None:
+def _judge_refused(case: LineCase) -> Finding | None:
     line = case.line
     reset = line.listener.reset
     by_icmp = find_icmp_reports(line, case.receivers, "port")
@@ -159,11 +161,11 @@ def _refused(case: LineCase) -> Finding | None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
-    if line in case.group.calls_anew:
+    if line in case.group.restart_calls:
         return None  # the old connection answers
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
-    texts = (text, f"{times(case.group.refusals)} in this capture")
+    texts = (text, f"{times(case.group.refusal_count)} in this capture")
     return Finding(0.97, texts, "to-plc" if line.plc_calls else "from-plc", reset, is_fact=True)
 
 
@@ -174,19 +176,19 @@ def _is_turned_away(line: LineFacts) -> bool:
     return is_theirs and is_silent and begun is not None and end is not None and end.ns - begun < AT_ONCE_NS
 
 
-def _turned_away(case: LineCase) -> Finding | None:
-    line, end, often = case.line, case.line.end, case.group.turned_away
+def _judge_turned_away(case: LineCase) -> Finding | None:
+    line, end, often = case.line, case.line.end, case.group.turned_away_count
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
     is_asked = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
-    if often < (STORM if not is_asked else 1 if end.kind == "rst" else FEW):
+    if often < (STORM if not is_asked else 1 if end.kind == "rst" else FEW_MESSAGES):
         return None
     text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
     return Finding(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), "to-plc", at)
 
 
-def _filtered(case: LineCase) -> Finding | None:
+def _judge_filtered(case: LineCase) -> Finding | None:
     line, syns = case.line, case.line.caller.syns
     by_icmp = find_icmp_reports(line, case.receivers, "host", "admin")
     if by_icmp is not None:
@@ -201,15 +203,15 @@ def _filtered(case: LineCase) -> Finding | None:
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
-        return Finding(0.6, (text, "a connection between the same ends died before it"), _to_listener(line))
-    return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
+        return Finding(0.6, (text, "a connection between the same ends died before it"), _listener_way(line))
+    return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_listener_way(line), at=syns[0])
 
 
-def _second_client(case: LineCase) -> Finding | None:
+def _judge_second_client(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin or line.plc_calls:
         return None
-    older = [one for one in case.older if _lives_at(one, line.first_ns)]
+    older = [one for one in case.older if _is_alive_at(one, line.first_ns)]
     if not older:
         return None
     first = older[0]
@@ -218,7 +220,7 @@ def _second_client(case: LineCase) -> Finding | None:
         reset = line.listener.reset
         if reset is not None:
             return Finding(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
-        if _filtered(case) is not None:
+        if _judge_filtered(case) is not None:
             text = f"{count(len(line.caller.syns), 'SYN')} without an answer"
             return Finding(0.85, (since, text), "to-plc")
         return None
@@ -242,11 +244,11 @@ def _second_client(case: LineCase) -> Finding | None:
     return None
 
 
-def _address(case: LineCase) -> Finding | None:
+def _judge_address(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
-    has_stood = case.group.has_stood or case.reverse.has_stood
+    has_stood = case.group.has_built_line or case.reverse.has_built_line
     if not line.is_built and case.reverse.lines and not has_stood:
         texts = ("both ends call each other, and neither listens: both are active",)
         return Finding(0.93, texts, at=next(iter(line.caller.syns), None))
@@ -259,7 +261,7 @@ def _address(case: LineCase) -> Finding | None:
         return Finding(0.85, (text,), instance=receiver.instance)
     if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
         ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
-        if ports and line.plc_end[1] not in ports and _refused(case) is not None:
+        if ports and line.plc_end[1] not in ports and _judge_refused(case) is not None:
             text = f"the partner calls port {line.plc_end[1]}, the project listens on {ports[0]}"
             return Finding(0.98, (text,), way="to-plc")
     return None
@@ -285,10 +287,10 @@ def _is_short(writes: Sequence[SegmentFacts]) -> bool:
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
-def _closes(case: LineCase) -> Finding | None:
+def _judge_closes(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
-    ended, alike, stood = case.group.ended, case.group.one_message, len(case.group.built)
+    ended, alike, stood = case.group.ended_lines, case.group.one_message_lines, len(case.group.built)
     if len(alike) < 2 or len(alike) < 0.7 * stood - 1 or len(alike) < 0.7 * len(ended):
         return None
     sure = 0.95 if len(alike) > 3 else 0.85 if len(alike) > 2 else 0.7
@@ -304,21 +306,21 @@ def _is_ordinary(line: LineFacts) -> bool:
     return is_caller and bool(line.to_plc.bytes and line.from_plc.bytes) and not line.listener.unacked
 
 
-def _storm(case: LineCase) -> Finding | None:
+def _judge_storm(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
-    built, ended = case.group.in_turn, case.group.ended
-    if len(built) < STORM or len(ended) < len(case.group.built) - 1 or _closes(case) is not None:
+    built, ended = case.group.sequential_lines, case.group.ended_lines
+    if len(built) < STORM or len(ended) < len(case.group.built) - 1 or _judge_closes(case) is not None:
         return None
-    if case.receiver is None and case.group.ordinary * 2 >= len(ended):
+    if case.receiver is None and case.group.ordinary_end_count * 2 >= len(ended):
         return None  # short sessions that their caller ended
-    if case.group.harmful * 2 <= len(ended) or case.group.half_open * 2 >= len(built):
+    if case.group.harmful_end_count * 2 <= len(ended) or case.group.half_open_count * 2 >= len(built):
         return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
     if life > most or period > 2 * most:
         return None
-    by_plc, resets = case.group.by_plc_and_resets
+    by_plc, resets = case.group.plc_end_and_reset_counts
     who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
@@ -332,45 +334,45 @@ def _storm(case: LineCase) -> Finding | None:
     return Finding(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets, mend=mend)
 
 
-def _resets(case: LineCase) -> Finding | None:
+def _judge_resets(case: LineCase) -> Finding | None:
     line, end = case.line, case.line.end
     if end is None or not end.is_reset or not line.is_built or not _is_tcp(case):
         return None
     who, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
     lost = line.to_plc if end.by_plc else line.from_plc
     size = line.to_plc.bytes + line.from_plc.bytes
-    text = f"RST from {who} at {line.seconds(end.ns):.3f} s, after {count(size, 'byte')}"
+    text = f"RST from {who} at {line.to_seconds(end.ns):.3f} s, after {count(size, 'byte')}"
     way = "from-plc" if end.by_plc else "to-plc"
     at = SegmentFacts(end.ns, line.to_plc.bytes, 0, end.packet)
 
-    def said(confidence: float, *texts: str, is_remark: bool = False) -> Finding:
+    def finding(confidence: float, *texts: str, is_remark: bool = False) -> Finding:
         return Finding(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None):
-        return said(0.0, "it was asked for here", is_remark=True)
+        return finding(0.0, "it was asked for here", is_remark=True)
     if (line.from_plc if end.by_plc else line.to_plc).probes_open:
-        return said(0.0, "its keep-alive probe had no answer: it gave the connection up", is_remark=True)
+        return finding(0.0, "its keep-alive probe had no answer: it gave the connection up", is_remark=True)
     if not line.has_harm_at(end.ns):
-        return said(0.0, "no block lost anything by it", is_remark=True)
-    part = _part_of_job(line, case.receiver) or _part_of_message(line)
+        return finding(0.0, "no block lost anything by it", is_remark=True)
+    part = _describe_partial_job(line, case.receiver) or _describe_partial_frame(line)
     if part:
-        return said(0.96, part)
+        return finding(0.96, part)
     if Quality.NO_LIFE in line.qualities:
-        is_new = any(0 <= ns - end.ns < NEW_NS for ns in later)
+        is_new = any(0 <= ns - end.ns < RECONNECT_NS for ns in later)
         if case.receiver is None or is_new:
-            return said(0.0, "the answer to an old connection", is_remark=True)
+            return finding(0.0, "the answer to an old connection", is_remark=True)
     if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
-        return said(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
+        return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
     if line.harms is None and (case.receiver is None or (is_even and not later)):
-        return said(0.0, "ends by RST, with nothing on its way", is_remark=True)
+        return finding(0.0, "ends by RST, with nothing on its way", is_remark=True)
     text_of_harm = "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stand"
-    return said(0.85 if size else 0.6, text_of_harm)
+    return finding(0.85 if size else 0.6, text_of_harm)
 
 
-def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
+def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
     """Return that the stream ends inside a job, "" where it does not, or that is not known."""
     said = line.to_plc
     if receiver is None or receiver.is_secure or not line.has_begin or said.missing:
@@ -385,7 +387,7 @@ def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
     return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
 
 
-def _part_of_message(line: LineFacts) -> str:
+def _describe_partial_frame(line: LineFacts) -> str:
     sizes = [one.size for one in line.messages]
     usual = max(set(sizes), key=sizes.count) if sizes else 0
     if line.qualities & {Quality.SNAPLEN, Quality.CLOCK}:
@@ -426,7 +428,7 @@ def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] 
     return None
 
 
-def _dead_link(case: LineCase) -> Finding | None:
+def _judge_dead_link(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built:
         return None
@@ -438,15 +440,15 @@ def _dead_link(case: LineCase) -> Finding | None:
         texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
-        texts += [_GONE] * bool(line.gone)
+        texts += [_GONE_TEXT] * bool(line.gone)
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Finding(sure, tuple(texts), way=way, at=at) if sure else None
-    return _probed_in_vain(case)
+    return _judge_keep_alive_probes(case)
 
 
-def _probed_in_vain(case: LineCase) -> Finding | None:
+def _judge_keep_alive_probes(case: LineCase) -> Finding | None:
     line, odd = case.line, None
     ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
     for said, who, way in ways if line.is_wire else ():
@@ -456,7 +458,7 @@ def _probed_in_vain(case: LineCase) -> Finding | None:
         n, since = said.probes_open, said.probes_since
         if n >= (2 if gives_up or is_gone else 3):
             texts = [f"the last {n} keep-alive probes of {who} have no answer"]
-            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE] * is_gone
+            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE_TEXT] * is_gone
             return Finding(0.92, tuple(texts), way=way, at=since)
         lacking = said.keep_alives - said.keep_alives_answered
         if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
@@ -467,7 +469,7 @@ def _probed_in_vain(case: LineCase) -> Finding | None:
     return odd
 
 
-def _no_keep_alive(case: LineCase) -> Finding | None:
+def _judge_no_keep_alive(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
@@ -483,7 +485,7 @@ def _no_keep_alive(case: LineCase) -> Finding | None:
         at = SegmentFacts(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
         is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
-        if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
+        if end is not None and is_reset and not _has_written_since(line, end.by_plc, idle.until_ns):
             texts.append("then RST: one end had forgotten the connection")
             return Finding(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
@@ -493,27 +495,27 @@ def _no_keep_alive(case: LineCase) -> Finding | None:
         lines = case.group.lines
         after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
         size = after.first_ns - line.last_ns if after is not None else 0
-        if size >= IDLE_NS and dead is None and not _is_beside(case, line.last_ns):
+        if size >= IDLE_NS and dead is None and not _has_parallel_connection(case, line.last_ns):
             texts = [
                 f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
             return Finding(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
-    return _left_behind(case)
+    return _judge_replaced_connection(case)
 
 
-def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
+def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
     writes = (line.from_plc if by_plc else line.to_plc).writes
     return bool(writes) and writes[-1].ns >= since_ns
 
 
-def _is_beside(case: LineCase, ns: int) -> bool:
+def _has_parallel_connection(case: LineCase, ns: int) -> bool:
     """Return whether another connection of the same ends lived then: a new one takes the place of none."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
 
-def _left_behind(case: LineCase) -> Finding | None:
+def _judge_replaced_connection(case: LineCase) -> Finding | None:
     line = case.line
     for idle in line.idles:
         since = idle.until_ns - idle.size_ns
@@ -521,7 +523,7 @@ def _left_behind(case: LineCase) -> Finding | None:
         new = [
             one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
         ]
-        if new and heard < 2 and not _is_beside(case, since):
+        if new and heard < 2 and not _has_parallel_connection(case, since):
             texts = (
                 f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
@@ -533,7 +535,7 @@ def _left_behind(case: LineCase) -> Finding | None:
 # -- windows, delays, losses ---------------------------------------------------------------------------------
 
 
-def _closed(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWindow] | None:
+def _measure_closed_windows(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWindow] | None:
     if not line.is_wire or not said.closed:
         return None
     ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in said.closed]
@@ -541,16 +543,16 @@ def _closed(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWind
     return len(said.closed), longest, said.closed[0]
 
 
-def _not_reading(case: LineCase, by_plc: bool) -> Finding | None:
+def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     line = case.line
     said = line.from_plc if by_plc else line.to_plc
-    found = _closed(line, said)
+    found = _measure_closed_windows(line, said)
     if found is None:
         return None
     often, longest, first = found
     if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
         return None
-    if by_plc and often > 1 and said.closed[0].until_ns is not None and _too_fast(case):
+    if by_plc and often > 1 and said.closed[0].until_ns is not None and _describe_overload(case):
         return None  # it reads, and too slowly
     who = "the PLC end" if by_plc else "the partner"
     texts = (f"{who} told a window of 0 {times(often)}, the longest time for {duration(longest)}",)
@@ -560,9 +562,9 @@ def _not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     return Finding(sure, texts, way=way, at=SegmentFacts(first.ns, 0, 0, first.packet), packets=packets)
 
 
-def _flood(case: LineCase) -> Finding | None:
+def _judge_flood(case: LineCase) -> Finding | None:
     line, said = case.line, case.line.from_plc
-    found, rate = _closed(line, said), _too_fast(case)
+    found, rate = _measure_closed_windows(line, said), _describe_overload(case)
     if found is not None and (found[0] >= 3 or (found[0] >= 2 and rate)):
         often, longest, first = found
         opened = sum(1 for one in said.closed if one.until_ns is not None)
@@ -580,7 +582,7 @@ def _flood(case: LineCase) -> Finding | None:
     return Finding(0.8, rate, "to-plc", line.to_plc.writes[0]) if rate else None  # of a receiver
 
 
-def _too_fast(case: LineCase) -> tuple[str, ...]:
+def _describe_overload(case: LineCase) -> tuple[str, ...]:
     line, receiver = case.line, case.receiver
     closed = line.from_plc.closed
     writes = [one for one in line.to_plc.writes if not closed or one.ns <= closed[0].ns]
@@ -596,14 +598,14 @@ def _too_fast(case: LineCase) -> tuple[str, ...]:
     return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
 
 
-def _slow_ack(case: LineCase) -> Finding | None:
+def _judge_slow_ack(case: LineCase) -> Finding | None:
     line = case.line
     if not line.is_wire:
         return None
     begun = line.established_ns
-    trip = 2 * RELEASED_NS if begun is None else begun - line.first_ns  # its begin is not in the capture
+    trip = 2 * AFTER_ACK_NS if begun is None else begun - line.first_ns  # its begin is not in the capture
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
-        limit = RELEASED_NS + (trip if trip < 100 * RELEASED_NS else 0)
+        limit = AFTER_ACK_NS + (trip if trip < 100 * AFTER_ACK_NS else 0)
         slow = [one for one in said.slow if one.after_ns <= limit]
         near = [one for one in said.slow if limit < one.after_ns <= limit + NEAR_NS]
         if len(slow) < 3 or len(slow) * 6 < min(said.segments, 256) or len(near) * 3 > len(slow):
@@ -632,14 +634,14 @@ def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[Late
     return len(others) > 2 and 0.75 * usual <= median(others) <= 1.33 * usual
 
 
-def _loss(case: LineCase) -> Finding | None:
+def _judge_loss(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case):
         return None
     best: Finding | None = None
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = said.resent + said.late
-        if _no_keep_alive(case) is not None:
+        if _judge_no_keep_alive(case) is not None:
             odd -= sum(one.copies for one in said.outages)  # what a forgotten connection repeats
         share = odd / max(said.segments + said.resent, 1)
         is_often = odd >= 3 and odd * 100 >= said.segments
@@ -664,7 +666,7 @@ def _loss(case: LineCase) -> Finding | None:
     return best
 
 
-def _incomplete(case: LineCase) -> Finding | None:
+def _judge_capture_incomplete(case: LineCase) -> Finding | None:
     if Quality.GAPS not in case.line.qualities:
         return None
     texts, at = [], None
@@ -683,63 +685,65 @@ def _listener_end(line: LineFacts) -> tuple[bytes, int]:
     return line.partner_end if line.plc_calls else line.plc_end
 
 
-def _to_listener(line: LineFacts) -> str:
+def _listener_way(line: LineFacts) -> str:
     return "from-plc" if line.plc_calls else "to-plc"
 
 
-def _lives_at(line: LineFacts, ns: int) -> bool:
+def _is_alive_at(line: LineFacts, ns: int) -> bool:
     if not line.is_built or (line.end is not None and line.end.ns <= ns):
         return False
     return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
 
 
-def _of_frames(row: CauseRule) -> Callable[[LineCase], Finding | None]:
+def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:
     return lambda case: row.judge(case.line, case.receiver)
 
 
 _NO_TIMES: Final = (Quality.CLOCK,)
-_NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
-LOSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
-_GONE: Final = "ARP asks for the other end in vain: it is off, or its cable is out"
+_LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
+STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
+_GONE_TEXT: Final = "ARP asks for the other end in vain: it is off, or its cable is out"
 _REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
-_READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
-_NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
-RULES: Final = (
-    CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
-    CauseRule("duplicate-ip", lambda case: case.line.doubled and finding_of(case.line.doubled, ())),
-    CauseRule("second-client", _second_client, ("address",)),
-    CauseRule("refused", _refused, ("address", "second-client")),
-    CauseRule("turned-away", _turned_away, ("address", "second-client")),
-    CauseRule("filtered", _filtered, ("address", "second-client", "refused"), blind=_NO_TIMES),
-    CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
-    CauseRule("tls-refused", lambda case: tls_refused(case.line)),
-    CauseRule("line-errors", lambda case: line_errors(case.line)),
-    CauseRule("closes-each-message", _closes, _REFUSED),
-    CauseRule("half-open", lambda case: half_open(case.line, case.group.restarts), blind=_NO_TIMES),
-    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES),
-    CauseRule("no-keep-alive", _no_keep_alive, ("half-open",), blind=_NO_WAY_BACK),
-    CauseRule("mtu", lambda case: mtu(case.line), blind=_NO_TIMES),
-    CauseRule("dead-link", _dead_link, ("no-keep-alive", "half-open", "mtu"), blind=_NO_WAY_BACK),
+_MISREAD_CAUSES: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
+_LACKS_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
+CAUSE_RULES: Final = (
+    CauseRule("address", _judge_address, blind=(Quality.ONE_DIRECTION,)),
+    CauseRule("duplicate-ip", lambda case: case.line.doubled and make_host_finding(case.line.doubled, ())),
+    CauseRule("second-client", _judge_second_client, ("address",)),
+    CauseRule("refused", _judge_refused, ("address", "second-client")),
+    CauseRule("turned-away", _judge_turned_away, ("address", "second-client")),
+    CauseRule("filtered", _judge_filtered, ("address", "second-client", "refused"), blind=_NO_TIMES),
+    CauseRule("wrong-tsap", lambda case: judge_wrong_tsap(case.line)),
+    CauseRule("tls-refused", lambda case: judge_tls(case.line)),
+    CauseRule("line-errors", lambda case: judge_line_errors(case.line)),
+    CauseRule("closes-each-message", _judge_closes, _REFUSED),
+    CauseRule("half-open", lambda case: judge_half_open(case.line, case.group.restarts), blind=_NO_TIMES),
+    CauseRule(
+        "reconnect-storm", _judge_storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES
+    ),
+    CauseRule("no-keep-alive", _judge_no_keep_alive, ("half-open",), blind=_LACKS_ACKS),
+    CauseRule("mtu", lambda case: judge_mtu(case.line), blind=_NO_TIMES),
+    CauseRule("dead-link", _judge_dead_link, ("no-keep-alive", "half-open", "mtu"), blind=_LACKS_ACKS),
     CauseRule(
         "resets",
-        _resets,
-        (*_REFUSED, *LOSES, "no-keep-alive", "half-open"),
-        (*_READ_WRONG, "reconnect-storm"),
+        _judge_resets,
+        (*_REFUSED, *STALL_CAUSES, "no-keep-alive", "half-open"),
+        (*_MISREAD_CAUSES, "reconnect-storm"),
     ),
-    CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
-    CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
-    CauseRule("flood", _flood, (), ("plc-not-reading",), _NO_TIMES),
-    CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
-    CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
-    CauseRule("capture-incomplete", _incomplete),
-    *(row._replace(judge=_of_frames(row), blind=(Quality.SESSION,)) for row in FRAME_JUDGES),
+    CauseRule("plc-not-reading", lambda case: _judge_not_reading(case, True), blind=_NO_TIMES),
+    CauseRule("partner-not-reading", lambda case: _judge_not_reading(case, False), blind=_NO_TIMES),
+    CauseRule("flood", _judge_flood, (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("slow-ack", _judge_slow_ack, blind=_LACKS_ACKS),
+    CauseRule("loss", _judge_loss, STALL_CAUSES, blind=_LACKS_COPIES),
+    CauseRule("capture-incomplete", _judge_capture_incomplete),
+    *(row._replace(judge=_adapt_frame_rule(row), blind=(Quality.SESSION,)) for row in FRAME_RULES),
 )
 
 
-def verdict_of(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
+def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
     """Return what is found, the surest first; what is worth knowing; what cannot be judged, and why."""
-    blind = {rule.cause: each for rule in RULES for each in rule.blind if each in case.line.qualities}
-    seen = {rule.cause: rule for rule in RULES if rule.cause not in blind}
+    blind = {rule.cause: each for rule in CAUSE_RULES for each in rule.blind if each in case.line.qualities}
+    seen = {rule.cause: rule for rule in CAUSE_RULES if rule.cause not in blind}
 
     def judge(receiver: Receiver | None) -> dict[str, Finding]:
         told = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
@@ -747,10 +751,10 @@ def verdict_of(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict
 
     by_cause = judge(case.receiver)
     if "duplicate-ip" in by_cause:
-        by_cause = {cause: said for cause, said in by_cause.items() if cause not in OF_DOUBLE}
+        by_cause = {cause: said for cause, said in by_cause.items() if cause not in DOUBLE_EFFECTS}
     remarks = [replace(said, cause=cause) for cause, said in by_cause.items() if said.is_remark]
     by_cause = {cause: said for cause, said in by_cause.items() if not said.is_remark}
-    findings = weighed(by_cause, RULES, judge)
+    findings = weigh_findings(by_cause, CAUSE_RULES, judge)
     if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
         first = [one for one in findings if one.cause == "duplicate-ip"]
         rest = [replace(one, confidence=one.confidence / 2) for one in findings if one not in first]
@@ -759,7 +763,7 @@ def verdict_of(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict
     return ((), [*remarks, *findings], not_judged) if case.is_foreign else (findings, remarks, not_judged)
 
 
-def weighed(
+def weigh_findings(
     by_cause: Mapping[str, Finding],
     rules: Sequence[CauseRule],
     judge: Callable[[Receiver], Mapping[str, Finding]],
@@ -775,46 +779,46 @@ def weighed(
         if said is None or any(cause in by_cause for cause in rule.silenced_by):
             continue
         share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
-        if by_cause.get("resets", said).confidence > SURE and rule.cause in ("resets", "reconnect-storm"):
+        if by_cause.get("resets", said).confidence > PROVEN and rule.cause in ("resets", "reconnect-storm"):
             share = 1.0 if rule.cause == "resets" else 0.5  # what cuts a message comes before how often
         mend, is_tried = said.mend, said.is_fact
         if isinstance(said.trial, RemedyOffer) and said.trial.cured is not None:
             after = {cause for cause, one in judge(said.trial.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
             mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else said.trial.otherwise
-        sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
+        sure = min(said.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
         found.append((said.confidence, replace(said, confidence=sure, cause=rule.cause, mend=mend)))
     found.sort(key=lambda each: (-each[1].confidence, -each[0]))
     return tuple([one for _, one in found])
 
 
 def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:
-    between: dict[_Ends, list[LineFacts]] = {}
+    between: dict[_EndsKey, list[LineFacts]] = {}
     calls: dict[tuple[str, bytes, bytes], list[LineFacts]] = {}
     for line in lines:
-        between.setdefault(_between(line), []).append(line)
-        calls.setdefault(_hosts(line), []).append(line)
-    restarts = restarts_of(lines, between.values())
+        between.setdefault(_ends_key(line), []).append(line)
+        calls.setdefault(_hosts_key(line), []).append(line)
+    restarts = find_restarts(lines, between.values())
     groups = {ends: EndsGroup(tuple(found), restarts) for ends, found in between.items()}
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
-    fitting = [_receiver_of(line, receivers, only) for line in lines]
+    fitting = [_find_receiver(line, receivers, only) for line in lines]
     pairs = [*zip(lines, fitting, strict=True)]
     stands = any(known is not None and known.connect and line.is_built for line, known in pairs)
     ports = frozenset[int]().union(*(one.ports for one in receivers))
     before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
     for line, receiver in pairs:
         older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
-        kind, caller, listener = _hosts(line)
-        reverse = reverses.get((kind, listener, caller), _NO_LINES) if caller != listener else _NO_LINES
+        kind, caller, listener = _hosts_key(line)
+        reverse = reverses.get((kind, listener, caller), _EMPTY_GROUP) if caller != listener else _EMPTY_GROUP
         is_other = receiver is None and not line.connect and _listener_end(line)[1] not in ports
         foreign = is_other and (stands or is_http(line))
-        group = groups[_between(line)]
+        group = groups[_ends_key(line)]
         yield LineCase(line, group, tuple(older), reverse, receiver, receivers, last_ns, foreign)
         older.append(line)
 
 
-def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver | None) -> Receiver | None:
+def _find_receiver(line: LineFacts, receivers: Sequence[Receiver], only: Receiver | None) -> Receiver | None:
     found = next((one for one in receivers if one.fits(line)), None)
     if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
         found = only if only.has_end_of(line) else None
@@ -823,7 +827,7 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
         is_seen = found.need and not (found.is_whole or found.is_secure)
         line.qualities |= {Quality.SESSION} if is_seen and is_session(line, found) else set()
     if found is not None and found.need and not found.adhoc and not line.is_wire:
-        line.reads = Reads(found.need, found.interval_ns)
+        line.reads = RecordedReads(found.need, found.interval_ns)
     return found
 
 
@@ -834,15 +838,15 @@ def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) ->
     return known[0] if any(known[0].has_end_of(line) for line in lines) else None
 
 
-_Ends = tuple[str, bytes, tuple[bytes, int]]
-_NO_LINES: Final = EndsGroup(())
+_EndsKey = tuple[str, bytes, tuple[bytes, int]]
+_EMPTY_GROUP: Final = EndsGroup(())
 
 
-def _between(line: LineFacts) -> _Ends:
+def _ends_key(line: LineFacts) -> _EndsKey:
     caller = line.plc_end if line.plc_calls else line.partner_end
     return line.protocol, caller[0], _listener_end(line)
 
 
-def _hosts(line: LineFacts) -> tuple[str, bytes, bytes]:
-    protocol, caller, listener = _between(line)
+def _hosts_key(line: LineFacts) -> tuple[str, bytes, bytes]:
+    protocol, caller, listener = _ends_key(line)
     return protocol, caller, listener[0]

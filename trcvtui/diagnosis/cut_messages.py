@@ -17,19 +17,19 @@ from trcvtui.capture.reassembly import ConversationEvent, SegmentKind, WireDirec
 from trcvtui.diagnosis.line_facts import PAUSE_NS, fills_segment
 
 MOST_HELD: Final = 65_535  # bytes of a message
-HOLE: Final = "hole"
-UNTIL_PAUSE: Final = 1 << 62
-SAID: Final = frozenset({SegmentKind.BYTES, SegmentKind.MISSING, SegmentKind.FIN, SegmentKind.RST})
+HOLE_REASON: Final = "hole"
+UNKNOWN_REST: Final = 1 << 62
+CUTTING_KINDS: Final = frozenset({SegmentKind.BYTES, SegmentKind.MISSING, SegmentKind.FIN, SegmentKind.RST})
 
 # Gets the time of the last byte, the bytes, the size with those that are missing, why it did not end as
 # others do, and whether its first byte is the first of a message.
-TakeMessage = Callable[[int, bytes, int, str, bool], None]
+MessageSink = Callable[[int, bytes, int, str, bool], None]
 
 
 class MessageCutter:
     """Takes the bytes of one direction; `record`: the size of the type, 0 for none."""
 
-    def __init__(self, record: int, take: TakeMessage) -> None:
+    def __init__(self, record: int, take: MessageSink) -> None:
         self._record, self._take = record, take
         self._held = bytearray()
         self._ends: list[tuple[int, int]] = []  # where each segment ends in what is held, and its time
@@ -39,7 +39,7 @@ class MessageCutter:
         self._waiting: list[tuple[bytes, list[tuple[int, int]]]] = []  # pieces of several records, their ends
         self._last = 0, 0  # time and size of the newest segment
 
-    def segment(self, ns: int, data: bytes, largest: int) -> None:
+    def add_segment(self, ns: int, data: bytes, largest: int) -> None:
         """Take bytes; no segment of their direction was larger than `largest`, 0: a PLC has read them so."""
         record, (last_ns, last_size) = self._record, self._last
         self._last = ns, len(data)
@@ -47,83 +47,83 @@ class MessageCutter:
             if len(data) == record and (largest or not self._odd):
                 self._good += 1
                 if self._waiting:
-                    self._decide()
+                    self._emit_waiting()
                 self._take(ns, data, record, "", True)  # nearly all of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
-            self.end(ns)
+            self.end_message(ns)
         if self._rest and record and not self._held and len(data) % record == 0:
             self._rest = 0  # records begin anew with it
         if self._rest:
             part, data = data[: self._rest], data[self._rest :]
             self._rest -= len(part)
-            self._hold(ns, part, largest)
+            self._hold_bytes(ns, part, largest)
             if record and self._rest > MOST_HELD and not self._is_full:
                 self._rest = 0  # where a segment ends, so does a message
             if not self._rest or len(self._held) >= MOST_HELD:
-                self._give(len(self._held), HOLE, begins=False)
+                self._emit(len(self._held), HOLE_REASON, begins=False)
             if not data:
                 return
         if self._held and not self._is_full and 0 < record < len(self._held) + len(data):
-            self.end(ns)  # what was held has another size
-        self._hold(ns, data, largest)
+            self.end_message(ns)  # what was held has another size
+        self._hold_bytes(ns, data, largest)
         if len(self._held) >= (record or MOST_HELD) and not (record and self._is_full):
-            self.end(ns)
+            self.end_message(ns)
         elif len(self._held) >= max(MOST_HELD, 2 * record):
             if largest or self._good:
-                self._give_records()
+                self._queue_records()
             if len(self._held) >= MOST_HELD:
-                self.end(ns)
+                self.end_message(ns)
 
-    def datagram(self, ns: int, data: bytes, size: int) -> None:
+    def add_datagram(self, ns: int, data: bytes, size: int) -> None:
         """Take a datagram that had `size` bytes at the wire."""
-        self._hold(ns, data, 0)
+        self._hold_bytes(ns, data, 0)
         if len(data) < size or not data:
-            self._give(len(data), HOLE if data or size else "", size - len(data))
+            self._emit(len(data), HOLE_REASON if data or size else "", size - len(data))
         else:
-            self.end(ns)
+            self.end_message(ns)
 
-    def hole(self, ns: int, size: int) -> None:
+    def add_hole(self, ns: int, size: int) -> None:
         """Take that so many bytes are missing."""
         if self._is_write and not self._rest:
-            self._give_records()
+            self._queue_records()
         to_next = self._rest or -len(self._held)
         if self._held:
-            self._give(len(self._held), HOLE, begins=not self._rest)
+            self._emit(len(self._held), HOLE_REASON, begins=not self._rest)
         is_known = self._record and self._is_regular and to_next <= MOST_HELD
-        self._rest = (to_next - size) % self._record if is_known else UNTIL_PAUSE
+        self._rest = (to_next - size) % self._record if is_known else UNKNOWN_REST
         self._last = ns, 0
 
-    def turn(self, ns: int) -> None:
+    def handle_turn(self, ns: int) -> None:
         """Take that the other end speaks: it has got the message."""
         if self._held and not self._is_full:
-            self.end(ns)
+            self.end_message(ns)
 
-    def end(self, ns: int, reason: str = "") -> None:
+    def end_message(self, ns: int, reason: str = "") -> None:
         """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
         size, record = len(self._held), self._record
         if not self._rest and record and size % record == 0 and (self._is_write or size == record):
-            self._give_records()
+            self._queue_records()
         is_short = record and ns - self._last[0] < PAUSE_NS
         if self._held:
-            self._give(size, HOLE if self._rest else reason if is_short else "", begins=not self._rest)
+            self._emit(size, HOLE_REASON if self._rest else reason if is_short else "", begins=not self._rest)
         self._rest = 0
         if reason:
-            self._decide()
+            self._emit_waiting()
 
     @property
     def _is_regular(self) -> bool:
         """Return whether several records in one piece are believed: messages of 10 bytes make 60, too."""
         return not self._odd or self._good > self._odd
 
-    def _hold(self, ns: int, data: bytes, largest: int) -> None:
+    def _hold_bytes(self, ns: int, data: bytes, largest: int) -> None:
         self._is_write = not self._held or self._is_full
         is_read = self._record > 0 and not largest
         self._is_full = self._is_write and (is_read or fills_segment(len(data), largest, 0))
         self._held += data
         self._ends.append((len(self._held), ns))
 
-    def _give_records(self) -> None:
+    def _queue_records(self) -> None:
         record, content, ends = self._record, bytes(self._held), self._ends
         self._good += len(content) == record
         at = len(content) - len(content) % record if record else 0
@@ -133,9 +133,9 @@ class MessageCutter:
         del self._held[:at]
         self._ends = [(end - at, ns) for end, ns in ends if end > at]
         if self._good or self._odd or sum([len(piece) for piece, _ in self._waiting]) > MOST_HELD:
-            self._decide()
+            self._emit_waiting()
 
-    def _decide(self) -> None:
+    def _emit_waiting(self) -> None:
         """Give what waits: as records, or where messages have another size as one."""
         waiting, self._waiting = self._waiting, []
         for content, ends in waiting:
@@ -146,10 +146,10 @@ class MessageCutter:
                     end, ns = next(passed)
                 self._take(ns, content[at - record : at], record, "", True)
 
-    def _give(self, size: int, reason: str, missing: int = 0, begins: bool = True) -> None:
+    def _emit(self, size: int, reason: str, missing: int = 0, begins: bool = True) -> None:
         content, ns = bytes(self._held[:size]), self._ends[-1][1]
-        self._odd += reason != HOLE
-        self._decide()
+        self._odd += reason != HOLE_REASON
+        self._emit_waiting()
         self._held.clear()
         self._ends.clear()
         self._take(ns, content, size + missing, reason, begins)
@@ -163,12 +163,12 @@ class MessageCutters:
         self._cutters: dict[WireDirection, MessageCutter | None] = {}
 
     @property
-    def are_any(self) -> bool:
+    def has_cutters(self) -> bool:
         return any(self._cutters.values())
 
-    def take(self, event: ConversationEvent) -> None:
+    def add_event(self, event: ConversationEvent) -> None:
         ns, conversation, direction, kind, _, size, data = event
-        if kind not in SAID:
+        if kind not in CUTTING_KINDS:
             return
         if direction not in self._cutters:
             self._cutters[direction] = self._made(direction)
@@ -176,21 +176,21 @@ class MessageCutters:
         if cutter is None:
             return
         if kind is SegmentKind.BYTES and conversation.protocol == "udp":
-            cutter.datagram(ns, data, size)
+            cutter.add_datagram(ns, data, size)
         elif kind is SegmentKind.BYTES:
             if other is not None:
-                other.turn(ns)
-            cutter.segment(ns, data, direction.largest if conversation.sent is None else 0)
+                other.handle_turn(ns)
+            cutter.add_segment(ns, data, direction.largest if conversation.sent is None else 0)
         elif kind is SegmentKind.MISSING:
             if conversation.protocol != "udp":
-                cutter.hole(ns, size)
+                cutter.add_hole(ns, size)
         else:
-            cutter.end(ns, kind.value)
+            cutter.end_message(ns, kind.value)
             if kind is SegmentKind.RST and other is not None:
-                other.end(ns, kind.value)
+                other.end_message(ns, kind.value)
 
-    def end(self, ns: int) -> None:
+    def end_all(self, ns: int) -> None:
         """End all of them with the capture."""
         for cutter in self._cutters.values():
             if cutter is not None:
-                cutter.end(ns, "end of file")
+                cutter.end_message(ns, "end of file")

@@ -13,7 +13,7 @@ from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out
 from trcvtui.udt.types import Elementary, Struct, ValueKind
 
 MOST_LEAVES: Final = 256  # members that are looked at
-NAMED: Final = 2  # that a sentence names
+MOST_NAMED: Final = 2  # that a sentence names
 
 
 class UnwrittenMembers(NamedTuple):
@@ -23,7 +23,7 @@ class UnwrittenMembers(NamedTuple):
     is_cut: bool
 
 
-def layout_of(receiver: Receiver) -> Layout | None:
+def make_data_layout(receiver: Receiver) -> Layout | None:
     """Return how DATA lies; None where it has no members, so that its bytes mean nothing by themselves."""
     if receiver.rules is None or not isinstance(receiver.type, Struct):
         return None
@@ -32,14 +32,14 @@ def layout_of(receiver: Receiver) -> Layout | None:
 
 def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
     """Return the members that frames of `size` bytes do not write, None where there are none."""
-    layout = layout_of(receiver)
+    layout = make_data_layout(receiver)
     if layout is None or not 0 < size < layout.size:
         return None
     first, last = layout.count_leaves_within(size), layout.leaf_count
     if first == last:
         return None  # padding alone
-    names = ", ".join(f"`{leaf.path}`" for leaf in layout.leaves(first, min(first + NAMED, last)))
-    more = f" and {last - first - NAMED} more" if last - first > NAMED else ""
+    names = ", ".join(f"`{leaf.path}`" for leaf in layout.leaves(first, min(first + MOST_NAMED, last)))
+    more = f" and {last - first - MOST_NAMED} more" if last - first > MOST_NAMED else ""
     return UnwrittenMembers(names + more, layout.leaf(first).offset < size)
 
 
@@ -54,13 +54,13 @@ def odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
     texts = []
     for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
         parts = [one[leaf.offset : leaf.offset + leaf.size] for one in frames]
-        whys = [why for part in parts if len(part) == leaf.size and (why := _odd(layout, leaf, part))]
+        whys = [why for part in parts if len(part) == leaf.size and (why := _explain_odd(layout, leaf, part))]
         if whys and len(whys) * 3 >= len(frames) * 2:
             texts.append(f"{leaf.path or 'the value'}: {whys[-1]}")
     return tuple(texts)
 
 
-def _odd(layout: Layout, leaf: Leaf, part: bytes) -> str:
+def _explain_odd(layout: Layout, leaf: Leaf, part: bytes) -> str:
     said = evidence(leaf, part, layout.rules)
     if said is None or not said.is_odd:
         return ""

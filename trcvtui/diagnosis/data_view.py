@@ -25,7 +25,7 @@ SENSIBLE_REAL: Final = (1e-5, 1e8)
 SENSELESS_REAL: Final = (1e-15, 1e18)
 
 
-def swap_verdict(row: Elementary, read: float, swapped: float) -> int:
+def judge_swap(row: Elementary, read: float, swapped: float) -> int:
     """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
     if row.kind is ValueKind.REAL:
         good, bad = is_sensible_real, is_senseless_real
@@ -49,13 +49,13 @@ def is_senseless_real(value: float) -> bool:
 
 
 MOST_LEAVES: Final = 256  # that are looked at
-NAMED: Final = 2  # that the sentence names
-OTHER: Final = {"little": "big", "big": "little"}
-NUMBERS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
+MOST_NAMED: Final = 2  # that the sentence names
+OTHER_BYTE_ORDER: Final = {"little": "big", "big": "little"}
+NUMBER_KINDS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class SwappedMember:
     """A member and its value in the layout's byte order and in the other one."""
 
     path: str
@@ -69,12 +69,12 @@ class Suspicion:
 
     order: str
     other: str
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[SwappedMember, ...]
 
     def __str__(self) -> str:
-        named = self.suspects[:NAMED]
-        swapped = " and ".join(f"{s.path} = {_short(s.swapped)}" for s in named)
-        as_read = " and ".join(_short(s.as_read) for s in named)
+        named = self.suspects[:MOST_NAMED]
+        swapped = " and ".join(f"{s.path} = {_format_number(s.swapped)}" for s in named)
+        as_read = " and ".join(_format_number(s.as_read) for s in named)
         more = len(self.suspects) - len(named)
         others = f" (and {count(more, 'more member')})" if more else ""
         return (
@@ -86,8 +86,8 @@ class Suspicion:
 def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
     """Return the members that only make sense when their bytes are swapped, None without clear evidence."""
     order = layout.rules.byte_order
-    here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER[order]]
-    suspects: list[Suspect] = []
+    here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER_BYTE_ORDER[order]]
+    suspects: list[SwappedMember] = []
     clear = asked = 0
     for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
         row = _number(leaf)
@@ -96,26 +96,26 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
             continue
         (read,), (swapped,) = struct.unpack(here + row.code, part), struct.unpack(there + row.code, part)
         asked += read != swapped
-        verdict = swap_verdict(row, read, swapped)
+        verdict = judge_swap(row, read, swapped)
         if verdict < 0:
             return None
         if verdict:
-            suspects.append(Suspect(leaf.path or "the value", read, swapped))
+            suspects.append(SwappedMember(leaf.path or "the value", read, swapped))
             clear += leaf.size >= 4
     if not clear or len(suspects) < min(2, asked):
         return None
     suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # the loudest first
-    return Suspicion(order, OTHER[order], tuple(suspects))
+    return Suspicion(order, OTHER_BYTE_ORDER[order], tuple(suspects))
 
 
 def _number(leaf: Leaf) -> Elementary | None:
     row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
-    if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
+    if isinstance(row, Elementary) and row.kind in NUMBER_KINDS and row.size > 1:
         return row
     return None
 
 
-def _short(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -126,13 +126,13 @@ class Offer(NamedTuple):
     why: str
 
 
-def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
+def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
     """Return what to read DATA as: messages of `size` bytes came, `content` is the newest one, or its part.
 
     None where the layout fits, where several sizes came, or where nothing else fits better.
     """
     if size is not None and size != decl.size:
-        found = _of_size(decl, size)
+        found = _find_layout_of_size(decl, size)
         order = _order(found, content) if found is not None else None
         if found is None or order is None:
             return None
@@ -146,7 +146,7 @@ def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
     return Offer(choice, f"the members make sense as {suspicion.other}-endian")
 
 
-def _of_size(decl: DataDecl, size: int) -> Layout | None:
+def _find_layout_of_size(decl: DataDecl, size: int) -> Layout | None:
     """Return the type in the first layout that gives it this size; the byte order stays, where it can."""
     own = decl.layout.rules
     laid_out = group_same_layouts(decl.type, profiles_for(decl.type))
@@ -159,13 +159,13 @@ def _order(layout: Layout, content: bytes) -> str | None:
     """Return the byte order that the members speak for, None where they speak for none."""
     own = layout.rules.byte_order
     if byte_order_suspicion(layout, content) is not None:
-        return OTHER[own]
-    swapped = lay_out(layout.type, replace(layout.rules, byte_order=OTHER[own]))
+        return OTHER_BYTE_ORDER[own]
+    swapped = lay_out(layout.type, replace(layout.rules, byte_order=OTHER_BYTE_ORDER[own]))
     has_order = any(map(_number, layout.leaves(0, min(layout.leaf_count, MOST_LEAVES))))
     return own if not has_order or byte_order_suspicion(swapped, content) is not None else None
 
 
-def view_line(decl: DataDecl, choice: LayoutChoice) -> str:
+def view_command(decl: DataDecl, choice: LayoutChoice) -> str:
     words = []
     for name, now, wanted in zip(choice._fields, decl.choice, choice, strict=True):
         if wanted != now:
@@ -173,7 +173,7 @@ def view_line(decl: DataDecl, choice: LayoutChoice) -> str:
     return f"set data {decl.name} {' '.join(words)}" if words else ""
 
 
-def chosen(layout: str, byte_order: str, text: str) -> LayoutChoice:
+def make_choice(layout: str, byte_order: str, text: str) -> LayoutChoice:
     """Return the choice that gives these rules, without what the layout says by itself."""
     rules = rules_for(layout)
     return LayoutChoice(

@@ -15,12 +15,12 @@ from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import KnownEnds, PlcEnd, make_no_match_error, parse_plc
 from trcvtui.capture.quality import Quality
-from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
-from trcvtui.diagnosis.causes import LineCase, cases_of, verdict_of
-from trcvtui.diagnosis.host_causes import finding_of, host_findings
-from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
+from trcvtui.diagnosis.cause_words import CAUSE_WORDS, default_remedies
+from trcvtui.diagnosis.causes import LineCase, cases_of, judge_case
+from trcvtui.diagnosis.host_causes import list_host_facts, make_host_finding
+from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, collect_facts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.symptoms import causes_of
+from trcvtui.diagnosis.symptoms import list_explaining_causes
 from trcvtui.errors import UserError, one_line
 from trcvtui.snapshots.doctor import Ends, Finding
 from trcvtui.wording import count, json_text
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.udt.layout.layout import Layout
 
-HEALTHY, FOUND, NOT_JUDGED = 0, 1, 2
+EXIT_HEALTHY, EXIT_FINDINGS, EXIT_NOT_JUDGED = 0, 1, 2
 # The `verdict` of a conversation; `partly`: no finding, and not everything could be judged.
-HEALTHY_WORD, FINDINGS, PARTLY, NOTHING = "healthy", "findings", "partly", "nothing"
-IN_WORDS: Final = {
-    HEALTHY_WORD: "healthy",
+VERDICT_HEALTHY, FINDINGS, PARTLY, NOTHING = "healthy", "findings", "partly", "nothing"
+VERDICT_TEXTS: Final = {
+    VERDICT_HEALTHY: "healthy",
     PARTLY: "nothing wrong in what could be judged",
     NOTHING: "nothing could be judged",
 }
 NO_LINE: Final = 0  # the number of no conversation
 _GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP then asks for in vain
-OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
-OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "turned-away", "filtered", "second-client")
-LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
-BY_BYTES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
+GROUP_CAUSES: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
+ENDING_CAUSES: Final = (*GROUP_CAUSES, "resets", "refused", "turned-away", "filtered", "second-client")
+SHIFT_LIKE_CAUSES: Final = ("adhoc-missing", "frame-short", "frame-long")
+BYTE_CAUSES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
 
 
 class LineVerdict(Struct, forbid_unknown_fields=True):
@@ -58,7 +58,7 @@ class LineVerdict(Struct, forbid_unknown_fields=True):
 
     @property
     def word(self) -> str:
-        judged = HEALTHY_WORD if self.is_judged else NOTHING
+        judged = VERDICT_HEALTHY if self.is_judged else NOTHING
         return FINDINGS if self.findings else PARTLY if self.not_judged else judged
 
 
@@ -101,7 +101,7 @@ class DoctorQuestion(NamedTuple):
         return KnownEnds(listens, calls, frozenset(own) - {b""}, frozenset(partners) - {b""})
 
 
-def receiver_of_type(layout: Layout, sender: str = "") -> Receiver:
+def make_type_receiver(layout: Layout, sender: str = "") -> Receiver:
     """Return a receiver that takes messages of one type, whatever the conversation."""
     kind = Receiver("", "", layout.size, is_only=True, type_name=layout.name, type=layout.type)
     return kind._replace(rules=layout.rules, sender=sender)
@@ -110,7 +110,7 @@ def receiver_of_type(layout: Layout, sender: str = "") -> Receiver:
 # -- one capture ---------------------------------------------------------------------------------------------
 
 
-def judge(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
+def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
     """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
     given = None if asked.plc is None else parse_plc(asked.plc)
     known = None if asked.recorded is None else asked.recorded(path)
@@ -120,26 +120,26 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str
     if known is not None:
         ends, until_ns = ends._replace(connects=known.connects), known.until_ns
     receives = any(not one.connect for one in asked.receivers)
-    facts = facts_of([path], given, ends, receives, until_ns)
+    facts = collect_facts([path], given, ends, receives, until_ns)
     if facts.troubles and not facts.found.packets:
         raise UserError(facts.troubles)
     if known is not None:
         facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
         for each in facts.lines:
             each.harms = known.harms.get(each.connect or "", ())
-    cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
+    cases = [*cases_of(_select_lines(facts, asked), asked.receivers, facts.last_ns)]
     told: dict[int, list[Finding]] = {}
-    for line, one in (_with_line(each, cases) for each in (known.troubles if known is not None else ())):
+    for line, one in (_assign_line(each, cases) for each in (known.troubles if known is not None else ())):
         told.setdefault(NO_LINE if line is None else line.number, []).append(one)
     is_running = known is not None and known.is_running
-    verdicts = [verdict(case, told.get(case.line.number, []), is_running) for case in cases]
+    verdicts = [judge_line(case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
     if known is not None:
         alone = _judge_symptoms(known, cases, verdicts, alone)
     else:
         alone = _judge_hosts(facts, asked, given, cases, verdicts)
     if alone:
-        verdicts.append(LineVerdict(None, _surest_first(alone)))
+        verdicts.append(LineVerdict(None, _sort_by_confidence(alone)))
     if not verdicts:  # the run of a recording was judged all the same
         verdicts.append(LineVerdict(None, [], is_judged=known is not None))
     for made in verdicts:
@@ -158,11 +158,11 @@ def _judge_hosts(
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
             of_host.setdefault(host, []).append((case.line, made))
-    for one, is_ours in host_findings(facts, asked.receivers, b"" if given is None else given.address):
+    for one, is_ours in list_host_facts(facts, asked.receivers, b"" if given is None else given.address):
         rows = of_host.get(one.ends[0], [])
         if any(line.gone and row.cause in _GONE for line, made in rows for row in made.findings):
             continue  # its conversation says so
-        found = finding_of(one, asked.receivers)
+        found = make_host_finding(one, asked.receivers)
         if not is_ours:
             line, made = (rows or [(cases[0].line, verdicts[0])])[0]
             made.remarks.append(complete(found, line))
@@ -174,14 +174,14 @@ def _judge_hosts(
     return alone
 
 
-def _with_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
+def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
     """Return the conversation of its CONNECT then, or the last one before it, or the first one; and both."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
     line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
     line = line or (lines[0] if lines else None)
-    return line, complete(replace(one, t_s=None if line is None else max(line.seconds(ns), 0.0)))
+    return line, complete(replace(one, t_s=None if line is None else max(line.to_seconds(ns), 0.0)))
 
 
 def _judge_symptoms(
@@ -197,7 +197,7 @@ def _judge_symptoms(
                     for n in range(len(of_line[each.line.number]))]  # fmt: skip
     known_places += [(row.connect, alone, n) for n, row in enumerate(told)]
     for one in known.symptoms:
-        causes = causes_of(one)
+        causes = list_explaining_causes(one)
         places = [each for each in known_places if each[0] in (None, one.connect)]
         found = [(some, n) for _, some, n in places if some[n].cause in causes]
         if not found:  # what is wrong with the project shows without any traffic
@@ -209,31 +209,31 @@ def _judge_symptoms(
                         alone.append(complete(each))
                     found.append((alone, lint[number]))
         for some, n in found:
-            some[n] = _explaining(some[n], one)
+            some[n] = _add_explained_symptom(some[n], one)
         if found:
             continue
-        line, row = _with_line(one, cases)
+        line, row = _assign_line(one, cases)
         if line is None:
             alone.append(row)
         else:
             new.append((line, row))
     for line, row in new:
-        of_line[line.number][:] = _surest_first([*of_line[line.number], row])
+        of_line[line.number][:] = _sort_by_confidence([*of_line[line.number], row])
     return alone
 
 
-def _explaining(found: Finding, one: Finding) -> Finding:
+def _add_explained_symptom(found: Finding, one: Finding) -> Finding:
     evidence = (*[each for each in one.evidence[1:] if each not in found.evidence], *found.evidence)
     better = {"mend": one.mend, "status": one.status, "evidence": evidence} if one.is_fact else {}
     return replace(found, explains=(*found.explains, *one.explains), **better)
 
 
-def _surest_first(some: Iterable[Finding]) -> list[Finding]:
+def _sort_by_confidence(some: Iterable[Finding]) -> list[Finding]:
     """Return findings in their order; of two that are as sure, the one that was there comes first."""
     return sorted(some, key=lambda one: -one.confidence)
 
 
-def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
+def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
     """Return the conversations of the PLC end that was asked for; raise UserError where there is none."""
     if asked.plc is None:
         return facts.lines
@@ -243,33 +243,33 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
     return found
 
 
-def verdict(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
+def judge_line(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
     """Return the verdict on one conversation; `told`: what the program did, too.
 
     In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
     the messages of one when another one goes on.
     """
     line = case.line
-    found, remarks, not_judged = verdict_of(case)
+    found, remarks, not_judged = judge_case(case)
     words = case.receiver.words if case.receiver is not None else {}
     if is_running:
-        is_over = case.group.stands_again, line.end is not None and case.group.goes_on
-        found = tuple([one for one in found if not is_over[one.cause not in OF_ENDS]])
+        is_over = case.group.has_recovered, line.end is not None and case.group.is_still_sending
+        found = tuple([one for one in found if not is_over[one.cause not in ENDING_CAUSES]])
     causes = {one.cause for one in found}
-    told = [one for one in told if BY_BYTES.get(one.cause) not in causes]
+    told = [one for one in told if BYTE_CAUSES.get(one.cause) not in causes]
     # What frames look like that the program has shifted is no cause of its own.
-    like = LIKE_SHIFTED if any(one.cause == "shifted" for one in told) else ()
+    like = SHIFT_LIKE_CAUSES if any(one.cause == "shifted" for one in told) else ()
     rows = [complete(one, line, words) for one in found if one.cause not in like]
     return LineVerdict(
         Ends(line.plc, line.partner, line.protocol),
-        _surest_first(_merged(told, rows)) if told else rows,
+        _sort_by_confidence(_merge_findings(told, rows)) if told else rows,
         sorted(line.qualities),
         [complete(one, line) for one in remarks],
         not_judged,
     )
 
 
-def _merged(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
+def _merge_findings(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
     """Return one finding for a cause that both the program and the packets show: that of the packets."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in told:
@@ -281,7 +281,7 @@ def _merged(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
     return [*alone, *found]
 
 
-def verdict_on_project(project: Project) -> LineVerdict:
+def judge_project(project: Project) -> LineVerdict:
     """Return what is wrong with a project before it runs: by its text, and by a dry run of three seconds."""
     from trcvtui.diagnosis.dry_run import refusals
     from trcvtui.diagnosis.lint import lint
@@ -290,7 +290,7 @@ def verdict_on_project(project: Project) -> LineVerdict:
     shown = _judge_symptoms(known, [], [], [])
     told = {(one.cause, one.evidence) for one in shown}
     rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in told]
-    return LineVerdict(None, _surest_first([*rows, *shown]), file=str(project.path))
+    return LineVerdict(None, _sort_by_confidence([*rows, *shown]), file=str(project.path))
 
 
 def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
@@ -298,16 +298,16 @@ def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condi
 
     `words`: the STATUS of each condition, where its block is known.
     """
-    at, row, t_s, packets, shown = found.at, CAUSES[found.cause], found.t_s, found.packets, found.filter
+    at, row, t_s, packets, shown = found.at, CAUSE_WORDS[found.cause], found.t_s, found.packets, found.filter
     if line is not None:
-        t_s = line.seconds(at[0]) if at is not None else None
+        t_s = line.to_seconds(at[0]) if at is not None else None
         packets = packets or (at[3] if at is not None and at[3] else line.first_packet,)
-        shown = line.filter_of(shown or row.filter, found.cause in OF_GROUP)
+        shown = line.make_filter(shown or row.filter, found.cause in GROUP_CAUSES)
     leads_to = row.leads_to if found.leads_to is None else found.leads_to
     status = found.status or tuple([f"{words[one]:04X}" for one in leads_to if one in words])
     return replace(
         found, title=row.title, confidence=round(found.confidence, 2), t_s=t_s, packets=packets, filter=shown,
-        status=status, mend=found.mend or remedy_of(found.cause), trial=None,
+        status=status, mend=found.mend or default_remedies(found.cause), trial=None,
     )  # fmt: skip
 
 
@@ -336,7 +336,7 @@ def _remark_as_json(one: Finding) -> dict[str, Any]:
 # -- all of them ---------------------------------------------------------------------------------------------
 
 
-def doctor(
+def run_doctor(
     paths: Sequence[str],
     asked: DoctorQuestion,
     form: str,
@@ -354,7 +354,7 @@ def doctor(
     for made in before:
         is_first = _write(write, [made], form, is_first)
         total.add(made)
-    for path, answer in _answers(paths, asked, jobs, scheduler):
+    for path, answer in _judge_captures(paths, asked, jobs, scheduler):
         if isinstance(answer, UserError):
             for text in answer.lines():
                 sys.stderr.write(f"{text}\n")
@@ -374,10 +374,10 @@ def doctor(
     if form == "json":
         write("[]\n" if is_first else "\n]\n")
     if not total.judged:
-        return NOT_JUDGED
+        return EXIT_NOT_JUDGED
     if len(paths) > 1:
         sys.stderr.write(total.text() + "\n")
-    return FOUND if total.causes else HEALTHY
+    return EXIT_FINDINGS if total.causes else EXIT_HEALTHY
 
 
 class _Total:
@@ -399,35 +399,35 @@ class _Total:
         )
 
 
-Answer = tuple[list[LineVerdict], list[str], float]
+CaptureAnswer = tuple[list[LineVerdict], list[str], float]
 
 
-def _answers(
+def _judge_captures(
     paths: Sequence[str], asked: DoctorQuestion, jobs: int, scheduler: str | None
-) -> Iterator[tuple[str, Answer | UserError]]:
+) -> Iterator[tuple[str, CaptureAnswer | UserError]]:
     if scheduler is None and (jobs <= 1 or len(paths) == 1):
         for path in paths:
             yield path, try_to_judge(path, asked)
         return
-    from trcvtui.diagnosis.workers import answers_of_cluster, answers_of_processes
+    from trcvtui.diagnosis.workers import judge_in_cluster, judge_in_processes
 
     if scheduler is None:
-        yield from answers_of_processes(paths, asked, try_to_judge, jobs)
+        yield from judge_in_processes(paths, asked, try_to_judge, jobs)
     else:
-        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler, Answer)
+        yield from judge_in_cluster(paths, asked, try_to_judge, scheduler, CaptureAnswer)
 
 
-def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
+def try_to_judge(path: str, asked: DoctorQuestion) -> CaptureAnswer | UserError:
     """Return the verdicts on one capture, or why there are none."""
     try:
-        return judge(path, asked)
+        return judge_capture(path, asked)
     except UserError as error:
         return error
 
 
 def _write(write: Callable[[str], object], made: Sequence[LineVerdict], form: str, is_first: bool) -> bool:
     if form == "text":
-        write("".join(f"{one_line(text)}\n" for text in _texts(made)))
+        write("".join(f"{one_line(text)}\n" for text in _format_verdicts(made)))
         return False
     for one in made:
         before = "" if form == "jsonl" else "[\n" if is_first else ",\n"
@@ -436,15 +436,15 @@ def _write(write: Callable[[str], object], made: Sequence[LineVerdict], form: st
     return is_first
 
 
-MARK: Final = "    "
+INDENT: Final = "    "
 MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
-def _texts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
+def _format_verdicts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
     groups: dict[object, tuple[Finding, list[str]]] = {}
     for made in verdicts:
         for one in made.findings:
-            same = groups.setdefault(same_finding(one), (one, []))
+            same = groups.setdefault(finding_key(one), (one, []))
             same[1].extend(_ends_text(made))
     file, before = verdicts[0].file if verdicts else "", None
     for one, lines in sorted(groups.values(), key=lambda each: -each[0].confidence):
@@ -452,11 +452,11 @@ def _texts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
         if lines != before:
             yield ": ".join(filter(None, (file, what)))
         before = lines
-        yield from _finding_texts(one)
+        yield from _format_finding(one)
         if len(lines) > 1:
             more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
-            yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
-    for verdict, words in IN_WORDS.items():
+            yield f"{INDENT}lines: {', '.join(lines[:MOST_LINES])}{more}"
+    for verdict, words in VERDICT_TEXTS.items():
         some = [made for made in verdicts if made.word == verdict]
         ends = "".join(_ends_text(some[0])) if len(some) == 1 else ""
         what = count(len(some), "conversation") if len(some) > 1 else ends
@@ -464,7 +464,7 @@ def _texts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
     yield from _notes(verdicts)
 
 
-def same_finding(one: Finding) -> tuple[object, ...]:
+def finding_key(one: Finding) -> tuple[object, ...]:
     """Return what equal findings of several conversations share: cause, STATUS, whose, which port."""
     ends = (one.ends.plc, one.ends.partner) if one.ends is not None else ()
     ports = [int(port) for port in (each.rpartition(":")[2] for each in ends) if port.isdecimal()]
@@ -475,18 +475,18 @@ def _ends_text(made: LineVerdict) -> list[str]:
     return [f"{made.conversation.protocol} {made.conversation}"] if made.conversation is not None else []
 
 
-def _finding_texts(one: Finding) -> Iterator[str]:
+def _format_finding(one: Finding) -> Iterator[str]:
     when = "" if one.t_s is None else f" at {one.t_s:.3f} s"
     place = "".join(f", {each}" for each in (one.way.replace("-", " "), one.instance) if each)
     yield f"  {one.cause} ({one.confidence:.0%} sure){when}{place}: {one.title}"
-    yield from (MARK + text for text in one.evidence)
-    yield from (f"{MARK}explains: {text}" for text in one.explains if text not in one.evidence)
+    yield from (INDENT + text for text in one.evidence)
+    yield from (f"{INDENT}explains: {text}" for text in one.explains if text not in one.evidence)
     if one.status:
-        yield f"{MARK}STATUS {', '.join(one.status)}"
+        yield f"{INDENT}STATUS {', '.join(one.status)}"
     packets = ", ".join(map(str, one.packets))
     seen = filter(None, (f"packets {packets}" if packets else "", one.filter))
-    yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one.filter else []
-    yield from (MARK + mend.display_line for mend in one.mend)
+    yield from [f"{INDENT}Wireshark: {' · '.join(seen)}"] if packets or one.filter else []
+    yield from (INDENT + mend.display_line for mend in one.mend)
 
 
 def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:

@@ -17,9 +17,9 @@ from trcvtui.wording import SECOND
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
 
-LENGTH_NS: Final = 3 * SECOND
+RUN_NS: Final = 3 * SECOND
 CONNECTED_NS: Final = SECOND  # what can be connected is, and EN_R rises
-UNASKED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
+IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
 
 
 def refusals(project: Project) -> tuple[Finding, ...]:
@@ -37,20 +37,20 @@ def refusals(project: Project) -> tuple[Finding, ...]:
             each for each in project.instances if block_row(each.block).runs_as is Condition.ESTABLISHING
         ]
         _raise(bench, "REQ", [each.name for each in builders])
-        alone = _only_receivers(project)
-        while bench.now < LENGTH_NS:
+        alone = _list_sole_receivers(project)
+        while bench.now < RUN_NS:
             if alone and bench.now >= CONNECTED_NS:
                 _raise(bench, "EN_R", alone)
                 alone = []
             bench.step()
             news, seq = bench.runtime.ledger.events_since(seq), bench.runtime.ledger.last_seq
             for scan, t_ns, event in news:
-                symptoms.take(scan, t_ns, event)
-        found = symptoms.found(is_running=False)
+                symptoms.add_event(scan, t_ns, event)
+        found = symptoms.list_findings(is_running=False)
     finally:
         bench.close()
     partners: set[object] = {each.end for each in project.peers}
-    return tuple([one for one in found if _counts(one, project, partners)])
+    return tuple([one for one in found if _is_counted(one, project, partners)])
 
 
 def _raise(bench: Bench, pin: str, names: list[str]) -> None:
@@ -60,14 +60,14 @@ def _raise(bench: Bench, pin: str, names: list[str]) -> None:
             bench.do(Set(name, ((pin, True),)))
 
 
-def _only_receivers(project: Project) -> list[str]:
+def _list_sole_receivers(project: Project) -> list[str]:
     """Return the receivers that have a CONNECT for themselves: of several a program may let one at a time."""
     some = [each for each in project.instances if block_row(each.block).receives]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 
 
-def _counts(one: Finding, project: Project, partners: set[object]) -> bool:
-    if not one.leads_to or one.leads_to[0] in UNASKED:
+def _is_counted(one: Finding, project: Project, partners: set[object]) -> bool:
+    if not one.leads_to or one.leads_to[0] in IGNORED:
         return False
     config = project.connect(one.connect)
     has_partner = config is not None and (

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the screen knows a picture before it knows what a project i
     from trcvtui.project.project import Project
 
 
-NOTHING_KNOWN = ConnectFacts()
+NO_FACTS = ConnectFacts()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Evidence:
     done_len: int | None = None
     link: ConnectionSnapshot | None = None
     config: ConnectConfig | None = None
-    facts: ConnectFacts = NOTHING_KNOWN
+    facts: ConnectFacts = NO_FACTS
     peers: tuple[PeerSnapshot, ...] = ()
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
@@ -55,7 +55,7 @@ class Evidence:
     def pin(self, name: str) -> PinValue | None:
         return next((value for pin, value in self.pins if pin == name), None)
 
-    def age_of(self, moment: ScanStamp) -> int:
+    def ns_since(self, moment: ScanStamp) -> int:
         """Return how long ago that was, in ns."""
         return max(0, self.at.t_ns - moment.t_ns)
 
@@ -82,7 +82,7 @@ class Evidence:
         return None if self.last_bytes_ns is None else max(0, self.at.t_ns - self.last_bytes_ns)
 
 
-def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence | None:
+def make_current_evidence(picture: BenchUpdate, project: Project, name: str) -> Evidence | None:
     """Return what is known of an instance after the last scan, None where there is no such instance."""
     snapshot = picture.snapshot
     instance = snapshot.instance(name)
@@ -107,9 +107,9 @@ def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence 
         done_len=instance.last_rcvd_len,
         link=snapshot.connection(instance.connect),
         config=project.connect(instance.connect),
-        facts=next((facts for known, facts in picture.facts if known == name), NOTHING_KNOWN),
+        facts=next((facts for known, facts in picture.facts if known == name), NO_FACTS),
         peers=picture.peers,
-        callers=_callers(project, instance.connect),
+        callers=_list_active_peers(project, instance.connect),
         budget=(snapshot.connections_used, snapshot.connections_limit),
         has_adhoc=_has_adhoc(project, instance.block),
         adhoc_at_once=project.rules.adhoc_at_once,
@@ -122,13 +122,13 @@ def _has_adhoc(project: Project, block: str) -> bool:
     return any(pin.name == "ADHOC" for pin in project.pins(block))
 
 
-def _callers(project: Project, connect: str) -> tuple[str, ...]:
+def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
     config = project.connect(connect)
     ends = (f"@{connect}", config.local if config is not None else None)
     return tuple(peer.name for peer in project.peers if peer.active and not peer.udp and peer.end in ends)
 
 
-def evidence_then(
+def past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
     """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""

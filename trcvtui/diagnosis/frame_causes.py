@@ -14,34 +14,34 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.diagnosis.data_values import layout_of, odd_values, unwritten_members
-from trcvtui.diagnosis.frame_readings import read
+from trcvtui.diagnosis.data_values import make_data_layout, odd_values, unwritten_members
+from trcvtui.diagnosis.frame_readings import read_frames
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
-from trcvtui.diagnosis.message_joints import head_and_body, joined
+from trcvtui.diagnosis.message_joints import find_joined_messages, head_and_body
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, frames_anew
-from trcvtui.diagnosis.session_causes import is_call, is_tls, plain_tcp, units_of
+from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, offer_frame_reset
+from trcvtui.diagnosis.session_causes import find_session_units, is_session_begin, is_tls, judge_plain_tcp
 from trcvtui.diagnosis.text_forms import (
     SEND_BYTES,
-    as_text,
-    has_numbers_alone,
-    string_of_bytes,
-    string_offer,
-    text_of,
-    utf_8_of,
+    describe_sent_strings,
+    describe_utf_8_bytes,
+    find_text,
+    has_only_numbers,
+    offer_string,
+    offer_text,
 )
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
 
-FEW: Final = 3  # messages, below which sizes say little
+FEW_MESSAGES: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
 MOST_FRAMES: Final = 8
 MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
 
 
-class UsualSize(NamedTuple):
+class MessageSizes(NamedTuple):
     """The sizes of messages: the usual one, its share, how many different ones."""
 
     usual: int
@@ -50,41 +50,41 @@ class UsualSize(NamedTuple):
     messages: int
 
 
-def judged_messages(line: LineFacts) -> tuple[LineMessage, ...]:
+def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
     """Return the messages that are whole: not what the capture, an end, or a closed window may have cut."""
     found = line.messages
     closed = line.from_plc.closed
     if closed:
         free = tuple([one for one in found if one.ns < closed[0].ns][:-1])
-        found = free if len(free) >= FEW else found
-    if len(found) > FEW and not line.has_begin:
+        found = free if len(free) >= FEW_MESSAGES else found
+    if len(found) > FEW_MESSAGES and not line.has_begin:
         found = found[1:]
-    if len(found) > FEW and line.end is not None:
+    if len(found) > FEW_MESSAGES and line.end is not None:
         found = found[:-1]
     return found
 
 
-def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
+def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
     """Return the sizes of messages; several messages at once count as theirs."""
     counted = Counter(one.size for one in messages)
     if not counted:
-        return UsualSize(0, 0.0, 0, 0)
+        return MessageSizes(0, 0.0, 0, 0)
     base = min((size for size, often in counted.items() if often * 3 >= len(messages)), default=0)
     usual, often = counted.most_common(1)[0]
     if base and len(messages) >= 5 and usual % base == 0:
         multiples = sum(n for size, n in counted.items() if size % base == 0)
         if multiples * 10 >= len(messages) * 9 and len(counted) > 1:
-            return UsualSize(base, multiples / len(messages), len(counted), len(messages))
-    return UsualSize(usual, often / len(messages), len(counted), len(messages))
+            return MessageSizes(base, multiples / len(messages), len(counted), len(messages))
+    return MessageSizes(usual, often / len(messages), len(counted), len(messages))
 
 
-def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+def _eligible(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
-        len(line.from_plc.closed) >= FEW
-        and line.messages[FEW:]
-        and line.from_plc.closed[0].ns <= line.messages[FEW].ns
+        len(line.from_plc.closed) >= FEW_MESSAGES
+        and line.messages[FEW_MESSAGES:]
+        and line.from_plc.closed[0].ns <= line.messages[FEW_MESSAGES].ns
     ):
         return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
@@ -92,13 +92,13 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     return receiver if is_read else None
 
 
-def _start(line: LineFacts) -> int:
+def _first_frame_byte(line: LineFacts) -> int:
     return 0 if line.has_begin else line.messages[0].at
 
 
-def _is_right(line: LineFacts, need: int) -> bool:
-    found = judged_messages(line)
-    start = _start(line) if line.has_begin else found[0].at
+def _has_right_frames(line: LineFacts, need: int) -> bool:
+    found = select_whole_messages(line)
+    start = _first_frame_byte(line) if line.has_begin else found[0].at
     hits = [(one.at + one.size - start) % need == 0 for one in found]
     if sum(hits) * 100 >= 97 * len(hits):
         return True
@@ -106,17 +106,19 @@ def _is_right(line: LineFacts, need: int) -> bool:
     frames = range(start + need, found[-1].at + found[-1].size + 1, need)
     whole = sum(end in frames for end in ends)  # a hole may be as wide as two gigabytes
     is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
-    return is_varied and len(frames) >= FEW and whole * 100 >= 97 * len(frames)  # each frame in pieces
+    return (
+        is_varied and len(frames) >= FEW_MESSAGES and whole * 100 >= 97 * len(frames)
+    )  # each frame in pieces
 
 
-def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, UsualSize] | None:
-    found = _ready(line, receiver, STATIC)
-    if found is None or not line.messages or _is_right(line, found.need):
+def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:
+    found = _eligible(line, receiver, STATIC)
+    if found is None or not line.messages or _has_right_frames(line, found.need):
         return None
-    return found, sizes_of(judged_messages(line))
+    return found, measure_sizes(select_whole_messages(line))
 
 
-def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
+def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     name, has_len = receiver.instance, receiver.need < receiver.room
     if not name:
         return (Remedy(f"a type, or LEN, of {size} bytes"),)
@@ -124,13 +126,13 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if not receiver.room or size <= receiver.room:
         left = unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (replace(length, text=f"LEN {size}{then}"), *frames_anew(receiver))
-    more = _room_mends(receiver, size)
+        return (replace(length, text=f"LEN {size}{then}"), *offer_frame_reset(receiver))
+    more = _room_remedies(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
-    return (*mends, *frames_anew(receiver)) if more[0].set else mends
+    return (*mends, *offer_frame_reset(receiver)) if more[0].set else mends
 
 
-def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
+def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return what is left to do where LEN alone would cut members, or read them at wrong places."""
     left = unwritten_members(receiver, size)
     if left is None:
@@ -141,18 +143,18 @@ def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (Remedy(f"{text}; LEN {size} would leave {left.names} unwritten"),)
 
 
-def _with_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
-    as_string = string_offer(receiver, _contents(line))
+def _offer_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
+    as_string = offer_string(receiver, _contents(line))
     if as_string is not None or isinstance(receiver.type, StringType):
         return as_string or NO_OFFER  # LEN alone would put a text where the header of a STRING is
     room = max(receiver.room, size) if receiver.room else 0
-    has_members = layout_of(receiver) is not None
+    has_members = make_data_layout(receiver) is not None
     # What further bytes mean is not known: a type with members cannot be tried with them.
     cured = None if has_members and size > receiver.room else receiver._replace(need=size, room=room)
-    return RemedyOffer(_len_mends(receiver, size), cured, _type_mends(receiver, size))
+    return RemedyOffer(_len_remedies(receiver, size), cured, _type_remedies(receiver, size))
 
 
-def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
+def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return what gives DATA room for so many bytes; (): it has it."""
     if not receiver.room or size <= receiver.room:
         return ()
@@ -165,76 +167,80 @@ def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (Remedy(f"DATA of {size} bytes: {array}", f"set data {change}", path),)
 
 
-def _frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    found = _static(line, receiver)
+def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    found = _find_static_mismatch(line, receiver)
     if found is None:
         return None
     wanted, sizes = found
     is_varied = sizes.share < 0.7  # then no LEN is theirs
     longest = max(one.size for one in line.messages)
-    if sizes.usual >= wanted.need or (is_varied and (sizes.messages >= FEW or longest >= wanted.need)):
+    if sizes.usual >= wanted.need or (
+        is_varied and (sizes.messages >= FEW_MESSAGES or longest >= wanted.need)
+    ):
         return None
     last = line.messages[-1]
     of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
     some = "messages of several lengths" if is_varied else of_all
     text = f"{some}, a job wants {wanted.need}"
-    sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
+    sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW_MESSAGES else 0.7
     is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces come soon after each other
-    whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
-    if sizes.messages < FEW and (whole or any(one.size == wanted.need for one in line.messages)):
+    whole = is_soon and (last.at + last.size - _first_frame_byte(line)) % wanted.need == 0
+    if sizes.messages < FEW_MESSAGES and (whole or any(one.size == wanted.need for one in line.messages)):
         return None
-    if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < SECOND:
+    if sizes.messages < FEW_MESSAGES and line.end is None and line.last_ns - last.ns < SECOND:
         return None
     end = line.end
     if end is not None and (
-        (end.is_reset and not end.by_plc and sizes.messages < FEW)
+        (end.is_reset and not end.by_plc and sizes.messages < FEW_MESSAGES)
         or (line.connect is not None and end.by_plc and end.ns - last.ns < SECOND and len(line.messages) < 2)
     ):
         return None  # the rest may have been on its way
-    if is_soon and last.at + last.size - _start(line) == wanted.need:
+    if is_soon and last.at + last.size - _first_frame_byte(line) == wanted.need:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
-    offer = NO_OFFER if may_be_cut or is_varied else _with_len(wanted, sizes.usual, line)
-    return finding_to_plc(wanted, sure, (text,), _at(last), offer)
+    offer = NO_OFFER if may_be_cut or is_varied else _offer_len(wanted, sizes.usual, line)
+    return finding_to_plc(wanted, sure, (text,), _segment(last), offer)
 
 
-def _frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    found = _static(line, receiver)
+def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    found = _find_static_mismatch(line, receiver)
     if found is not None:
         wanted, sizes = found
         if sizes.usual <= wanted.need or sizes.usual % wanted.need == 0:
             return None
-        if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW):
+        if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW_MESSAGES):
             return None
         left = sizes.usual % wanted.need
         of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
-        if (members := _means("frame-long")(line, receiver)) is not None:
+        if (members := _make_reading_judge("frame-long")(line, receiver)) is not None:
             return replace(members, evidence=(text, more, *members.evidence))
-        offer = _with_len(wanted, sizes.usual, line)
-        return finding_to_plc(wanted, sure, (text, more), _at(line.messages[0]), offer)
-    room = _ready(line, receiver, AD_HOC)
+        offer = _offer_len(wanted, sizes.usual, line)
+        return finding_to_plc(wanted, sure, (text, more), _segment(line.messages[0]), offer)
+    room = _eligible(line, receiver, AD_HOC)
     if room is None:
         return None
-    sizes = sizes_of(judged_messages(line))
-    too_long = [one for one in judged_messages(line) if one.size > room.need]
-    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW:
+    sizes = measure_sizes(select_whole_messages(line))
+    too_long = [one for one in select_whole_messages(line) if one.size > room.need]
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW_MESSAGES:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    return finding_to_plc(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most, line))
+    return finding_to_plc(
+        room, 0.93, (text, f"up to {most}"), _segment(too_long[0]), _offer_len(room, most, line)
+    )
 
 
-def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    found = _static(line, receiver)
+def _judge_adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    found = _find_static_mismatch(line, receiver)
     if found is None:
         return None
     wanted, sizes = found
-    messages = judged_messages(line)
+    messages = select_whole_messages(line)
     counted = Counter(one.size for one in messages)
-    if sizes.messages < FEW or sizes.share >= 0.85 or (sizes.different < 3 and sizes.share > 0.8):
+    if sizes.messages < FEW_MESSAGES or sizes.share >= 0.85 or (sizes.different < 3 and sizes.share > 0.8):
         return None
     some = sorted(counted)
     if len(some) > 2 and sum(counted.values()) < 4:
@@ -248,21 +254,21 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Finding | None
         f"set {name} {'ADHOC=1' if wanted.static else 'LEN=65535'}",
         f"instance.{name}.{'ADHOC=true' if wanted.static else 'LEN=65535'}",
     )
-    room = _room_mends(wanted, some[-1])
+    room = _room_remedies(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
-    offer = string_offer(wanted, _contents(line)) or RemedyOffer((mend, *room) if name else (), cured)
-    return finding_to_plc(wanted, sure, (text,), _at(messages[0]), offer)
+    offer = offer_string(wanted, _contents(line)) or RemedyOffer((mend, *room) if name else (), cured)
+    return finding_to_plc(wanted, sure, (text,), _segment(messages[0]), offer)
 
 
-def _shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    found = _static(line, receiver)
+def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    found = _find_static_mismatch(line, receiver)
     if found is None:
         return None
     wanted, sizes = found
     need, messages = wanted.need, line.messages
     if sizes.messages < 4 or sizes.share < 0.6 or sizes.usual % need:
         return None
-    start = _start(line)
+    start = _first_frame_byte(line)
     off = [(one.at + one.size - start) % need for one in messages]
     if line.end is not None and off:
         off.pop()
@@ -275,35 +281,35 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     where = f"{count(later[0], 'byte')} inside messages" if min(later) == max(later) else "inside messages"
-    text = f"frames of {need} bytes begin {where} since {line.seconds(odd.ns):.3f} s"
+    text = f"frames of {need} bytes begin {where} since {line.to_seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
-    offer = RemedyOffer(frames_anew(wanted))  # where nothing brings it again
+    offer = RemedyOffer(offer_frame_reset(wanted))  # where nothing brings it again
     if again > 1 or (is_first and again):
         ways = f"a job with LEN {odd.size} first, or ad hoc and cut in the program (TwinCAT: ReceiveData)"
         name = "the greeting" if is_first else "these messages"
         take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
-    return finding_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _at(odd), offer)
+    return finding_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _segment(odd), offer)
 
 
-def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _ready(line, receiver, AD_HOC)
-    messages = judged_messages(line)
-    if wanted is None or len(messages) < FEW:
+def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    wanted = _eligible(line, receiver, AD_HOC)
+    messages = select_whole_messages(line)
+    if wanted is None or len(messages) < FEW_MESSAGES:
         return None
     if (pairs := head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
         text = f"{count(pairs.pairs, 'message')} in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
         more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
-        offer = _received_static(wanted, max(pairs.sizes))
+        offer = _offer_static(wanted, max(pairs.sizes))
         if len(pairs.sizes) > 1:
             text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"
             offer = RemedyOffer((Remedy(text_of_two),))
-        return finding_to_plc(wanted, 0.92, (text, more), _at(messages[0]), offer)
+        return finding_to_plc(wanted, 0.92, (text, more), _segment(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
         return None
-    sizes = sizes_of(messages)
+    sizes = measure_sizes(messages)
     sure = 0.94 if sizes.share > 0.7 or sizes.usual == wanted.need else 0.8
     pause = sorted(one.pause_ns for one in split)[len(split) // 2]
     pieces = max(one.pieces for one in split)
@@ -311,11 +317,11 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
     )
     more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
-    offer = _received_static(wanted, sizes.usual)
-    return finding_to_plc(wanted, sure, (text, more), _at(split[0]), offer)
+    offer = _offer_static(wanted, sizes.usual)
+    return finding_to_plc(wanted, sure, (text, more), _segment(split[0]), offer)
 
 
-def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
+def _offer_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
         f"receive static, LEN {size}, where messages have one length; else cut them in the program",
@@ -324,17 +330,17 @@ def _received_static(receiver: Receiver, size: int) -> RemedyOffer:
     )  # fmt: skip
     length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
     cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))
-    return RemedyOffer((mend, length, *frames_anew(receiver)) if name else (), cured)
+    return RemedyOffer((mend, length, *offer_frame_reset(receiver)) if name else (), cured)
 
 
-def _merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
+def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _eligible(line, receiver, STATIC) is not None:
         return None
-    known = _ready(line, receiver, AD_HOC)
+    known = _eligible(line, receiver, AD_HOC)
     if (receiver is not None and known is None) or is_session(line):
         return None
     writes = line.to_plc.writes
-    if (found := _merged_by_borders(line, known)) is not None:
+    if (found := _judge_merged_by_border(line, known)) is not None:
         return found
     counted = Counter(write.size for write in writes)
     base, often = min(
@@ -345,32 +351,32 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     share = amount / len(writes)
     sure = 0.92 if known is not None else 0.7
     of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
-    if known is not None and of_type and _recurs(line, known.need):
+    if known is not None and of_type and _has_recurring_pieces(line, known.need):
         base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
         several = counted
-    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
+    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _has_recurring_pieces(line, beat):
         several = {size: n for size, n in counted.items() if size > beat}
         base, often, amount, share, others = beat, 0, sum(several.values()), 1.0, 0
-    elif known is not None and not several and _recurs(line, base):
-        return _merged_in_a_scan(writes, known, base)
-    elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
+    elif known is not None and not several and _has_recurring_pieces(line, base):
+        return _judge_merged_in_scan(writes, known, base)
+    elif base < 4 or often < 2 or amount < FEW_MESSAGES or share < 0.08 or others * 8 > len(writes):
         return None
-    if often and not _begins_alike(line, base):  # a size that divides another by chance
+    if often and not _has_repeated_begin(line, base):  # a size that divides another by chance
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     if known is None:
         return Finding(sure, (text,), "to-plc", at, is_remark=True)
-    return finding_to_plc(known, sure, (text,), at, _one_a_job(known, base))
+    return finding_to_plc(known, sure, (text,), at, _offer_one_per_job(known, base))
 
 
-def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_merged_by_border(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether a delimiter or a length parts the messages of one segment."""
     content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
     known = [one for one in some if one.at + one.size <= len(content)]
     parts = [content[one.at : one.at + one.size] for one in known]
-    found = joined(parts)
+    found = find_joined_messages(parts)
     several = 0 if found is None else sum(number > 1 for number in found.numbers)
     if found is None or several * 12 < len(parts):
         return None
@@ -381,21 +387,21 @@ def _merged_by_borders(line: LineFacts, receiver: Receiver | None) -> Finding | 
     return finding_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
 
 
-def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Finding | None:
+def _judge_merged_in_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Finding | None:
     soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
-    if len(soon) < FEW or len(soon) * 5 < len(writes):
+    if len(soon) < FEW_MESSAGES or len(soon) * 5 < len(writes):
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    return finding_to_plc(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
+    return finding_to_plc(receiver, 0.85, (text,), soon[0], _offer_one_per_job(receiver, base))
 
 
-def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
+def _offer_one_per_job(receiver: Receiver, base: int) -> RemedyOffer:
     if not receiver.instance:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
     mend = Remedy(text, f"set {receiver.instance} {receiver.static}LEN={base}")
-    return RemedyOffer((mend, *frames_anew(receiver)), receiver._replace(adhoc=False, need=base))
+    return RemedyOffer((mend, *offer_frame_reset(receiver)), receiver._replace(adhoc=False, need=base))
 
 
 def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
@@ -405,26 +411,26 @@ def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     """
     if line.protocol != "tcp":
         return False
-    ways = [units_of(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
+    ways = [find_session_units(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
     if not all(ways) or len({is_tls(units[0]) for units in ways}) != 1:
         return False
-    has_call = any(is_call(units[0]) for units in ways)
+    has_call = any(is_session_begin(units[0]) for units in ways)
     if receiver is not None and receiver.connect:
         return has_call and len(ways) == 2
-    return has_call or sum(map(len, ways)) >= FEW
+    return has_call or sum(map(len, ways)) >= FEW_MESSAGES
 
 
-def _recurs(line: LineFacts, beat: int) -> bool:
+def _has_recurring_pieces(line: LineFacts, beat: int) -> bool:
     """Return whether each piece of `beat` bytes begins as all others do, and they do not all say the same."""
     content = line.to_plc.content
     parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
-    if len(parts) < 2 * FEW or any(write.size % beat for write in line.to_plc.writes):
+    if len(parts) < 2 * FEW_MESSAGES or any(write.size % beat for write in line.to_plc.writes):
         return False
     fixed = [n for n in range(beat) if len({part[n] for part in parts}) == 1]
     return len(fixed) < beat and fixed[:1] == [0] and any(parts[0][n] for n in fixed)
 
 
-def _begins_alike(line: LineFacts, base: int) -> bool:
+def _has_repeated_begin(line: LineFacts, base: int) -> bool:
     """Return whether a segment with several messages looks like several: bytes that never change recur."""
     content = line.to_plc.content
     single = [
@@ -445,8 +451,8 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     return bool(fixed) and hits * 10 >= 9 * len(fixed) * len(inner)
 
 
-def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _ready(line, receiver, DATAGRAM)
+def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    wanted = _eligible(line, receiver, DATAGRAM)
     if wanted is None:
         return None
     large = [one for one in line.to_plc.writes if one.size > wanted.need]
@@ -455,11 +461,11 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return finding_to_plc(wanted, 0.95, (text,), large[0], _with_len(wanted, most, line))
+    return finding_to_plc(wanted, 0.95, (text,), large[0], _offer_len(wanted, most, line))
 
 
-def _framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW:
+def _judge_framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW_MESSAGES:
         return None
     content = bytes(line.to_plc.content)
     messages = [
@@ -476,7 +482,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return finding_to_plc(receiver, 0.9, tuple(texts), _at(line.messages[0]))
+            return finding_to_plc(receiver, 0.9, tuple(texts), _segment(line.messages[0]))
     return None
 
 
@@ -485,10 +491,10 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     content, need = bytes(line.to_plc.content), receiver.need
-    found = judged_messages(line) or line.messages
-    sizes = sizes_of(found)
-    if line.protocol == "tcp" and not receiver.adhoc and _is_right(line, need):
-        start = _start(line) if line.has_begin else found[0].at
+    found = select_whole_messages(line) or line.messages
+    sizes = measure_sizes(found)
+    if line.protocol == "tcp" and not receiver.adhoc and _has_right_frames(line, need):
+        start = _first_frame_byte(line) if line.has_begin else found[0].at
         parts = [content[at : at + need] for at in range(start, len(content) - need + 1, need)]
     else:
         parts = [
@@ -502,7 +508,7 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
-def _is_read(line: LineFacts, receiver: Receiver) -> bool:
+def _can_read(line: LineFacts, receiver: Receiver) -> bool:
     """Return whether the bytes of messages are known, and mean what DATA is declared as."""
     if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
         return False
@@ -512,63 +518,63 @@ def _is_read(line: LineFacts, receiver: Receiver) -> bool:
 def _contents(line: LineFacts) -> list[bytes]:
     """Return the bytes of the first messages that are whole."""
     content = bytes(line.to_plc.content)
-    some = (judged_messages(line) or line.messages)[:MOST_MESSAGES]
+    some = (select_whole_messages(line) or line.messages)[:MOST_MESSAGES]
     return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]
 
 
-_READ: Final[dict[tuple[object, ...], Finding | None]] = {}
-MOST_READ: Final = 256
+_READING_CACHE: Final[dict[tuple[object, ...], Finding | None]] = {}
+MOST_CACHED_READINGS: Final = 256
 
 
 def _reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
-    if receiver is None or receiver.type is None or receiver.rules is None or not _is_read(line, receiver):
+    if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)
-    if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_alone(line, receiver)):
+    if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_lone_message(line, receiver)):
         return None
     key = (receiver.instance, receiver.need, receiver.type, receiver.rules, tuple(frames))
-    if key not in _READ:
-        if len(_READ) >= MOST_READ:
-            _READ.clear()
-        _READ[key] = read(frames, receiver, receiver.type, receiver.rules)
-    found = _READ[key]
-    return found and replace(found, at=_at(line.messages[0]))
+    if key not in _READING_CACHE:
+        if len(_READING_CACHE) >= MOST_CACHED_READINGS:
+            _READING_CACHE.clear()
+        _READING_CACHE[key] = read_frames(frames, receiver, receiver.type, receiver.rules)
+    found = _READING_CACHE[key]
+    return found and replace(found, at=_segment(line.messages[0]))
 
 
-def _text(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_text(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether text comes where numbers are declared."""
-    if receiver is None or not _is_read(line, receiver) or not has_numbers_alone(receiver):
+    if receiver is None or not _can_read(line, receiver) or not has_only_numbers(receiver):
         return None
     messages = _contents(line)
-    found = text_of(messages)
+    found = find_text(messages)
     if found is None:
         return None
     numbers = f"{receiver.type_name or 'DATA'} has numbers"
-    offer = as_text(receiver, found, max(map(len, messages)))
-    return finding_to_plc(receiver, 0.93, (found.said, numbers), _at(line.messages[0]), offer)
+    offer = offer_text(receiver, found, max(map(len, messages)))
+    return finding_to_plc(receiver, 0.93, (found.said, numbers), _segment(line.messages[0]), offer)
 
 
-def _encoding(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if receiver is None or not _is_read(line, receiver):
+def _judge_encoding(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    if receiver is None or not _can_read(line, receiver):
         return None
-    said = utf_8_of(_contents(line), receiver.need)
+    said = describe_utf_8_bytes(_contents(line), receiver.need)
     if not said:
         return None
-    return finding_to_plc(receiver, 0.95, (said,), _at(line.messages[0]), RemedyOffer((SEND_BYTES,)))
+    return finding_to_plc(receiver, 0.95, (said,), _segment(line.messages[0]), RemedyOffer((SEND_BYTES,)))
 
 
-def _header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if (found := _means("header")(line, receiver)) is not None:
+def _judge_header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+    if (found := _make_reading_judge("header")(line, receiver)) is not None:
         return found
-    if receiver is None or not _is_read(line, receiver):
+    if receiver is None or not _can_read(line, receiver):
         return None
-    said = string_of_bytes(receiver, _contents(line))
-    at = _at(line.messages[0])
+    said = describe_sent_strings(receiver, _contents(line))
+    at = _segment(line.messages[0])
     return finding_to_plc(receiver, 0.0, (said,), at, is_remark=True) if said else None
 
 
-def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
+def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         found = _reading(line, receiver)
         return found if found is not None and found.cause == cause else None
@@ -579,25 +585,25 @@ def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]
 # -- symptoms of DATA: causes above explain them -------------------------------------------------------------
 
 
-def _unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Say which members frames do not write; where they end between two members, that may be wanted."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
     size = receiver.need
     if receiver.adhoc or line.protocol == "udp":
-        sizes = sizes_of(judged_messages(line))
-        if sizes.share < 0.6 or sizes.messages < FEW:
+        sizes = measure_sizes(select_whole_messages(line))
+        if sizes.share < 0.6 or sizes.messages < FEW_MESSAGES:
             return None
         size = min(size, sizes.usual)
     left = unwritten_members(receiver, size)
     if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
-    offer = RemedyOffer(_type_mends(receiver, size))
-    return finding_to_plc(receiver, 0.85, (text,), _at(line.messages[0]), offer, not left.is_cut)
+    offer = RemedyOffer(_type_remedies(receiver, size))
+    return finding_to_plc(receiver, 0.85, (text,), _segment(line.messages[0]), offer, not left.is_cut)
 
 
-def _odd(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_odd_values(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.type is None:
         return None
     if not line.messages or is_session(line) or line.to_plc.cut:
@@ -606,51 +612,53 @@ def _odd(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver.adhoc or line.protocol == "udp":
         some = [(one.at, min(one.size, need)) for one in line.messages]
     else:
-        some = [(at, need) for at in range(_start(line), len(content) - need + 1, need)]
+        some = [(at, need) for at in range(_first_frame_byte(line), len(content) - need + 1, need)]
     frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
     if isinstance(receiver.type, StringType):  # its header comes first, however much of it a frame writes
         frames = [one.ljust(receiver.room, b"\0") for one in frames]
     texts = odd_values(receiver, frames)
     if not texts:
         return None
-    sure = 0.8 if len(frames) >= FEW else 0.6
-    offer = string_offer(receiver, _contents(line)) or NO_OFFER
-    return finding_to_plc(receiver, sure, texts[:MOST_FRAMES], _at(line.messages[0]), offer)
+    sure = 0.8 if len(frames) >= FEW_MESSAGES else 0.6
+    offer = offer_string(receiver, _contents(line)) or NO_OFFER
+    return finding_to_plc(receiver, sure, texts[:MOST_FRAMES], _segment(line.messages[0]), offer)
 
 
-def _at(message: LineMessage) -> SegmentFacts:
+def _segment(message: LineMessage) -> SegmentFacts:
     return SegmentFacts(message.ns, message.at, message.size, message.packet)
 
 
-def _is_alone(line: LineFacts, receiver: Receiver) -> bool:
+def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
     """Return whether one message came, and a job has waited for the rest of it for a second or longer."""
     only = line.messages[0]
     is_over = line.end is not None or line.last_ns - only.ns >= SECOND
     return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over
 
 
-_MEANT: Final = ("header", "padding")
+_LAYOUT_CAUSES: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
 _FORMS: Final = ("encoding", "text")  # the bytes are another thing than what is declared
-_EXPLAINS_DATA: Final = (
-    *_OTHER, *_MEANT, *_FORMS, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted",
+_DATA_CAUSES: Final = (
+    *_OTHER, *_LAYOUT_CAUSES, *_FORMS, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted",
     "adhoc-splits", "merged", "datagram-size", "framing",
 )  # fmt: skip
-FRAME_JUDGES: Final = (
-    CauseRule("plain-tcp", plain_tcp, _OTHER),
-    CauseRule("encoding", _encoding, _OTHER),
-    CauseRule("text", _text, _OTHER),
-    CauseRule("header", _header, (*_OTHER, *_FORMS)),
-    CauseRule("padding", _means("padding"), (*_OTHER, *_FORMS)),
-    CauseRule("byte-order", _means("byte-order"), (*_OTHER, *_FORMS)),
-    CauseRule("frame-short", _frame_short, (*_OTHER, "encoding"), (*_MEANT, "text")),
-    CauseRule("frame-long", _frame_long, (*_OTHER, "merged", "encoding"), (*_MEANT, "text")),
-    CauseRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "encoding", "shifted"), ("text",)),
-    CauseRule("shifted", _shifted, (*_OTHER, "encoding"), ("text",)),
-    CauseRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
-    CauseRule("merged", _merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
-    CauseRule("datagram-size", _datagram_size, ("encoding",), ("text",)),
-    CauseRule("framing", _framing, (), ("line-errors",)),
-    CauseRule("members-unwritten", _unwritten, _EXPLAINS_DATA),
-    CauseRule("odd-values", _odd, _EXPLAINS_DATA),
+FRAME_RULES: Final = (
+    CauseRule("plain-tcp", judge_plain_tcp, _OTHER),
+    CauseRule("encoding", _judge_encoding, _OTHER),
+    CauseRule("text", _judge_text, _OTHER),
+    CauseRule("header", _judge_header, (*_OTHER, *_FORMS)),
+    CauseRule("padding", _make_reading_judge("padding"), (*_OTHER, *_FORMS)),
+    CauseRule("byte-order", _make_reading_judge("byte-order"), (*_OTHER, *_FORMS)),
+    CauseRule("frame-short", _judge_frame_short, (*_OTHER, "encoding"), (*_LAYOUT_CAUSES, "text")),
+    CauseRule("frame-long", _judge_frame_long, (*_OTHER, "merged", "encoding"), (*_LAYOUT_CAUSES, "text")),
+    CauseRule(
+        "adhoc-missing", _judge_adhoc_missing, (*_OTHER, *_LAYOUT_CAUSES, "encoding", "shifted"), ("text",)
+    ),
+    CauseRule("shifted", _judge_shifted, (*_OTHER, "encoding"), ("text",)),
+    CauseRule("adhoc-splits", _judge_adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
+    CauseRule("merged", _judge_merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
+    CauseRule("datagram-size", _judge_datagram_size, ("encoding",), ("text",)),
+    CauseRule("framing", _judge_framing, (), ("line-errors",)),
+    CauseRule("members-unwritten", _judge_unwritten, _DATA_CAUSES),
+    CauseRule("odd-values", _judge_odd_values, _DATA_CAUSES),
 )

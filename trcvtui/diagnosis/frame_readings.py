@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec.structs import replace
 
-from trcvtui.diagnosis.data_values import layout_of, odd_values
+from trcvtui.diagnosis.data_values import make_data_layout, odd_values
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.remedies import NO_OFFER, RemedyOffer, finding_to_plc, frames_anew
+from trcvtui.diagnosis.remedies import NO_OFFER, RemedyOffer, finding_to_plc, offer_frame_reset
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import count
 
@@ -24,45 +24,45 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
-CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
+CLEAR_LEAD: Final = 6.0  # points of `fit`, ahead of our own reading
 NOT_KNOWN: Final = "not known"
-UNSURE: Final = 0.8  # where bytes are left that nothing explains
+UNSURE_CONFIDENCE: Final = 0.8  # where bytes are left that nothing explains
 
 
-def read(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
+def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
     from trcvtui.udt.compare.fit import drop_near_drifts, rank
 
     if len(frames) < 2 and len(frames[0]) != receiver.need:
         return _read_by_size(frames, receiver, type_, rules)
     fits = drop_near_drifts(rank(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
-    own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
-    best = _plainest(fits, rules)
+    own = next((one for one in fits if not one.cause.kind and _has_rules(one, rules)), None)
+    best = _choose_plainest(fits, rules)
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
         return None
     ahead = best.score - own.score if own is not None else 40.0
     is_own_size = own is not None and own.layout.size == len(frames[0])
-    is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
-    if ahead < CLEAR or (is_own_size and not is_clear):
+    is_clear = best.is_ahead or (ahead > 4 * CLEAR_LEAD and best.members > 2 * CLEAR_LEAD)
+    if ahead < CLEAR_LEAD or (is_own_size and not is_clear):
         return None
-    sides = _sides(best, frames)
-    cause, offer = _meaning(best, frames, receiver, rules, sides)
+    sides = _describe_sides(best, frames)
+    cause, offer = _classify_reading(best, frames, receiver, rules, sides)
     if not cause:
         return None
     ours = "none" if own is None else f"{own.score:+.1f}"
     said = (
         f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
     )
-    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
+    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR_LEAD else 0.8
     if len(sides) > 1 and any(NOT_KNOWN in side for side in sides):
-        sure = min(sure, UNSURE)
+        sure = min(sure, UNSURE_CONFIDENCE)
     texts = (said, *(reason.text for reason in best.reasons[:2]))
     return replace(finding_to_plc(receiver, sure, texts, None, offer), cause=cause)
 
 
-def _plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
+def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
     """Return the best reading, or one that is near it and differs less from our own."""
-    near = [one for one in fits if one.score > fits[0].score - CLEAR]
-    return min(near, key=lambda one: (one.cause.front > 0) + (not _is_read_so(one, rules)), default=None)
+    near = [one for one in fits if one.score > fits[0].score - CLEAR_LEAD]
+    return min(near, key=lambda one: (one.cause.front > 0) + (not _has_rules(one, rules)), default=None)
 
 
 def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
@@ -78,21 +78,21 @@ def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: L
         and one.members > 0
         and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
     ]
-    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
+    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR_LEAD):
         return None  # with one message nothing else tells two layouts apart
     best = found[0]
     text = (
         f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
     )
-    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
+    offer = _offer_partner_layout(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
     return replace(finding_to_plc(receiver, 0.7, (f"{text} has {size}",), None, offer), cause="padding")
 
 
-def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
+def _has_rules(one: Fit, rules: LayoutRules) -> bool:
     return any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
 
 
-def _meaning(
+def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
     """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
@@ -106,9 +106,9 @@ def _meaning(
         return "byte-order", RemedyOffer((swap,))
     if kind not in (None, HEADER, TRAILER, BYTE_TOO_MANY):
         return "", NO_OFFER
-    own, has_other_order = layout_of(receiver), order != rules.byte_order
+    own, has_other_order = make_data_layout(receiver), order != rules.byte_order
     own_size = receiver.need if kind is None or own is None else own.size
-    is_packed = best.layout.size != own_size or not (has_other_order or _is_read_so(best, rules))
+    is_packed = best.layout.size != own_size or not (has_other_order or _has_rules(best, rules))
     text = ""
     if is_packed:
         text = f"lay DATA out as the partner does: {best.profile}"
@@ -116,7 +116,7 @@ def _meaning(
         text = f"read DATA as the partner sends it: {order}-endian"
     cause = "padding" if is_packed else "byte-order"
     if not sides:
-        return cause, _as_partner(text, best, receiver, rules)
+        return cause, _offer_partner_layout(text, best, receiver, rules)
     has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
     if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
         return "", NO_OFFER  # bytes alone read as well wherever they begin
@@ -126,7 +126,7 @@ def _meaning(
     return cause, RemedyOffer((Remedy("; ".join(filter(None, (f"{declare}{leave}", text)))),))
 
 
-def _sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
+def _describe_sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
     """Return the bytes before the members, and those after them, each with what they are."""
     from trcvtui.udt.compare.beside import extra_evidence
     from trcvtui.udt.compare.causes import cut
@@ -138,16 +138,16 @@ def _sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
     said = [extra_evidence(cause, a, unit, b) for (a, b), unit in zip(extras, units, strict=True)]
     sides = []
     if cause.front:
-        words = _named([before for before, _ in extras], [one.before for one in said if one])
+        words = _describe_side_bytes([before for before, _ in extras], [one.before for one in said if one])
         sides.append(f"{count(cause.front, 'byte')} before the members ({words})")
     if cause.back:
-        words = _named([after for _, after in extras], [one.after for one in said if one])
+        words = _describe_side_bytes([after for _, after in extras], [one.after for one in said if one])
         them = "them" if sides else "the members"
         sides.append(f"{count(cause.back, 'byte')} after {them} ({words})")
     return sides
 
 
-def _named(parts: Sequence[bytes], names: Sequence[str]) -> str:
+def _describe_side_bytes(parts: Sequence[bytes], names: Sequence[str]) -> str:
     if names and all(names):
         return Counter(names).most_common(1)[0][0]  # a sum of few bytes is another one by chance
     size = len(parts[0])
@@ -168,7 +168,7 @@ def _has_counter(parts: Sequence[bytes]) -> bool:
     return False
 
 
-def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
+def _offer_partner_layout(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
     """Offer to lay DATA out as the partner does."""
     profile, data = best.profile, receiver.data
     ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
@@ -182,5 +182,5 @@ def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) ->
     cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
     if receiver.need == receiver.room:
         cured = cured._replace(need=size)
-    anew = frames_anew(receiver) if cured.need != receiver.need else ()
+    anew = offer_frame_reset(receiver) if cured.need != receiver.need else ()
     return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)

@@ -10,20 +10,20 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.hosts import UNDELIVERED, HostFact, TimedNote
-from trcvtui.diagnosis.line_facts import LARGE, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
+from trcvtui.diagnosis.line_facts import LARGE_SEGMENT, CaptureFacts, DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
-CERTAIN: Final = 2  # answers of ICMP to datagrams; one may be chance
+CERTAIN_ANSWERS: Final = 2  # answers of ICMP to datagrams; one may be chance
 CLOSED: Final = 3  # the same, where the end has received before: fewer are late answers to a closed socket
 MOST_KNOWN_PORT: Final = 1023
 _SERVICES: Final = frozenset({1900, 3702, 5353, 5355})  # SSDP, WS-Discovery, mDNS, LLMNR
 _LAST_BYTES: Final = (1, 254)  # of most gateways
-_NO_CALL: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
-_IN_ONE_PIECE: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
+_CALL_FAILED: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
+_NO_FRAGMENTS: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
 # What a second device with the address of an end explains, all of it.
-OF_DOUBLE: Final = frozenset({
+DOUBLE_EFFECTS: Final = frozenset({
     "second-client", "refused", "turned-away", "filtered", "closes-each-message", "reconnect-storm",
     "half-open", "no-keep-alive", "dead-link", "mtu", "resets", "loss",
 })  # fmt: skip
@@ -61,11 +61,11 @@ def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: st
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
         mend = f"ask who runs {router}: it forbids this" if note.kind == "admin" else no_way
-        said = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_NO_CALL)
-    return _of_datagrams(line, receivers, some, said) if is_udp else said
+        said = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
+    return _judge_datagram_report(line, receivers, some, said) if is_udp else said
 
 
-def _of_datagrams(
+def _judge_datagram_report(
     line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], said: Finding
 ) -> Finding | None:
     note = some[0].note
@@ -78,7 +78,7 @@ def _of_datagrams(
         texts, mend = (f"the project receives on {min(takes)}",), f"send to port {min(takes)}"
         said = replace(said, evidence=(*said.evidence, *texts), mend=(Remedy(mend),))
     is_noise = note.port not in takes and is_service(line)
-    is_sure = len(some) >= CERTAIN
+    is_sure = len(some) >= CERTAIN_ANSWERS
     is_remark = is_noise or not (receivers or is_sure)
     sure = 0.97 if is_sure else 0.6
     return replace(said, confidence=sure, is_remark=is_remark, is_fact=is_sure, leads_to=())
@@ -87,11 +87,11 @@ def _of_datagrams(
 # -- packets that are too large ------------------------------------------------------------------------------
 
 
-def mtu(line: LineFacts) -> Finding | None:
+def judge_mtu(line: LineFacts) -> Finding | None:
     """Return that large packets do not get there, and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
-        return _by_icmp(line, pieces, 0.95, mend=_IN_ONE_PIECE)
+        return _by_icmp(line, pieces, 0.95, mend=_NO_FRAGMENTS)
     for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = told[0].note.size if told else 0, said.stuck
@@ -101,9 +101,9 @@ def mtu(line: LineFacts) -> Finding | None:
         if told and said.stuck_often >= 2 and stuck.size + 40 > size:
             return _by_icmp(line, told, 0.97, f"{again}, as large as before", mend=mend)
         if told:  # one datagram after the other is a sender that does not hear it
-            is_late = line.protocol == "udp" and len(told) > CERTAIN
+            is_late = line.protocol == "udp" and len(told) > CERTAIN_ANSWERS
             return replace(_by_icmp(line, told, 0.95 * is_late, mend=mend), is_remark=not is_late)
-        if said.stuck_often >= 3 and stuck.size >= LARGE and _only_small_arrive(said):
+        if said.stuck_often >= 3 and stuck.size >= LARGE_SEGMENT and _is_only_small_arriving(said):
             small = (
                 "smaller segments behind them arrive (SACK): large packets do not get there, small ones do"
             )
@@ -113,10 +113,10 @@ def mtu(line: LineFacts) -> Finding | None:
     return None
 
 
-def _only_small_arrive(said: DirectionFacts) -> bool:
+def _is_only_small_arriving(said: DirectionFacts) -> bool:
     at = said.stuck.at
     has = [one for one in said.sacked if one[1] > at + said.stuck.size]
-    large = [one.at for one in said.writes if one.size >= LARGE and one.at != at]
+    large = [one.at for one in said.writes if one.size >= LARGE_SEGMENT and one.at != at]
     arrived = (one < at or any(begin <= one < end for begin, end in has) for one in large)
     return bool(has) and said.acked_at <= at and not any(arrived)
 
@@ -124,7 +124,7 @@ def _only_small_arrive(said: DirectionFacts) -> bool:
 # -- addresses -----------------------------------------------------------------------------------------------
 
 
-def host_findings(
+def list_host_facts(
     facts: CaptureFacts, receivers: Sequence[Receiver], plc: bytes
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield addresses without a host, and those of two devices that have no conversation.
@@ -139,12 +139,12 @@ def host_findings(
             yield one, is_alone or bool(known & {*one.ends})
 
 
-def finding_of(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
-    texts, mend = [fact.text], _IN_ONE_PIECE
+def make_host_finding(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
+    texts, mend = [fact.text], _NO_FRAGMENTS
     if fact.cause == "duplicate-ip":
         mend = f"give one of both devices with {ip_address(fact.ends[0])} another address"
     if fact.cause == "no-such-host":
-        more, mend = _no_host(fact.ends[0], fact.ends[1], receivers)
+        more, mend = _explain_missing_host(fact.ends[0], fact.ends[1], receivers)
         texts += [more] if more else []
     packet = fact.packets[-1 if fact.cause == "duplicate-ip" else 0] if fact.packets else 0
     at = SegmentFacts(fact.ns, 0, 0, packet) if packet else None
@@ -155,7 +155,7 @@ def finding_of(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
     )  # fmt: skip
 
 
-def _no_host(target: bytes, asker: bytes, receivers: Sequence[Receiver]) -> tuple[str, str]:
+def _explain_missing_host(target: bytes, asker: bytes, receivers: Sequence[Receiver]) -> tuple[str, str]:
     """Return what it means that a host is not there, and what mends it."""
     gone, here = ip_address(target), ip_address(asker)
     partners = {one.partner_address for one in receivers if one.own_address == asker} - {b""}

@@ -18,7 +18,7 @@ from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import age, count
 
 
-class DoLine(NamedTuple):
+class SuggestedAction(NamedTuple):
     """What to do: a sentence, and the bench lines that do it, one after the other; (): there is none.
 
     `needs_trial`: they change what a job takes or what it means, and were not tried on what came.
@@ -29,26 +29,26 @@ class DoLine(NamedTuple):
     needs_trial: bool = False
 
 
-class Sentence(NamedTuple):
+class AdvisedCause(NamedTuple):
     """What a rule answers: what is proven, "": nothing, and what to do about it."""
 
     cause: str
-    do: tuple[DoLine, ...] = ()
+    do: tuple[SuggestedAction, ...] = ()
 
 
-Answer = str | Sentence  # a text alone is a cause, "": nothing
-Tell = Callable[[Evidence], Answer]
+RuleAnswer = str | AdvisedCause  # a text alone is a cause, "": nothing
+Tell = Callable[[Evidence], RuleAnswer]
 
 
-def do(cause: str, text: str, *lines: str, needs_trial: bool = False) -> Sentence:
+def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
     """Return a sentence with one thing to do; each `{}` in its text stands for a bench line."""
     for line in lines:
         text = text.replace("{}", f"`{line}`", 1)
-    return Sentence(cause, (DoLine(text, lines, needs_trial),))
+    return AdvisedCause(cause, (SuggestedAction(text, lines, needs_trial),))
 
 
-def as_sentence(answer: Answer) -> Sentence:
-    return Sentence(answer) if isinstance(answer, str) else answer
+def as_advised_cause(answer: RuleAnswer) -> AdvisedCause:
+    return AdvisedCause(answer) if isinstance(answer, str) else answer
 
 
 GONE: Final = " (gone)"
@@ -57,22 +57,22 @@ GONE: Final = " (gone)"
 # -- sending ----------------------------------------------------------------------------------------------
 
 
-def how_far(e: Evidence) -> str:
+def progress(e: Evidence) -> str:
     """Return how much of a send job the local stack has taken, and what is on the way."""
     text = f"the local stack has taken {e.have} of {count(e.need, 'byte')}"
     if e.is_past:
         return text
     if e.have < e.need and e.quiet_ns is not None:
         text += f", none in the last {age(e.quiet_ns)}"
-    return text + _on_the_way(e)
+    return text + _describe_unacknowledged(e)
 
 
-def _on_the_way(e: Evidence) -> str:
+def _describe_unacknowledged(e: Evidence) -> str:
     waiting = e.link.unacknowledged if e.link is not None else None
     return f"; {count(waiting, 'byte')} not acknowledged by the partner" if waiting else ""
 
 
-def does_not_read(e: Evidence) -> str:
+def explain_not_reading(e: Evidence) -> str:
     """Bytes of ours stay unacknowledged, or the stack takes no more: the partner does not read."""
     if e.is_past:
         return ""
@@ -85,15 +85,15 @@ def does_not_read(e: Evidence) -> str:
     return f"{held}the window is closed: {who} does not read; its receive call is off, or slower than REQ"
 
 
-def stalled_peer(e: Evidence) -> Answer:
+def explain_stall(e: Evidence) -> RuleAnswer:
     """The partner is a peer of this bench that was told not to read."""
-    peer = partner(e)
+    peer = find_connected_peer(e)
     if peer is None or not peer.stalled:
         return ""
-    return do(f"{peer.name} was told to stop reading", "{}", f"peer {peer.name} resume")
+    return tip(f"{peer.name} was told to stop reading", "{}", f"peer {peer.name} resume")
 
 
-def partner(e: Evidence) -> PeerSnapshot | None:
+def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
     """Return the peer of this bench at the other end of the connection."""
     if e.link is None or e.link.state != "connected":
         return None
@@ -104,7 +104,7 @@ def partner(e: Evidence) -> PeerSnapshot | None:
 # -- who holds the CONNECT --------------------------------------------------------------------------------
 
 
-def who_holds(e: Evidence) -> Answer:
+def explain_connect_holder(e: Evidence) -> RuleAnswer:
     """Another instance works on this CONNECT: which one, and how it lets go."""
     sends = block_row(e.block).sends
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
@@ -115,20 +115,20 @@ def who_holds(e: Evidence) -> Answer:
     side = "send" if sends else "receive"
     connect = e.link.name if e.link is not None else e.config.name if e.config is not None else "this CONNECT"
     if holder.endswith(GONE) or e.cause.is_orphan:
-        return do(
+        return tip(
             f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
             f"side of {connect}",
             "free it: CONT 0 then 1, or COM_RST",
         )
     cure, *lines = ("wait for its DONE or ERROR",) if sends else ("{} frees it", f"set {holder} EN_R=0")
     held = f"{holder} holds the {side} side of {connect}"
-    return do(held, f"{cure}; better give each a CONNECT of its own", *lines)
+    return tip(held, f"{cure}; better give each a CONNECT of its own", *lines)
 
 
 # -- pins and parameters ----------------------------------------------------------------------------------
 
 
-def wrong_length(e: Evidence) -> Answer:
+def explain_wrong_length(e: Evidence) -> RuleAnswer:
     """LEN does not fit: which of the two limits, and what would."""
     have, most = e.cause.have, e.cause.need
     if have is None or most is None:
@@ -136,21 +136,21 @@ def wrong_length(e: Evidence) -> Answer:
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
     if e.cause.value == 65535 and e.has_adhoc and e.config is not None and e.config.description:
         cause = f"LEN is 65535, which was ad hoc in the instructions before 3.0; {data}"
-        return do(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
+        return tip(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
         cause = f"LEN is {e.cause.value}, {data}: {have - most} too many"
-        return do(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
-    return do(f"LEN is 0 and {data}, {have - most} more than one job can have", f"set LEN to at most {most}")
+        return tip(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
+    return tip(f"LEN is 0 and {data}, {have - most} more than one job can have", f"set LEN to at most {most}")
 
 
-def no_data(e: Evidence) -> Answer:
+def explain_missing_data(e: Evidence) -> RuleAnswer:
     """DATA is open or empty."""
-    return f"{e.data} has no byte" if e.data else do("the DATA pin is open", "give the instance a variable")
+    return f"{e.data} has no byte" if e.data else tip("the DATA pin is open", "give the instance a variable")
 
 
-def nobody_reads_here(e: Evidence) -> Answer:
+def explain_receive_off(e: Evidence) -> RuleAnswer:
     """Connected, EN_R is 0, and the stream was left in the middle of a frame."""
     is_off = e.cause.value == 0 if e.cause.pin == "EN_R" and e.is_past else e.pin("EN_R") == 0
     if not is_off or e.condition != "connected":
@@ -159,12 +159,12 @@ def nobody_reads_here(e: Evidence) -> Answer:
     if drop is None:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
-    text = f"{text}; they were dropped, and the next frame {_begins(e.facts)}"
+    text = f"{text}; they were dropped, and the next frame {_describe_next_frame_begin(e.facts)}"
     lines = (f"pulse {e.instance} COM_RST",) if e.pin("COM_RST") is not None else ()
-    return text if e.facts.drop_cuts is False else do(text, "pulse COM_RST before EN_R=1", *lines)
+    return text if e.facts.drop_cuts is False else tip(text, "pulse COM_RST before EN_R=1", *lines)
 
 
-def _begins(facts: ConnectFacts) -> str:
+def _describe_next_frame_begin(facts: ConnectFacts) -> str:
     if facts.drop_cuts is False:
         return "begins with a message"
     if facts.drop_cuts is None or facts.after_drop is None:
@@ -173,39 +173,39 @@ def _begins(facts: ConnectFacts) -> str:
     return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}"
 
 
-def no_edge(e: Evidence) -> Answer:
+def explain_no_edge(e: Evidence) -> RuleAnswer:
     """Connected, and REQ stays 1: that is no edge."""
-    return req_stays(e) if e.condition == "connected" else ""
+    return explain_req(e) if e.condition == "connected" else ""
 
 
-def req_stays(e: Evidence) -> Answer:
-    stays = do(
+def explain_req(e: Evidence) -> RuleAnswer:
+    stays = tip(
         "REQ stays 1: a job starts with a rising edge only", "set REQ to 0 first", f"set {e.instance} REQ=0"
     )
     return stays if e.pin("REQ") == 1 else ""
 
 
-def cont_is_missing(e: Evidence) -> Answer:
+def explain_missing_cont(e: Evidence) -> RuleAnswer:
     """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
     stay = f"set {e.instance} CONT=1"
-    keeps = DoLine(f"or `{stay}` to stay connected", (stay,))
+    keeps = SuggestedAction(f"or `{stay}` to stay connected", (stay,))
     if e.cause.pin == "REQ":
         send, lets_go = f"pulse {e.instance} REQ", (f"set {e.instance} REQ=0",) * bool(e.pin("REQ"))
         text = f"{'set it to 0 first, then ' * len(lets_go)}`{send}` to connect, send and disconnect"
-        return Sentence("REQ stays 1" * len(lets_go), (DoLine(text, (*lets_go, send)), keeps))
+        return AdvisedCause("REQ stays 1" * len(lets_go), (SuggestedAction(text, (*lets_go, send)), keeps))
     if e.cause.pin == "EN_R":
         text, receive = "{} to connect, receive and disconnect", f"set {e.instance} EN_R=1"
-        return Sentence("", (*do("", text, receive).do, keeps))
+        return AdvisedCause("", (*tip("", text, receive).do, keeps))
     asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
-    return do(f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}", "{}", stay)
+    return tip(f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}", "{}", stay)
 
 
-def not_called(e: Evidence) -> Answer:
+def explain_not_called(e: Evidence) -> RuleAnswer:
     if e.is_stopped:
-        return do("the PLC is in STOP, no block is called", "{}", "plc run")
-    return "" if e.is_past else do(f"no scan has called {e.instance} yet", "check whether its task runs")
+        return tip("the PLC is in STOP, no block is called", "{}", "plc run")
+    return "" if e.is_past else tip(f"no scan has called {e.instance} yet", "check whether its task runs")
 
 
 def limit(e: Evidence) -> str:
@@ -220,24 +220,24 @@ ISO_PORT: Final = 102
 MOST_BYTES: Final = 8
 
 
-def says(text: str, *lines: str, cause: str = "") -> Tell:
+def make_constant_rule(text: str, *lines: str, cause: str = "") -> Tell:
     """Return the rule that always answers this; {peer} and {instance} are filled in."""
 
-    def constant(e: Evidence) -> Answer:
-        names = {"peer": _peer(e), "instance": e.instance}
-        return do(*(part.format(**names) for part in (cause, text, *lines)))
+    def constant(e: Evidence) -> RuleAnswer:
+        names = {"peer": _partner_name(e), "instance": e.instance}
+        return tip(*(part.format(**names) for part in (cause, text, *lines)))
 
     return constant
 
 
-def _peer(e: Evidence) -> str:
+def _partner_name(e: Evidence) -> str:
     return e.cause.peer or (e.link.remote if e.link is not None else "") or "the partner"
 
 
 # -- the description -------------------------------------------------------------------------------------
 
 
-def where_the_flaw_is(e: Evidence) -> str:
+def explain_description_flaw(e: Evidence) -> str:
     if e.config is None or e.config.description is None or e.config.flaw is None:
         return ""
     field = e.config.description.structure.field(e.config.flaw.field)
@@ -251,41 +251,43 @@ def where_the_flaw_is(e: Evidence) -> str:
     )
 
 
-def press_c(e: Evidence) -> Answer:
+def suggest_description_key(e: Evidence) -> RuleAnswer:
     """The screen shows the description byte for byte."""
     if e.cause.call != "description" or e.config is None or e.config.description is None:
         return ""
-    return do("", f"press `C`: the description of {e.config.name} byte for byte, what is wrong with it first")
+    return tip(
+        "", f"press `C`: the description of {e.config.name} byte for byte, what is wrong with it first"
+    )
 
 
-def another_port(e: Evidence) -> Answer:
+def suggest_another_port(e: Evidence) -> RuleAnswer:
     """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
     config = e.config
     if config is None:
         return ""
     says_iso = config.description is not None and read_spec(config.description).protocol is Transport.ISO
     if config.local.port == ISO_PORT or says_iso:
-        return do(
+        return tip(
             f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks",
             "where it is taken, or not for every user: "
             f"`IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too",
         )
-    return do(f"LocalPort of {config.name} is {config.local.port}", "take a free one, 2000 to 5000")
+    return tip(f"LocalPort of {config.name} is {config.local.port}", "take a free one, 2000 to 5000")
 
 
-def ask_for_the_name(e: Evidence) -> Answer:
+def suggest_name_lookup(e: Evidence) -> RuleAnswer:
     """Return how to ask for the partner's name outside of the bench."""
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
         name = read_spec(e.config.description).remote_name
     text = f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
-    return do("", text) if name else ""
+    return tip("", text) if name else ""
 
 
 # -- the partner -----------------------------------------------------------------------------------------
 
 
-def no_such_selector(e: Evidence) -> Answer:
+def explain_refused_selector(e: Evidence) -> RuleAnswer:
     """The partner took the call and refused its T-selector."""
     if e.cause.call != "session" or e.config is None or e.config.description is None:
         return ""
@@ -294,8 +296,8 @@ def no_such_selector(e: Evidence) -> Answer:
         return ""
     ours = format_selector(says_what.local_tsap) or "none"
     theirs = format_selector(says_what.remote_tsap) or "any"
-    return do(
-        f"{_peer(e)} took the call and refused it",
+    return tip(
+        f"{_partner_name(e)} took the call and refused it",
         "make the selectors fit crosswise: its remote one has to "
         f"be {ours} (our local one) and its local one {theirs} (our remote one)",
     )
@@ -304,33 +306,33 @@ def no_such_selector(e: Evidence) -> Answer:
 # -- DATA and LEN ----------------------------------------------------------------------------------------
 
 
-def message_too_long(e: Evidence) -> Answer:
+def explain_message_too_long(e: Evidence) -> RuleAnswer:
     """A message comes whole or not at all: how much room it needs."""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
     text = f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
-    return do(f"{text}, and it is lost", f"give DATA and LEN at least {have}")
+    return tip(f"{text}, and it is lost", f"give DATA and LEN at least {have}")
 
 
-def must_stay(e: Evidence) -> Answer:
+def explain_changed_parameter(e: Evidence) -> RuleAnswer:
     """DATA or LEN changed while a job ran."""
     pin = e.cause.pin or "DATA"
     held = "until DONE or ERROR: change it while BUSY is 0"
     if pin == "DATA":
-        return do("", f"keep DATA as it is {held}, or fill a second variable and copy it before the edge")
-    return do("", f"keep {pin} as it is {held}")
+        return tip("", f"keep DATA as it is {held}, or fill a second variable and copy it before the edge")
+    return tip("", f"keep {pin} as it is {held}")
 
 
-def symbolic_data(e: Evidence) -> Answer:
+def explain_symbolic_data(e: Evidence) -> RuleAnswer:
     """Return what a symbolic DATA (of an optimized block) does not go together with."""
     block = "in a block that is not optimized (`optimized = false`)"
     if e.cause.pin == "LEN":
-        return do("", f"{{}}, or DATA {block}", f"set {e.instance} LEN=0")
-    return do("", f"DATA as ARRAY OF BYTE or CHAR, or {block}")
+        return tip("", f"{{}}, or DATA {block}", f"set {e.instance} LEN=0")
+    return tip("", f"DATA as ARRAY OF BYTE or CHAR, or {block}")
 
 
-def result_too_small(e: Evidence) -> str:
+def explain_small_result(e: Evidence) -> str:
     if e.cause.have is None or e.cause.need is None:
         return ""
     return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis has {e.cause.need}"

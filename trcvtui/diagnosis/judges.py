@@ -15,7 +15,7 @@ from trcvtui.recording.worker_process import PendingAnswer
 if TYPE_CHECKING:
     from trcvtui.recording.black_box import BlackBox
 
-JUDGE: Final = ("job_facts", "judge_main")
+JUDGE_ENTRY: Final = ("job_facts", "judge_main")
 FileNames = Callable[[], Sequence[str]]
 
 
@@ -32,7 +32,7 @@ class ProcessJudge:
     def start_judging(self) -> None:
         if self._answer is None:
             blocks = self._blocks()  # refused before a process begins
-            self._answer = PendingAnswer(JUDGE)
+            self._answer = PendingAnswer(JUDGE_ENTRY)
             for block in blocks:
                 self._answer.process.add_block(*block)
             self._answer.process.finish()
@@ -40,7 +40,7 @@ class ProcessJudge:
     def _blocks(self) -> list[tuple[bytes, int]]:
         raise NotImplementedError
 
-    def go_on(self) -> None:
+    def advance(self) -> None:
         if self._answer is not None:
             content, self.progress = self._answer.advance(), self._answer.progress
             if content is not None:

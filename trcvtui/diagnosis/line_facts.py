@@ -41,15 +41,17 @@ JOINED_NS: Final = 50_000_000  # the rest of what fills a segment follows so soo
 LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
 REORDERED_NS: Final = 3_000_000
 SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK did not get it
-OUTAGE: Final = 2  # copies
-NEAR_NS: Final = 100_000_000  # in which a block shows what happens on its connection: before, and after
-LATER_NS: Final = 2_000_000_000
+OUTAGE_COPIES: Final = 2  # copies
+HARM_BEFORE_NS: Final = (
+    100_000_000  # in which a block shows what happens on its connection: before, and after
+)
+HARM_AFTER_NS: Final = 2_000_000_000
 PAUSE_NS: Final = 4_000_000  # after which a message begins
-FULL: Final = 536  # bytes: a smaller segment is not full
-LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
+FULL_SEGMENT: Final = 536  # bytes: a smaller segment is not full
+LARGE_SEGMENT: Final = 1200  # a segment of most networks; a smaller one may be a message
 SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
 MOST_PIECES: Final = 64  # of one message
-JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
+PAUSE_JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
 
 
 class SegmentFacts(NamedTuple):
@@ -175,7 +177,7 @@ class DirectionFacts:
         return next((write for write, known in self.moments if known == kind), None)
 
 
-class Reads(NamedTuple):
+class RecordedReads(NamedTuple):
     """What our own recordings have in place of segments: reads, at most of the bytes that a job lacks."""
 
     job: int
@@ -197,7 +199,7 @@ class IdleTime(NamedTuple):
 class LineFacts:
     """What is known of one conversation; `to_plc` is what the partner says."""
 
-    def __init__(self, talk: _Talk, guess: PlcGuess, first_ns: int, is_recording: bool) -> None:
+    def __init__(self, talk: _ConversationFacts, guess: PlcGuess, first_ns: int, is_recording: bool) -> None:
         conversation = talk.conversation
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
@@ -232,7 +234,7 @@ class LineFacts:
         copies = any(way.resent or way.keep_alives or way.late for way in ways)
         windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
         has_acks = any(way.acks > 1 for way in ways)  # one is the handshake's, which a recording has, too
-        self.reads: Reads | None = None  # of a static job, where these are the writes
+        self.reads: RecordedReads | None = None  # of a static job, where these are the writes
         self.is_wire = not is_recording and (copies or has_acks or not windows <= {None, 0, WIRE_WINDOW})
 
     @property
@@ -257,7 +259,7 @@ class LineFacts:
     def lasted_ns(self) -> int:
         return self.last_ns - self.first_ns
 
-    def filter_of(self, evidence: str, of_group: bool) -> str:
+    def make_filter(self, evidence: str, of_group: bool) -> str:
         """Return what shows its packets in Wireshark, those of the evidence alone; "": nothing does.
 
         `of_group`: and those of all conversations with the same listener.
@@ -273,9 +275,9 @@ class LineFacts:
 
     def has_harm_at(self, ns: int) -> bool:
         """Return whether a block showed an ERROR then, or lost a job, as far as that is known."""
-        return self.harms is None or any(-NEAR_NS <= one - ns <= LATER_NS for one in self.harms)
+        return self.harms is None or any(-HARM_BEFORE_NS <= one - ns <= HARM_AFTER_NS for one in self.harms)
 
-    def seconds(self, ns: int) -> float:
+    def to_seconds(self, ns: int) -> float:
         """Return a time as seconds from the first packet of the capture."""
         return round((ns - self.zero_ns) / 1e9, 6)
 
@@ -301,7 +303,7 @@ class CaptureFacts(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class _Talk:
+class _ConversationFacts:
     conversation: Conversation
     first_packet: int = 0
     there: DirectionFacts = field(default_factory=DirectionFacts)
@@ -313,15 +315,15 @@ class _Talk:
 
 class _Collector:
     def __init__(self) -> None:
-        self.talks: list[_Talk] = []
-        self.found = Conversations(self._told, is_detailed=True)
+        self.talks: list[_ConversationFacts] = []
+        self.found = Conversations(self._add_event, is_detailed=True)
         self._writes = self._content = 0
 
-    def _told(self, event: ConversationEvent) -> None:
+    def _add_event(self, event: ConversationEvent) -> None:
         ns, conversation, direction, kind, at, size, data = event
         number = conversation.number - 1
         while number >= len(self.talks):
-            self.talks.append(_Talk(self.found.all[len(self.talks)], self.found.packets))
+            self.talks.append(_ConversationFacts(self.found.all[len(self.talks)], self.found.packets))
         talk = self.talks[number]
         there = direction is conversation.there
         own, other = (talk.there, talk.back) if there else (talk.back, talk.there)
@@ -333,14 +335,14 @@ class _Collector:
             own.line_errors[data.decode()] += 1
             own.mark(SegmentFacts(ns, at, size, self.found.packets), "line error")
         else:
-            self._take(talk, direction, own, other, kind, SegmentFacts(ns, at, size, self.found.packets))
+            self._collect(talk, direction, own, other, kind, SegmentFacts(ns, at, size, self.found.packets))
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
             if other.probes_open and other.reset is None:
                 other.probes_open = 0
             if other.resent_since_heard:
-                _heard(other, ns)
+                _end_outage(other, ns)
 
     def _bytes(
         self, own: DirectionFacts, other: DirectionFacts, ns: int, at: int, size: int, data: bytes
@@ -372,18 +374,18 @@ class _Collector:
         last = other.newest
         if last is not None:
             wait = ns - last.ns
-            if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL and other.late_ack is None:
+            if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL_SEGMENT and other.late_ack is None:
                 other.late_ack = LateAck(last, wait, ns)
 
-    def _take(
-        self, talk: _Talk, direction: WireDirection, own: DirectionFacts, other: DirectionFacts,
+    def _collect(
+        self, talk: _ConversationFacts, direction: WireDirection, own: DirectionFacts, other: DirectionFacts,
         kind: SegmentKind, at: SegmentFacts,
     ) -> None:  # fmt: skip
         match kind:
             case SegmentKind.MISSING:
-                self._missing(own, at, direction)
+                self._add_hole(own, at, direction)
             case SegmentKind.RETRANSMISSION if at.size:
-                self._resent(own, at, direction)
+                self._add_copy(own, at, direction)
             case SegmentKind.SYN | SegmentKind.RETRANSMISSION:
                 own.syns.append(at)
             case SegmentKind.ANSWER:
@@ -418,7 +420,7 @@ class _Collector:
             case SegmentKind.SILENCE if len(talk.idles) < MOST_MOMENTS:
                 talk.idles.append(IdleTime(at.ns, at.size, at.packet))
 
-    def _resent(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
+    def _add_copy(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
         wait = max(waits, default=0)
         if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
@@ -437,7 +439,7 @@ class _Collector:
             own.copies_since = at
         own.mark(at, "resent")
 
-    def _missing(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
+    def _add_hole(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         own.early_ns = None  # what follows a hole did not come late
         cut, own.cut = direction.cut - own.cut, direction.cut
         if cut == at.size:  # the capture keeps the first bytes of each packet alone
@@ -454,20 +456,20 @@ class _Collector:
         own.mark(at, "missing")
 
 
-def _heard(said: DirectionFacts, ns: int | None) -> None:
+def _end_outage(said: DirectionFacts, ns: int | None) -> None:
     """Take that the other end is heard again; None: to the end it was not."""
-    if said.resent_since_heard >= OUTAGE and len(said.outages) < MOST_MOMENTS:
+    if said.resent_since_heard >= OUTAGE_COPIES and len(said.outages) < MOST_MOMENTS:
         since = said.copies_since
         said.outages.append(Outage(said.resent_since_heard, since.ns, ns, since.packet))
     said.resent_since_heard = 0
 
 
-def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
+def make_line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
     """Return a line on which the partner says these bytes, and nothing else happens."""
     conversation = Conversation(1, protocol, 0, ((bytes(4), 0), (bytes(4), 1)))
     conversation.mark_established()
     conversation.last_ns = writes[-1].ns if writes else 0
-    talk = _Talk(conversation)
+    talk = _ConversationFacts(conversation)
     talk.established_ns = 0
     said = talk.there
     said.writes, said.content = list(writes), bytearray(content)
@@ -475,7 +477,7 @@ def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes
     return LineFacts(talk, PlcGuess(conversation.back, 1.0, "project"), 0, True)
 
 
-def facts_of(
+def collect_facts(
     paths: Sequence[str],
     given: PlcEnd | None = None,
     known: KnownEnds = NO_KNOWN_ENDS,
@@ -494,7 +496,7 @@ def facts_of(
     is_recording = SkippedPacket.JOURNAL in found.not_read
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
-        collector.talks.append(_Talk(found.all[len(collector.talks)]))
+        collector.talks.append(_ConversationFacts(found.all[len(collector.talks)]))
     lines, hosts = [], tuple(found.host_facts())
     doubled = {one.ends[0]: one for one in hosts if one.cause == "duplicate-ip"}
     gone = frozenset(one.ends[0] for one in hosts if one.cause == "no-such-host")
@@ -506,11 +508,11 @@ def facts_of(
             guess = PlcGuess(says[0].other, 0.65, "it receives alone")
         for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):
             left = (direction.next - direction.acked) & 0xFFFFFFFF
-            _heard(facts, None)
+            _end_outage(facts, None)
             facts.unacked = left if left < MOST_JUMP and direction.has_base else 0
             facts.acked_at = direction.position - facts.unacked
             base = direction.position, direction.next
-            facts.sacked = tuple([(_byte(a, *base), _byte(b, *base)) for a, b in direction.sacked.items()])
+            facts.sacked = tuple([(_index(a, *base), _index(b, *base)) for a, b in direction.sacked.items()])
             facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
         lines[-1].qualities = frozenset(find_qualities(conversation, found.drops))
@@ -526,7 +528,7 @@ def facts_of(
     return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, hosts)
 
 
-def _byte(seq: int, position: int, following: int) -> int:
+def _index(seq: int, position: int, following: int) -> int:
     return position + distance(seq, following)
 
 
@@ -537,7 +539,7 @@ def _messages(
     writes: Sequence[SegmentFacts],
     others: Sequence[SegmentFacts],
     is_datagram: bool,
-    reads: Reads | None = None,
+    reads: RecordedReads | None = None,
 ) -> tuple[LineMessage, ...]:
     if is_datagram or len(writes) < 2:
         return tuple([LineMessage(w.ns, w.at, w.size, 1, 0, w.packet) for w in writes])
@@ -552,18 +554,18 @@ def _messages(
         for n in range(1, len(writes))
         if not turns[n] and writes[n].at == writes[n - 1].at + writes[n - 1].size
     ]
-    limit = _parting(gaps, 7)
+    limit = _find_pause_limit(gaps, 7)
     if limit:
-        return _joined(writes, turns, most, limit, reads)
-    found, pieces = _joined(writes, turns, most, 0, reads), _parting(gaps, MOST_PIECES)
-    joined = _joined(writes, turns, most, pieces, reads) if pieces else found
+        return _join_writes(writes, turns, most, limit, reads)
+    found, pieces = _join_writes(writes, turns, most, 0, reads), _find_pause_limit(gaps, MOST_PIECES)
+    joined = _join_writes(writes, turns, most, pieces, reads) if pieces else found
     sizes = [one.size for one in joined[:-1]]
     often = Counter(sizes).most_common(1)
     return joined if often and often[0][1] * 10 >= 9 * len(sizes) >= 40 else found
 
 
-def _joined(
-    writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: Reads | None
+def _join_writes(
+    writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: RecordedReads | None
 ) -> tuple[LineMessage, ...]:
     """Return the writes as messages: what comes sooner than `limit` ns after a write belongs to it."""
     found: list[LineMessage] = []
@@ -585,11 +587,11 @@ def _joined(
 
 def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
     """Return whether bytes fill a segment, so that what follows them after so short a gap is their rest."""
-    soon_ns = JOINED_NS if largest >= LARGE else JOINED_NS // 25
-    return size == largest >= FULL and gap_ns < soon_ns
+    soon_ns = JOINED_NS if largest >= LARGE_SEGMENT else JOINED_NS // 25
+    return size == largest >= FULL_SEGMENT and gap_ns < soon_ns
 
 
-def _parting(gaps: Sequence[int], share: int) -> int:
+def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
     """Return how long a pause between messages is at least; 0: pauses are all of one kind.
 
     One pause of `share` at least is of each kind.
@@ -604,4 +606,4 @@ def _parting(gaps: Sequence[int], share: int) -> int:
         if n < len(ordered) and ordered[n - 1] < 2_000_000_000
     ]
     best = max(jumps, default=(0.0, 0))
-    return ordered[best[1]] if best[0] > log(JUMP) else 0
+    return ordered[best[1]] if best[0] > log(PAUSE_JUMP) else 0

@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import CauseKind
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import Answer, as_sentence, do
+from trcvtui.diagnosis.job import RuleAnswer, as_advised_cause, tip
 from trcvtui.history.records import SETUP_CALLS, FailureCount
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import format_selector
@@ -21,27 +21,27 @@ from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, duration, times
 
-ANY: Final = "0.0.0.0"
-MS: Final = SECOND // 1000
+ANY_ADDRESS: Final = "0.0.0.0"
+NS_PER_MS: Final = SECOND // 1000
 QUIET_NS: Final = 10 * SECOND  # without a byte, after messages: longer than most senders pause
 MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
 
-_TAKEN: Final = do("another program or CONNECT has {local}", "`ss -ltnp` names it")
+_PORT_TAKEN: Final = tip("another program or CONNECT has {local}", "`ss -ltnp` names it")
 # How an attempt failed -> what that proves, and what to do.
-FAILED: Final[dict[str, Answer]] = {
+FAILURE_ANSWERS: Final[dict[str, RuleAnswer]] = {
     "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nothing listens on that port",
     "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router says no: wrong address, or it is off",
-    "connect ENETUNREACH": do("no route leads to {peer}", "look at LocalAddress, the mask and the gateway"),
+    "connect ENETUNREACH": tip("no route leads to {peer}", "look at LocalAddress, the mask and the gateway"),
     "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
-    "connect EADDRINUSE": do("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
-    "bind EADDRINUSE": _TAKEN,
-    "listen EADDRINUSE": _TAKEN,
-    "bind EACCES": do(
+    "connect EADDRINUSE": tip("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
+    "bind EADDRINUSE": _PORT_TAKEN,
+    "listen EADDRINUSE": _PORT_TAKEN,
+    "bind EACCES": tip(
         "{local}: ports below 1024 are not for every user", "take a larger LocalPort or IsoPort"
     ),
-    "bind EADDRNOTAVAIL": do(
+    "bind EADDRNOTAVAIL": tip(
         "{local} belongs to no interface of this machine", "`ip -br address` lists them"
     ),
     "socket EMFILE": "the process has no descriptor left",
@@ -50,7 +50,7 @@ FAILED: Final[dict[str, Answer]] = {
 LISTENING: Final = "listening"
 
 
-def condition_word(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
+def describe_condition(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
     """Return what stands beside a STATUS; a passive CONNECT whose listener is there listens."""
     decl, cause = project.instance(name), shown.cause
     connect = project.connect(decl.connect) if decl is not None else None
@@ -60,33 +60,33 @@ def condition_word(project: Project, name: str, shown: StatusEdge | InstanceSnap
     return project.dialect.label(shown.condition)
 
 
-HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
+ERRNO_WORDS: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
 # What fails before the partner is called, or after it: in words, and no errno beside them.
-NO_CALL: Final = {
+SESSION_ERROR_WORDS: Final = {
     ("session", "ECONNREFUSED"): "taken and refused by the partner",
     ("session", "ECONNRESET"): "taken and given up by the partner",
 }
-OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
+CALL_FAILURE_WORDS: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
 
 
 # -- what is waited for -----------------------------------------------------------------------------------
 
 
-def who_is_waited_for(e: Evidence) -> str:
+def describe_setup_wait(e: Evidence) -> str:
     """Return what a set-up waits for, since when, and how far it is; "" where nothing is known."""
     if e.config is None:
         return ""
-    return _not_built(e) or (_caller(e) if not e.config.active else _called(e))
+    return _describe_unbuilt(e) or (_describe_listen(e) if not e.config.active else _describe_call_wait(e))
 
 
-def _since(e: Evidence) -> str:
+def _down_since(e: Evidence) -> str:
     since = e.facts.down_since
-    return f" since scan {since.scan}, {age(e.age_of(since))}" if since is not None else ""
+    return f" since scan {since.scan}, {age(e.ns_since(since))}" if since is not None else ""
 
 
-def _caller(e: Evidence) -> str:
+def _describe_listen(e: Evidence) -> str:
     assert e.config is not None
-    anyone = e.config.remote_address == ANY
+    anyone = e.config.remote_address == ANY_ADDRESS
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
         return "the UDP port is being set up; no partner is needed for that"
     who = "any partner" if anyone else f"a call from {e.config.remote_address}"
@@ -95,23 +95,23 @@ def _caller(e: Evidence) -> str:
         who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
     local = e.link.local if e.link is not None else e.cause.local
     if e.link is not None and e.link.retry_in_ns is not None:
-        return f"cannot listen{_since(e)}{_again(e)}"
+        return f"cannot listen{_down_since(e)}{_next_try(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
-    return f"waiting for {who}{_since(e)}{where}"
+    return f"waiting for {who}{_down_since(e)}{where}"
 
 
-def _again(e: Evidence) -> str:
+def _next_try(e: Evidence) -> str:
     assert e.link is not None
     return f"; the next attempt in {age(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
 
 
-def _not_built(e: Evidence) -> str:
+def _describe_unbuilt(e: Evidence) -> str:
     attempt = e.facts.attempt
     if attempt is None or attempt.cause.call not in SETUP_CALLS or e.config is None or e.link is None:
         return ""
     detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
     press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
-    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{press}{detail}{_again(e)}"
+    return f"{e.config.name} is not built{_down_since(e)}: {attempt.cause.name}{press}{detail}{_next_try(e)}"
 
 
 def remote_tsap(config: ConnectConfig) -> str:
@@ -121,15 +121,15 @@ def remote_tsap(config: ConnectConfig) -> str:
     return format_selector(read_spec(config.description).remote_tsap)
 
 
-def _called(e: Evidence) -> str:
+def _describe_call_wait(e: Evidence) -> str:
     assert e.config is not None
     end = (
         (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
     )
-    text = f"waiting for {end}{_since(e)}"
+    text = f"waiting for {end}{_down_since(e)}"
     newest = sorted(e.facts.failures, key=lambda failed: failed.last.scan)[-MOST_FAILURES:]
     for failed in newest:
-        text += f"; {_times_failed(failed)}"
+        text += f"; {_describe_failure(failed)}"
     if len(newest) < len(e.facts.failures):
         text += f"; {count(len(e.facts.failures) - len(newest), 'other failure')} before"
     if e.link is None:
@@ -140,12 +140,12 @@ def _called(e: Evidence) -> str:
     return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
 
 
-def _times_failed(failed: FailureCount) -> str:
+def _describe_failure(failed: FailureCount) -> str:
     call, errno = failed.call, failed.error
-    word = NO_CALL.get((call, errno))
+    word = SESSION_ERROR_WORDS.get((call, errno))
     if word and not failed.injected:
         return f"{word} {times(failed.count)} (last in scan {failed.last.scan})"
-    word = OTHER.get(call) or HOW.get(errno, f"{call} failed")
+    word = CALL_FAILURE_WORDS.get(call) or ERRNO_WORDS.get(errno, f"{call} failed")
     injected = ", injected" if failed.injected else ""
     return f"{word} {times(failed.count)} ({errno}{injected}, last in scan {failed.last.scan})"
 
@@ -153,37 +153,37 @@ def _times_failed(failed: FailureCount) -> str:
 # -- what to look at --------------------------------------------------------------------------------------
 
 
-def injected(e: Evidence) -> Answer:
+def name_fault(e: Evidence) -> RuleAnswer:
     asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
     text = "a fault that was injected here did that, not the network"
-    return do(text, "{}", "fault clear") if asked else ""
+    return tip(text, "{}", "fault clear") if asked else ""
 
 
-def what_failed(e: Evidence) -> Answer:
+def explain_failure(e: Evidence) -> RuleAnswer:
     """The newest failure of an attempt, in words."""
     failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
     newest = (failed.call, failed.error) if failed is not None else ("", "")
     error = (e.cause.call, e.cause.error) if e.cause.call else newest
     peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
     local = e.config.local if e.config is not None else "the local port"
-    told = as_sentence(FAILED.get(" ".join(error), ""))
+    told = as_advised_cause(FAILURE_ANSWERS.get(" ".join(error), ""))
     cause = told.cause.format(peer=peer, local=local)
     if cause and failed is not None and newest == error and failed.count > 1:
         cause += f" ({times(failed.count)}, last in scan {failed.last.scan})"
     return told._replace(cause=cause) if cause else ""
 
 
-def unanswered(e: Evidence) -> Answer:
+def explain_unanswered_call(e: Evidence) -> RuleAnswer:
     """An attempt is running, and none has failed yet."""
     if e.config is None or not e.config.active or e.link is None or e.facts.failures:
         return ""
     if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
         return ""
     try_it = f"`nc -vz {e.link.remote.replace(':', ' ')}`"
-    return do(f"no answer from {e.link.remote} yet", f"try {try_it} from this machine")
+    return tip(f"no answer from {e.link.remote} yet", f"try {try_it} from this machine")
 
 
-def wrong_partner(e: Evidence) -> str:
+def explain_wrong_partner(e: Evidence) -> str:
     """A call came from another address than RemoteAddress."""
     turned = e.facts.wrong_partner
     if turned is None or e.config is None:
@@ -194,7 +194,7 @@ def wrong_partner(e: Evidence) -> str:
     )
 
 
-def second_client(e: Evidence) -> str:
+def explain_second_client(e: Evidence) -> str:
     """A client called while another one was connected."""
     turned = e.facts.second_client
     if turned is None:
@@ -205,7 +205,7 @@ def second_client(e: Evidence) -> str:
     )
 
 
-def let_go(e: Evidence) -> str:
+def explain_refused_caller(e: Evidence) -> str:
     """A caller was let go before it was a partner: its handshake failed, or it has another TSAP."""
     dropped = e.facts.dropped
     if dropped is None or e.config is None or e.config.active:
@@ -218,34 +218,34 @@ def let_go(e: Evidence) -> str:
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 
-def peer_that_could_call(e: Evidence) -> Answer:
+def suggest_peer_call(e: Evidence) -> RuleAnswer:
     """A peer of this bench could be the partner, and does nothing."""
     if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
         return ""
     if e.config.active:
-        return _peer_to_call(e)
+        return _suggest_listen(e)
     callers = [peer for peer in e.peers if peer.name in e.callers]
     if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
-        return do(f"{e.config.name} and {names} are all passive", "make exactly one of two ends active")
+        return tip(f"{e.config.name} and {names} are all passive", "make exactly one of two ends active")
     busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
     waiting = [peer for peer in callers if peer.state not in busy]
-    return _call(waiting[0]) if waiting else ""
+    return _suggest_connect(waiting[0]) if waiting else ""
 
 
-def _call(peer: PeerSnapshot) -> Answer:
-    return do(f"{peer.name} is active and {peer.state}", "{} lets it call", f"peer {peer.name} connect")
+def _suggest_connect(peer: PeerSnapshot) -> RuleAnswer:
+    return tip(f"{peer.name} is active and {peer.state}", "{} lets it call", f"peer {peer.name} connect")
 
 
-def _peer_to_call(e: Evidence) -> Answer:
+def _suggest_listen(e: Evidence) -> RuleAnswer:
     port = e.config.remote_port if e.config is not None else 0
     peer = next((p for p in e.peers if port == f"@{p.name}"), None)
     if peer is None or peer.state in ("listening", "connected"):
         return ""
-    return do(f"{peer.name} is {peer.state} and does not listen", "{}", f"peer {peer.name} listen")
+    return tip(f"{peer.name} is {peer.state} and does not listen", "{}", f"peer {peer.name} listen")
 
 
-def lost_before(e: Evidence) -> str:
+def explain_lost_connection(e: Evidence) -> str:
     """A connection stood before, and ended."""
     loss = e.facts.loss
     if loss is None or e.facts.up_since is not None:
@@ -256,40 +256,40 @@ def lost_before(e: Evidence) -> str:
     return f"the connection with {loss.peer} ended in scan {loss.at.scan}{lived}: {loss.what}{error}{often}"
 
 
-def asked_too_early(e: Evidence) -> Answer:
+def explain_early_request(e: Evidence) -> RuleAnswer:
     """EN_R or REQ came before the connection."""
     pin = e.cause.pin
     since = e.facts.down_since
     if not pin:
         return ""
-    wait = f" since scan {since.scan} ({age(e.age_of(since))})" if since is not None else ""
+    wait = f" since scan {since.scan} ({age(e.ns_since(since))})" if since is not None else ""
     text = f"{pin} came while the connection was still being built{wait}"
     advice = "set it" if pin == "EN_R" else "repeat the edge"
-    return do(text, f"{advice} when STATUS says connected")
+    return tip(text, f"{advice} when STATUS says connected")
 
 
-def no_connection_left(e: Evidence) -> Answer:
+def explain_connection_limit(e: Evidence) -> RuleAnswer:
     used, most = e.budget
     if e.cause.call != "budget":
         return ""
-    return do(f"{used} of {count(most, 'connection')} are in use", "close one, or take a larger model")
+    return tip(f"{used} of {count(most, 'connection')} are in use", "close one, or take a larger model")
 
 
-def dead_link(e: Evidence) -> Answer:
+def explain_dead_link(e: Evidence) -> RuleAnswer:
     """Nothing was acknowledged, as long as the keep-alive waits."""
     if e.config is None:
         return ""
     limit = duration(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
     stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
-    return do(
+    return tip(
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
         f"{e.config.keep_alive_s} s){stood}",
         "look at cable, switch and its power, not at its program",
     )
 
 
-def may_be_cut(e: Evidence) -> Answer:
+def explain_quiet_line(e: Evidence) -> RuleAnswer:
     """Messages came and come no more: STATUS shows no cut line before keep-alive does."""
     since, patience = e.facts.up_since, max(QUIET_NS, 2 * e.facts.longest_gap_ns)
     if e.config is None or since is None or e.is_past or e.have or e.last_bytes_ns is None:
@@ -297,17 +297,17 @@ def may_be_cut(e: Evidence) -> Answer:
     if e.last_bytes_ns < since.t_ns or e.quiet_ns is None or e.quiet_ns < patience:
         return ""
     limit, peer = (
-        duration(e.config.dead_after_ms * MS),
+        duration(e.config.dead_after_ms * NS_PER_MS),
         e.link.remote if e.link is not None else "its partner",
     )
-    return do(
+    return tip(
         f"no byte for {age(e.quiet_ns)}: a line cut, or a partner without power, looks just like this for up "
         f"to {limit}, then keep-alive ends the connection",
         f"look at cable and power of {peer}, or `ping` it",
     )
 
 
-def ended_by_partner(e: Evidence) -> str:
+def explain_partner_end(e: Evidence) -> str:
     """The partner closed or reset: in mid frame, and how often."""
     cause, loss = e.cause, e.facts.loss
     how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
@@ -320,7 +320,7 @@ def ended_by_partner(e: Evidence) -> str:
     return text + often
 
 
-def closed_after_its_message(e: Evidence) -> str:
+def explain_close_after_message(e: Evidence) -> str:
     """The partner had sent whole messages, and the frame wanted more."""
     size, have, need = e.facts.messages.common, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:

@@ -14,11 +14,11 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.commands.peer import read_routines
 from trcvtui.commands.table import collect_written_data, parse_script
-from trcvtui.diagnosis.cause_words import TOLD
-from trcvtui.diagnosis.causes import weighed
+from trcvtui.diagnosis.cause_words import CAUSED_CONDITIONS
+from trcvtui.diagnosis.causes import weigh_findings
 from trcvtui.diagnosis.data_values import unwritten_members
-from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
-from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
+from trcvtui.diagnosis.frame_causes import FRAME_RULES
+from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, make_line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
 from trcvtui.net.connection.description_check import read_spec
@@ -35,29 +35,29 @@ if TYPE_CHECKING:
 Pins = dict[str, PinValue]
 HeldPins = frozenset[tuple[str, str]]  # instance and input
 NO_PINS: Final[HeldPins] = frozenset()
-SAMPLES: Final = 8  # messages of a peer that are judged
+MOST_SAMPLES: Final = 8  # messages of a peer that are judged
 LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
 
 
 # -- what instances expect -----------------------------------------------------------------------------------
 
 
-def receivers_of(
+def list_receivers(
     project: Project, held: HeldPins = NO_PINS, pins: Mapping[str, Pins] | None = None
 ) -> tuple[Receiver, ...]:
     """Return what receives from a network in a project, `start` and `program` included.
 
     `held`: inputs that no command changes. `pins`: the inputs of each instance now, where it runs.
     """
-    project, bytes_of = _as_started(project, held, pins)
+    project, bytes_of = _apply_start(project, held, pins)
     found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
     if len(found) == 1:
         found = [found[0]._replace(is_only=True)]
-    found = [_with_marks(project, each, bytes_of) for each in found]
-    return (*found, *_on_lines(project, bytes_of))
+    found = [_add_marks(project, each, bytes_of) for each in found]
+    return (*found, *_list_serial_receivers(project, bytes_of))
 
 
-def _as_started(
+def _apply_start(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
     pins: dict[str, Pins] = {}
@@ -98,7 +98,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     local = config.local if config is not None else udp.local if udp is not None else ANY_END
     rules = project.rules
     known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
-    shown = {one: one for one in TOLD}
+    shown = {one: one for one in CAUSED_CONDITIONS}
     if is_datagram and not rules.large_datagram_cut:
         shown[Condition.MESSAGE_TOO_LONG] = rules.datagram_too_long
     return Receiver(
@@ -141,7 +141,7 @@ def _host(address: str) -> bytes:
     return b"" if found is None else bytes(found)
 
 
-def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) -> Receiver:
+def _add_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) -> Receiver:
     fed = {each.name for each in project.combuffers if each.source == receiver.instance}
     for decl in project.instances:
         if decl.connect in fed and block_row(decl.block).mark_lengths:
@@ -149,7 +149,7 @@ def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes])
     return receiver
 
 
-def _on_lines(project: Project, written: dict[str, bytes]) -> Iterator[Receiver]:
+def _list_serial_receivers(project: Project, written: dict[str, bytes]) -> Iterator[Receiver]:
     lines = {each.name for each in project.combuffers if each.source == SERIAL}
     for decl in project.instances:
         if decl.connect in lines and block_row(decl.block).mark_lengths:
@@ -172,17 +172,17 @@ def lint(
     project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
 ) -> tuple[Finding, ...]:
     """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
-    started = replace(_as_started(project, now=pins)[0], start="", program="")
+    started = replace(_apply_start(project, now=pins)[0], start="", program="")
     found = [replace(one, cause=cause) for cause, judge in LINT_RULES for one in judge(started)]
     written = _written_pins(project)
-    found += _two_receivers(started, written)
+    found += _judge_two_receivers(started, written)
     if not has_run:  # else a command may have set CONT
-        found[:0] = _without_cont(started, written)
-    found += _of_samples(project, pins)
+        found[:0] = _judge_missing_cont(started, written)
+    found += _judge_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
-def _limits(project: Project) -> Iterator[Finding]:
+def _judge_limits(project: Project) -> Iterator[Finding]:
     used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
     if len(used) > project.connection_limit:
         text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
@@ -211,23 +211,23 @@ def _limits(project: Project) -> Iterator[Finding]:
             yield Finding(0.85, (text,), mend=(Remedy("call all blocks of a CONNECT from one task"),))
 
 
-def _address(project: Project) -> Iterator[Finding]:
+def _judge_addr(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
         if connect.active and connect.remote_port == 0:
             text = f"{connect.name} is active and has no RemotePort"
             yield Finding(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
-        yield from _of_peers(project, connect)
+        yield from _judge_peers(project, connect)
 
 
-def _status(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
+def _status_words(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
     """Return the STATUS of a block for that, () where its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
     return (f"{project.rules.status_word(block, condition):04X}",) if condition in known else ()
 
 
-def _one_id_twice(project: Project) -> Iterator[Finding]:
+def _judge_ids(project: Project) -> Iterator[Finding]:
     first: dict[int, ConnectConfig] = {}
     mend = (Remedy("give each of them an ID of its own: one ID is one connection"),)
     for config in project.connects:
@@ -238,10 +238,10 @@ def _one_id_twice(project: Project) -> Iterator[Finding]:
         if other is not config:
             how = IdConflict.BUILDING if config.description == other.description else IdConflict.OTHER
             said = Finding(0.95, (f"{config.name}: ID {identity} is that of {other.name}",), mend=mend)
-            yield _of_opener(project, config, (SetUpStage.IDENTITY, how), said)
+            yield _assign_to_builder(project, config, (SetUpStage.IDENTITY, how), said)
 
 
-def _one_port_twice(project: Project) -> Iterator[Finding]:
+def _judge_ports(project: Project) -> Iterator[Finding]:
     """Yield two with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them a LocalPort of its own")
@@ -258,22 +258,22 @@ def _one_port_twice(project: Project) -> Iterator[Finding]:
             is_taken = other.local.port == local.port == port and not all(calls)
             said = Finding(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
             late = other if calls == (True, False) else config  # one that calls binds after one that listens
-            yield _of_opener(project, late, (SetUpStage.BIND, "EADDRINUSE"), said)
+            yield _assign_to_builder(project, late, (SetUpStage.BIND, "EADDRINUSE"), said)
 
 
-def _of_opener(
+def _assign_to_builder(
     project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Finding
 ) -> Finding:
     """Return what is said of the block that builds a CONNECT, with the STATUS that it shows for it."""
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.connects or row.runs_as is Condition.ESTABLISHING):
-            status = _status(project, decl.block, project.rules.course.condition(*wrong))
+            status = _status_words(project, decl.block, project.rules.course.condition(*wrong))
             return replace(said, instance=decl.name, status=status)
     return replace(said, confidence=0.5)  # no block builds it
 
 
-def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
+def _judge_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
     calls = {f"@{connect.name}"}
     peers = [each for each in project.peers if not each.udp]
     if connect.active:
@@ -314,7 +314,7 @@ def _written_pins(project: Project) -> WrittenPins:
     return found
 
 
-def _without_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
+def _judge_missing_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
     """Yield what asks for data and never gets the CONT that it needs for a connection."""
     for decl in project.instances:
         pins = {pin.name for pin in project.pins(decl.block)}
@@ -329,7 +329,7 @@ def _without_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
         yield Finding(0.95, (text,), instance=name, mend=(mend,), status=(word,), cause=cause)
 
 
-def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Finding]:
+def _judge_two_receivers(project: Project, written: WrittenPins) -> Iterator[Finding]:
     """Yield who has EN_R at 1, always, on a CONNECT of another such receiver."""
     first: dict[tuple[str, str], InstanceDecl] = {}
     for decl in project.instances:
@@ -337,12 +337,12 @@ def _two_receivers(project: Project, written: WrittenPins) -> Iterator[Finding]:
         other = first.setdefault((decl.connect, decl.task), decl) if is_held else decl
         if other is not decl:
             text = f"{other.name} and {decl.name} both receive on {decl.connect}: only one gets data"
-            status = _status(project, decl.block, Condition.CONNECT_IN_USE)
+            status = _status_words(project, decl.block, Condition.CONNECT_IN_USE)
             mend = Remedy("keep EN_R at 1 at one of them", f"set {decl.name} EN_R=0")
             yield Finding(0.85, (text,), instance=decl.name, mend=(mend,), status=status, cause="limits")
 
 
-def _keep_alive(project: Project) -> Iterator[Finding]:
+def _judge_keep_alive(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
         asked = connect.keep_alive_interval_s
         if asked > LONG_KEEP_ALIVE_S:
@@ -353,8 +353,8 @@ def _keep_alive(project: Project) -> Iterator[Finding]:
             yield Finding(0.7, (text, *more), mend=(mend,))
 
 
-def _adhoc_fixed(project: Project) -> Iterator[Finding]:
-    for receiver in receivers_of(project):
+def _judge_adhoc(project: Project) -> Iterator[Finding]:
+    for receiver in list_receivers(project):
         is_stream = not receiver.is_datagram and not receiver.is_whole
         if receiver.adhoc and isinstance(receiver.type, Struct) and is_stream:
             text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
@@ -365,8 +365,8 @@ def _adhoc_fixed(project: Project) -> Iterator[Finding]:
             yield Finding(0.6, (text, more), instance=name, mend=(mend,))
 
 
-def _short_len(project: Project) -> Iterator[Finding]:
-    for receiver in receivers_of(project):
+def _judge_len(project: Project) -> Iterator[Finding]:
+    for receiver in list_receivers(project):
         data = project.data_decl(receiver.data) if receiver.data else None
         if data is None or receiver.adhoc or not receiver.need or receiver.is_datagram:
             continue
@@ -382,24 +382,24 @@ def _short_len(project: Project) -> Iterator[Finding]:
 
 
 LINT_RULES: Final[tuple[tuple[str, Callable[[Project], Iterator[Finding]]], ...]] = (
-    ("limits", _limits), ("address", _address), ("limits", _one_id_twice), ("address", _one_port_twice),
-    ("no-keep-alive", _keep_alive), ("adhoc-splits", _adhoc_fixed), ("members-unwritten", _short_len),
+    ("limits", _judge_limits), ("address", _judge_addr), ("limits", _judge_ids), ("address", _judge_ports),
+    ("no-keep-alive", _judge_keep_alive), ("adhoc-splits", _judge_adhoc), ("members-unwritten", _judge_len),
 )  # fmt: skip
 
 
 # -- the partner's sample bytes ------------------------------------------------------------------------------
 
 
-def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[Finding]:
+def _judge_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[Finding]:
     routines = read_routines(project)
-    for receiver in receivers_of(project, pins=pins):
-        peer = _peer_of(project, receiver)
+    for receiver in list_receivers(project, pins=pins):
+        peer = _find_peer(project, receiver)
         routine = routines.get(peer.name) if peer is not None else None
         if peer is None or routine is None or not routine.says or receiver.is_whole:
             continue
         writes: list[SegmentFacts] = []
         content, now = bytearray(), 0
-        for number in range(max(SAMPLES, len(routine.says))):
+        for number in range(max(MOST_SAMPLES, len(routine.says))):
             send = routine.says[number % len(routine.says)]
             rest, at = send.payload, now
             for size, gap in zip((*send.split, 0), (*(send.gaps_ns or [send.gap_ns] * 64), 0), strict=False):
@@ -410,17 +410,17 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[F
                 rest = rest[size:] if size else b""
                 at += gap
             now = max(at, now) + max(routine.every_ns, 1_000_000_000)
-        line = line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
+        line = make_line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
 
         def judge(one: Receiver, line: LineFacts = line) -> dict[str, Finding]:
-            told = {row.cause: row.judge(line, one) for row in FRAME_JUDGES}
+            told = {row.cause: row.judge(line, one) for row in FRAME_RULES}
             return {cause: said for cause, said in told.items() if said is not None and not said.is_remark}
 
-        for found in weighed(judge(receiver), FRAME_JUDGES, judge):
+        for found in weigh_findings(judge(receiver), FRAME_RULES, judge):
             yield replace(found, at=None, evidence=(f"{peer.name} says:", *found.evidence))
 
 
-def _peer_of(project: Project, receiver: Receiver) -> PeerDecl | None:
+def _find_peer(project: Project, receiver: Receiver) -> PeerDecl | None:
     connect = project.connect(receiver.connect)
     for peer in project.peers:
         if peer.end == f"@{receiver.connect}":

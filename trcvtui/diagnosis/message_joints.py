@@ -12,14 +12,14 @@ from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import SegmentFacts
 
-FEW: Final = 3
-LEAST: Final = 8  # messages that prove a length field
-MOST: Final = 512  # messages that are looked at
+FEW_MESSAGES: Final = 3
+LEAST_MESSAGES: Final = 8  # messages that prove a length field
+MOST_MESSAGES: Final = 512  # messages that are looked at
 LAST_PLACE: Final = 9  # of a length field
-MORE: Final = range(-8, 65)  # bytes that a length may leave out
+LENGTH_OFFSETS: Final = range(-8, 65)  # bytes that a length may leave out
 DELIMITERS: Final = (b"\r\n", b"\n", b"\r", b"\x03")
 LONGEST_HEAD: Final = 64
-APART: Final = 2  # times longer: the pause after a body than that after its head
+PAUSE_RATIO: Final = 2  # times longer: the pause after a body than that after its head
 
 
 class LengthPlace(NamedTuple):
@@ -30,7 +30,7 @@ class LengthPlace(NamedTuple):
     order: str
     more: int
 
-    def size_of(self, message: bytes) -> int:
+    def message_size(self, message: bytes) -> int:
         """Return how long the message is that begins here; 0: its length is not there."""
         end = self.at + self.width
         number = int.from_bytes(message[self.at : end], self.order)  # type: ignore[arg-type]
@@ -42,13 +42,13 @@ class LengthPlace(NamedTuple):
         return self.more in (0, self.at + self.width)
 
 
-def length_of(messages: Sequence[bytes]) -> LengthPlace | None:
+def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
     """Return the length field that is right in each message; None: there is none, or one by chance."""
     lengths = {len(one) for one in messages}
-    if len(lengths) < 2 or len(messages) < LEAST:
+    if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
     places = sorted(
-        _places(messages[:MOST], min(lengths)),
+        _places(messages[:MOST_MESSAGES], min(lengths)),
         key=lambda one: (not one.is_usual, one.at % one.width, -one.width, one.at),
     )
     return next((one for one in places if one.is_usual or len(lengths) > 2), None)
@@ -59,17 +59,17 @@ def _places(messages: Sequence[bytes], shortest: int) -> Iterator[LengthPlace]:
     for width in (4, 2, 1):
         for at in range(min(LAST_PLACE, shortest - width + 1)):
             for order in ("big", "little") if width > 1 else ("big",):
-                more = len(first) - LengthPlace(at, width, order, 0).size_of(first)
+                more = len(first) - LengthPlace(at, width, order, 0).message_size(first)
                 place = LengthPlace(at, width, order, more)
-                if more in MORE and all(place.size_of(one) == len(one) for one in rest):
+                if more in LENGTH_OFFSETS and all(place.message_size(one) == len(one) for one in rest):
                     yield place
 
 
-def steps(place: LengthPlace, content: bytes) -> int:
+def count_messages(place: LengthPlace, content: bytes) -> int:
     """Return how many messages a length leads through, from begin to end of the bytes; 0: it does not."""
     at = number = 0
     while at < len(content):
-        size = place.size_of(content[at : at + place.at + place.width])
+        size = place.message_size(content[at : at + place.at + place.width])
         if size < place.at + place.width:
             return 0
         at, number = at + size, number + 1
@@ -79,7 +79,7 @@ def steps(place: LengthPlace, content: bytes) -> int:
 # -- several messages in one write ---------------------------------------------------------------------------
 
 
-class Joined(NamedTuple):
+class Joints(NamedTuple):
     """Writes with several messages: how many in each write, what proves it, what takes one at a time."""
 
     numbers: tuple[int, ...]
@@ -87,14 +87,14 @@ class Joined(NamedTuple):
     mend: str
 
 
-def joined(parts: Sequence[bytes]) -> Joined | None:
+def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
     """Return that writes hold several messages, some of them one."""
-    ways = (*_by_mark(parts), *_by_length(parts)) if parts else ()
-    several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW)
+    ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
+    several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
 
 
-def _by_mark(parts: Sequence[bytes]) -> Iterator[Joined]:
+def _split_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
     """Yield the delimiters that end each write, where all messages begin alike, too."""
     for mark in DELIMITERS:
         if all(part.endswith(mark) for part in parts):
@@ -103,18 +103,18 @@ def _by_mark(parts: Sequence[bytes]) -> Iterator[Joined]:
             if len(begin) == 2 and often * 10 >= 9 * len(lines):
                 shown = mark.hex(" ").upper()
                 mend = f"cut at {shown} in the program (TwinCAT: ReceiveData with that suffix)"
-                yield Joined(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
+                yield Joints(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
 
 
-def _by_length(parts: Sequence[bytes]) -> Iterator[Joined]:
+def _split_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
     """Yield the lengths that lead from message to message through each write."""
     shortest = min(parts, key=len)
     for place in _places([shortest], len(shortest)):
-        numbers = tuple([steps(place, part) for part in parts]) if place.is_usual else (0,)
+        numbers = tuple([count_messages(place, part) for part in parts]) if place.is_usual else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
             mend = f"two jobs: LEN {head} for the head, then as many bytes as its length tells"
-            yield Joined(numbers, f"the length at byte {place.at} leads from message to message", mend)
+            yield Joints(numbers, f"the length at byte {place.at} leads from message to message", mend)
 
 
 # -- head and body -------------------------------------------------------------------------------------------
@@ -136,25 +136,25 @@ def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> 
     Proved by a length in the head, or where both together always have the size that is waited for.
     """
     pairs = [*zip(writes[::2], writes[1::2], strict=False)]
-    head = pairs[0][0].size if len(pairs) >= FEW else 0
+    head = pairs[0][0].size if len(pairs) >= FEW_MESSAGES else 0
     if not 0 < head <= LONGEST_HEAD or any(a.size != head or b.size <= head for a, b in pairs):
         return None
     pauses = [b.ns - a.ns for a, b in pairs]
     others = [b.ns - a.ns for (_, a), (b, _) in pairwise(pairs)]
     wholes = [content[a.at : b.at + b.size] for a, b in pairs if b.at + b.size <= len(content)]
     sizes = frozenset(a.size + b.size for a, b in pairs)
-    if len(wholes) < FEW or max(pauses) * APART > min(others):
+    if len(wholes) < FEW_MESSAGES or max(pauses) * PAUSE_RATIO > min(others):
         return None
-    proof = "the head has the length of what follows" if _tells(wholes, head) else ""
+    proof = "the head has the length of what follows" if _has_length_in_head(wholes, head) else ""
     if not proof and sizes == {need}:
         proof = f"both together always have {need} bytes"
     return HeadAndBody(head, sizes, len(pairs), sorted(pauses)[len(pauses) // 2], proof) if proof else None
 
 
-def _tells(wholes: Sequence[bytes], head: int) -> bool:
+def _has_length_in_head(wholes: Sequence[bytes], head: int) -> bool:
     """Return whether a head has a length of all, or of what follows it, in two bytes or more."""
     lengths = {len(whole) for whole in wholes}
     return any(
         place.is_usual and place.at + place.width <= head and (place.width > 1 or len(lengths) > 2)
-        for place in _places(wholes[:MOST], head)
+        for place in _places(wholes[:MOST_MESSAGES], head)
     )

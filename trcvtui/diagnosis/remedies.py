@@ -18,7 +18,7 @@ class CauseRule(NamedTuple):
     """
 
     cause: str
-    judge: Callable[..., Finding | None]  # is asked with a LineCase, in FRAME_JUDGES with line and receiver
+    judge: Callable[..., Finding | None]  # is asked with a LineCase, in FRAME_RULES with line and receiver
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
     blind: tuple[Quality, ...] = ()
@@ -46,7 +46,7 @@ def finding_to_plc(
     return Finding(sure, texts, "to-plc", at, receiver.instance, offer.mend, is_remark, trial=offer)
 
 
-def frames_anew(receiver: Receiver) -> tuple[Remedy, ...]:
+def offer_frame_reset(receiver: Receiver) -> tuple[Remedy, ...]:
     """Return what lets frames begin with a message after their length has changed."""
     text = "COM_RST: the next frame then begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram

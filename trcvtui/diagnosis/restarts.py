@@ -9,12 +9,12 @@ from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts
 from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import SECOND, duration
 
-SOON_NS: Final = 10 * SECOND
+RECONNECT_NS: Final = 10 * SECOND
 ANSWER_NS: Final = SECOND // 2
 MOST_LATER: Final = 64  # conversations that one is compared with
 
 
-def restarts_of(
+def find_restarts(
     lines: Sequence[LineFacts], groups: Iterable[Sequence[LineFacts]]
 ) -> Mapping[LineFacts, LineFacts]:
     """Return the connections that are half open, each with the call that shows it.
@@ -30,7 +30,7 @@ def restarts_of(
         old = None
         for number, line in enumerate(same):
             later = same[number + 1 : number + MOST_LATER]
-            if old is not None and old.end is None and line.has_begin and _answers(line, later):
+            if old is not None and old.end is None and line.has_begin and _is_answered_by_old(line, later):
                 found[old] = line
             old = line if line.is_built else old
     for group in groups:
@@ -41,9 +41,9 @@ def restarts_of(
     return found
 
 
-def _answers(new: LineFacts, later: Sequence[LineFacts]) -> bool:
+def _is_answered_by_old(new: LineFacts, later: Sequence[LineFacts]) -> bool:
     """Return whether the old connection answers a SYN: by its own ACK, or by RST before the next call."""
-    is_built = any(one.is_built and one.first_ns - new.first_ns < SOON_NS for one in later)
+    is_built = any(one.is_built and one.first_ns - new.first_ns < RECONNECT_NS for one in later)
     return bool(new.listener.challenges) or (new.listener.reset is not None and not new.is_built and is_built)
 
 
@@ -62,7 +62,7 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
     return is_silent and is_answer and old.first_ns < new.first_ns
 
 
-def half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> Finding | None:
+def judge_half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> Finding | None:
     if (new := restarts.get(old)) is None:
         return None
     who = "the PLC end" if new.plc_calls else "the partner"

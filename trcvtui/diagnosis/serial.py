@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import Answer, do
+from trcvtui.diagnosis.job import RuleAnswer, tip
 from trcvtui.net.serial_line import TCP_URL_PREFIXES
 from trcvtui.plc.port_hints import describe_port_fault, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
@@ -20,39 +20,39 @@ from trcvtui.project.project import ComBufferDecl, Project
 from trcvtui.wording import count
 
 
-def frame_too_long(e: Evidence) -> Answer:
+def explain_frame_too_long(e: Evidence) -> RuleAnswer:
     size = e.pin("SizeReceiveData")
     frame = f"{count(size, 'byte')} came" if size else "the size was reached"
     cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
-    return do(cause, "{} tells which", f"framing {e.instance}")
+    return tip(cause, "{} tells which", f"framing {e.instance}")
 
 
-def size_does_not_fit(e: Evidence) -> Answer:
+def explain_wrong_frame_size(e: Evidence) -> RuleAnswer:
     found = e.pin("SizeReceiveData")
     room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "what the variable holds"
     is_found = f"SizeReceiveData is {found}: it" if found is not None else "SizeReceiveData"
-    return do("", f"{is_found} has to be {room}")
+    return tip("", f"{is_found} has to be {room}")
 
 
-def string_too_long(e: Evidence) -> Answer:
+def explain_string_too_long(e: Evidence) -> RuleAnswer:
     text = "the string was full before its text ended"
-    return do(text, "{} tells how texts end (key B)", f"framing {e.instance}")
+    return tip(text, "{} tells how texts end (key B)", f"framing {e.instance}")
 
 
 # Where nothing is wrong with the block itself, it waits for the line.
-WAITS: Final = frozenset(
+WAITING_CONDITIONS: Final = frozenset(
     {Condition.FRAME_AWAITED, Condition.FRAME_PART, Condition.BUFFER_EMPTY, Condition.SENDING}
 )
 
 
-def waits_for_the_port(e: Evidence) -> str:
+def describe_port_wait(e: Evidence) -> str:
     """Return that the port is not there, for a block that waits for what comes or goes over it."""
-    return describe_port_fault(e.buffer) if e.condition in WAITS and not e.cause.pin else ""
+    return describe_port_fault(e.buffer) if e.condition in WAITING_CONDITIONS and not e.cause.pin else ""
 
 
-def port_trouble(e: Evidence) -> str:
+def explain_port_trouble(e: Evidence) -> str:
     away, hint = describe_port_fault(e.buffer), port_hint(e.buffer)
-    return hint if waits_for_the_port(e) else ": ".join(part for part in (away, hint) if part)
+    return hint if describe_port_wait(e) else ": ".join(part for part in (away, hint) if part)
 
 
 # -- what will go wrong with a framing -------------------------------------------------------------------
@@ -91,15 +91,15 @@ class FramedBlock:
         return "the string" if self.framer.is_text else "SizeReceiveData"
 
 
-def warnings_of(snapshot: Snapshot, project: Project, name: str) -> tuple[str, ...]:
+def list_framing_warnings(snapshot: Snapshot, project: Project, name: str) -> tuple[str, ...]:
     """Return what matters now of an instance's framing, the worst first."""
-    framed = _framed(snapshot, project, name)
+    framed = _find_framed_block(snapshot, project, name)
     if framed is None:
         return ()
     return tuple([told for rule in FRAMING_RULES if (told := rule(framed))])
 
 
-def _framed(snapshot: Snapshot, project: Project, name: str) -> FramedBlock | None:
+def _find_framed_block(snapshot: Snapshot, project: Project, name: str) -> FramedBlock | None:
     instance = snapshot.instance(name)
     if instance is None or instance.framer is None:
         return None
@@ -126,7 +126,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> FramedBlock | No
 # -- the marks and the size ----------------------------------------------------------------------------------
 
 
-def marks_too_long(f: FramedBlock) -> str:
+def warn_long_marks(f: FramedBlock) -> str:
     """The block runs into the overrun."""
     marks = len(f.prefix) + len(f.suffix)
     if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
@@ -138,7 +138,7 @@ def marks_too_long(f: FramedBlock) -> str:
     )
 
 
-def no_end(f: FramedBlock) -> str:
+def warn_no_end(f: FramedBlock) -> str:
     """The first row of "every combination": only Reset helps."""
     if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
         return ""
@@ -148,14 +148,14 @@ def no_end(f: FramedBlock) -> str:
     return f"no suffix and Timeout = 0: with fewer than {size} it waits for ever, only Reset helps"
 
 
-def equal_marks(f: FramedBlock) -> str:
+def warn_equal_marks(f: FramedBlock) -> str:
     """Once out of step, the end of a frame is taken for the beginning of the next."""
     if not f.prefix or f.prefix != f.suffix:
         return ""
     return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
 
 
-def only_noise(f: FramedBlock) -> str:
+def warn_only_noise(f: FramedBlock) -> str:
     """A prefix that never comes looks like silence."""
     tally = f.framer.tally
     if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
@@ -167,7 +167,7 @@ def only_noise(f: FramedBlock) -> str:
 # -- the gap -------------------------------------------------------------------------------------------------
 
 
-def gap_on_tcp(f: FramedBlock) -> str:
+def warn_gap_on_tcp(f: FramedBlock) -> str:
     """Section 6: a gap says nothing about what was sent together."""
     if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
         return ""
@@ -177,7 +177,7 @@ def gap_on_tcp(f: FramedBlock) -> str:
     )
 
 
-def gap_that_never_comes(f: FramedBlock) -> str:
+def warn_no_gap(f: FramedBlock) -> str:
     """Texts that follow each other sooner than the gap fill the string."""
     tally = f.framer.tally
     if f.suffix or not f.framer.timeout_ns or not tally.overruns or tally.gaps:
@@ -189,7 +189,7 @@ def gap_that_never_comes(f: FramedBlock) -> str:
     )
 
 
-def gap_below_the_cycle(f: FramedBlock) -> str:
+def warn_short_gap(f: FramedBlock) -> str:
     """Bytes come first, so a gap shorter than a scan is never seen."""
     timeout = f.framer.timeout_ns
     if not 0 < timeout < f.interval_ns:
@@ -203,7 +203,7 @@ def gap_below_the_cycle(f: FramedBlock) -> str:
 # -- what comes before the framer ----------------------------------------------------------------------------
 
 
-def static_feeder(f: FramedBlock) -> str:
+def warn_static(f: FramedBlock) -> str:
     """Section 6: frames come late after blocks of LEN bytes."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
@@ -213,13 +213,13 @@ def static_feeder(f: FramedBlock) -> str:
     )
 
 
-def idle_feeder(f: FramedBlock) -> str:
+def warn_idle_feeder(f: FramedBlock) -> str:
     if f.feeder is None or f.feeder.pin("EN_R") is not False:
         return ""
     return f"{f.feeder.name} has EN_R = 0: no bytes come"
 
 
-def dropping_buffer(f: FramedBlock) -> str:
+def warn_drops(f: FramedBlock) -> str:
     """With a size of its own, the ComBuffer drops what TCP could hold back."""
     if f.feeder is None or not f.buffer.size:
         return ""
@@ -229,18 +229,18 @@ def dropping_buffer(f: FramedBlock) -> str:
     )
 
 
-def port_is_away(f: FramedBlock) -> str:
+def warn_port_away(f: FramedBlock) -> str:
     """A port that is not there looks like silence."""
     return ": ".join(part for part in (describe_port_fault(f.now), port_hint(f.now)) if part)
 
 
-def lost_bytes(f: FramedBlock) -> str:
+def warn_lost_bytes(f: FramedBlock) -> str:
     if f.now is None or not f.now.lost:
         return ""
     return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
 
 
-def shared_buffer(f: FramedBlock) -> str:
+def warn_shared_buffer(f: FramedBlock) -> str:
     """Each byte is taken once."""
     if len(f.readers) < 2:
         return ""
@@ -248,6 +248,6 @@ def shared_buffer(f: FramedBlock) -> str:
 
 
 FRAMING_RULES: Final[tuple[Callable[[FramedBlock], str], ...]] = (
-    port_is_away, marks_too_long, gap_that_never_comes, idle_feeder, gap_on_tcp, static_feeder, no_end,
-    only_noise, lost_bytes, dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
+    warn_port_away, warn_long_marks, warn_no_gap, warn_idle_feeder, warn_gap_on_tcp, warn_static, warn_no_end,
+    warn_only_noise, warn_lost_bytes, warn_drops, warn_shared_buffer, warn_equal_marks, warn_short_gap,
 )  # fmt: skip

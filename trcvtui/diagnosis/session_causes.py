@@ -45,7 +45,7 @@ _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the ciphe
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
-def units_of(said: DirectionFacts, has_begin: bool) -> list[bytes]:
+def find_session_units(said: DirectionFacts, has_begin: bool) -> list[bytes]:
     """Return the heads of the first units of TLS or ISO-on-TCP, one right behind the other; []: others come.
 
     Where the begin is not in the capture, they may begin at one of the first writes.
@@ -67,7 +67,7 @@ def is_tls(head: bytes) -> bool:
     return head[0] != TPKT
 
 
-def is_call(head: bytes) -> bool:
+def is_session_begin(head: bytes) -> bool:
     """Return whether a session begins with this unit."""
     return (head[0], head[5]) in ((_HANDSHAKE, 1), (TPKT, _CR))
 
@@ -114,7 +114,7 @@ def _tsaps(packet: bytes) -> str:
     return ", ".join(texts)
 
 
-def wrong_tsap(line: LineFacts) -> Finding | None:
+def judge_wrong_tsap(line: LineFacts) -> Finding | None:
     """Judge whether the listener refuses the TSAPs of the caller."""
     asked = _cotp(line.caller.content)
     if line.protocol != "tcp" or asked is None or asked[0] != _CR:
@@ -135,7 +135,7 @@ def wrong_tsap(line: LineFacts) -> Finding | None:
     return None
 
 
-def plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def judge_plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether the partner speaks plain TCP at a CONNECT of ISO-on-TCP."""
     content = line.to_plc.content
     if receiver is None or not receiver.is_whole or line.protocol != "tcp" or not line.has_begin:
@@ -164,7 +164,7 @@ def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     return found
 
 
-def tls_refused(line: LineFacts) -> Finding | None:
+def judge_tls(line: LineFacts) -> Finding | None:
     """Judge whether the TLS handshake failed: with an alert, or with an end in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
@@ -172,7 +172,7 @@ def tls_refused(line: LineFacts) -> Finding | None:
     if not any(told.values()):
         return None
     hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
-    if (hello is None and not line.has_begin) or _has_data(told):
+    if (hello is None and not line.has_begin) or _is_handshake_complete(told):
         return None  # its handshake is not in the capture, or went well
     for way, records in told.items():
         is_open = True  # not encrypted yet
@@ -217,7 +217,7 @@ def tls_refused(line: LineFacts) -> Finding | None:
     return None
 
 
-def _has_data(told: dict[str, list[tuple[int, bytes]]]) -> bool:
+def _is_handshake_complete(told: dict[str, list[tuple[int, bytes]]]) -> bool:
     """Return whether a handshake up to TLS 1.2 ended well: both ends have encrypted, or data went through."""
     kinds = [[kind for kind, _ in records] for records in told.values()]
     ready = [_CHANGE in each and _HANDSHAKE in each[each.index(_CHANGE) :] for each in kinds]
@@ -239,7 +239,7 @@ def _is_answered_by_alert(
     return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
 
 
-def line_errors(line: LineFacts) -> Finding | None:
+def judge_line_errors(line: LineFacts) -> Finding | None:
     """Judge whether the driver of a serial line has told errors."""
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         told = said.line_errors

@@ -19,7 +19,7 @@ class StreamMessage(NamedTuple):
     content: bytes = b""
 
 
-def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
+def find_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
     """Return the messages of which every byte is known, oldest first; none where nothing tells their ends.
 
     Bytes of a running job are left out: what follows them may still be of the same message.

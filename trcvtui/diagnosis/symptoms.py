@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.diagnosis.cause_words import CAUSES
+from trcvtui.diagnosis.cause_words import CAUSE_WORDS
 from trcvtui.snapshots.doctor import Finding
 
 C = Condition
@@ -30,14 +30,14 @@ LINK_ERRORS: Final = frozenset({
     C.ACCEPT_FAILED, C.DISCONNECT_FAILED, C.RESET_FAILED,
 })  # fmt: skip
 # A job that a block refuses whatever the line does: nothing that waits in the stack is then the line's fault.
-REFUSED_JOBS: Final = frozenset({
+JOB_REFUSALS: Final = frozenset({
     C.DATA_EMPTY, C.LENGTH_WRONG, C.LEN_OVER_DATA, C.DATA_MISSING, C.DATA_REFUSED, C.DATA_SYMBOLIC,
     C.LEN_OF_TEXT, C.CONNECT_IN_USE, C.NO_BUFFER, C.OTHER_TRANSPORT, C.NULL_POINTER, C.NULL_RECEIVE_POINTER,
     C.RECEIVE_LENGTH_WRONG,
 })  # fmt: skip
-_DESCRIPTION: Final = ("address", "limits")
+_DESCRIPTION_CAUSES: Final = ("address", "limits")
 # What explains an ERROR beside the causes that lead to its condition (cause_words.py).
-_EXPLAINED: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
+_CAUSES_OF_ERRORS: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
     (LINK_ERRORS, LINK_CAUSES),
     (frozenset({C.NOT_CONNECTED, C.STILL_ASKED}), frozenset({"not-connected-request"})),
     (frozenset({C.SHORT_FRAME}), FRAME_CAUSES),
@@ -59,15 +59,15 @@ _EXPLAINED: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
             C.NEEDS_ADDR, C.OTHER_TRANSPORT, C.UDP_ACTIVE, C.NAME_EMPTY, C.NAME_NOT_FULL, C.TLS_REFERENCE,
             C.TLS_DATAGRAMS,
         }),
-        frozenset(_DESCRIPTION),
+        frozenset(_DESCRIPTION_CAUSES),
     ),
 )  # fmt: skip
 
 
-def causes_of(symptom: Finding) -> frozenset[str]:
+def list_explaining_causes(symptom: Finding) -> frozenset[str]:
     """Return the causes that explain a symptom where they are found on its line."""
     if not symptom.leads_to:
         return LINK_CAUSES if symptom.cause == "not-connected" else FRAME_CAUSES | LINK_CAUSES
     (condition,) = symptom.leads_to
-    leading = {cause for cause, row in CAUSES.items() if condition in row.leads_to}
-    return frozenset(leading.union(*(causes for errors, causes in _EXPLAINED if condition in errors)))
+    leading = {cause for cause, row in CAUSE_WORDS.items() if condition in row.leads_to}
+    return frozenset(leading.union(*(causes for errors, causes in _CAUSES_OF_ERRORS if condition in errors)))

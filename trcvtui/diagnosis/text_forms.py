@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.remedies import RemedyOffer, frames_anew
+from trcvtui.diagnosis.remedies import RemedyOffer, offer_frame_reset
 from trcvtui.snapshots.doctor import Remedy
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.types import Array, Elementary, StringType, Type
 
-FEW: Final = 3  # messages
+FEW_MESSAGES: Final = 3  # messages
 MOST_LEAVES: Final = 64  # members that are looked at
 MOST_SHOWN: Final = 24  # characters of a message
-PRINTABLE: Final = 0.95  # of the bytes of a text
-LEAST: Final = 16  # bytes of which something is said
+PRINTABLE_SHARE: Final = 0.95  # of the bytes of a text
+LEAST_TEXT_BYTES: Final = 16  # bytes of which something is said
 HEADER: Final = 2  # bytes before the characters of a STRING: maximum and length
-MOST_OF_STRING: Final = 254
-_ENDS: Final = {b"\r\n": "CR LF", b"\n": "LF", b"\r": "CR", b"\x03": "ETX", b";": "';'"}
-_TEXT: Final = frozenset(range(0x20, 0x7F)) | frozenset(b"\t\r\n\x02\x03")
-_NUMBERS: Final = frozenset(b"0123456789+-., ;:\t\r\n")
+LONGEST_STRING: Final = 254
+_TEXT_ENDS: Final = {b"\r\n": "CR LF", b"\n": "LF", b"\r": "CR", b"\x03": "ETX", b";": "';'"}
+_TEXT_BYTES: Final = frozenset(range(0x20, 0x7F)) | frozenset(b"\t\r\n\x02\x03")
+_NUMBER_BYTES: Final = frozenset(b"0123456789+-., ;:\t\r\n")
 
 
 class FoundText(NamedTuple):
@@ -30,24 +30,24 @@ class FoundText(NamedTuple):
     end: bytes
 
 
-def _is_plain(messages: Sequence[bytes]) -> bool:
+def _is_mostly_text(messages: Sequence[bytes]) -> bool:
     said = b"".join(messages)
-    return sum(byte in _TEXT for byte in said) >= PRINTABLE * len(said)
+    return sum(byte in _TEXT_BYTES for byte in said) >= PRINTABLE_SHARE * len(said)
 
 
-def text_of(messages: Sequence[bytes]) -> FoundText | None:
+def find_text(messages: Sequence[bytes]) -> FoundText | None:
     """Return that messages are text: printable with a delimiter, or only digits, signs and separators."""
-    if len(messages) < 2 or sum(map(len, messages)) < LEAST or not _is_plain(messages):
+    if len(messages) < 2 or sum(map(len, messages)) < LEAST_TEXT_BYTES or not _is_mostly_text(messages):
         return None
-    end = next((end for end in _ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
-    if not end and not all(_NUMBERS.issuperset(one) for one in messages):
+    end = next((end for end in _TEXT_ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
+    if not end and not all(_NUMBER_BYTES.issuperset(one) for one in messages):
         return None
     shown = messages[-1].decode("ascii", "replace").strip()[:MOST_SHOWN]
-    ended = f", each ends in {_ENDS[end]}" if end else ""
+    ended = f", each ends in {_TEXT_ENDS[end]}" if end else ""
     return FoundText(f"all {len(messages)} messages are text{ended}, the last is {shown!r}", end)
 
 
-def has_numbers_alone(receiver: Receiver) -> bool:
+def has_only_numbers(receiver: Receiver) -> bool:
     """Return whether DATA is declared as numbers, most of them of several bytes, and no text."""
     if receiver.type is None or receiver.rules is None:
         return False
@@ -56,7 +56,7 @@ def has_numbers_alone(receiver: Receiver) -> bool:
     return len(large) * 2 > len(leaves) and not any(isinstance(one.type, StringType) for one in large)
 
 
-def as_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
+def offer_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
     suffix = (
         f", cut at {found.end.hex(' ').upper()} (TwinCAT: ReceiveString with that suffix)"
         if found.end
@@ -69,18 +69,18 @@ def as_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
 # -- STRING --------------------------------------------------------------------------------------------------
 
 
-def header_of(messages: Sequence[bytes]) -> int:
+def find_string_header(messages: Sequence[bytes]) -> int:
     """Return the maximum that the header of a STRING has in all messages; 0: they have none."""
     most = messages[0][0] if messages and messages[0] else 0
     for one in messages:
-        if len(one) < HEADER + 1 or one[0] != most or not one[1] <= most <= MOST_OF_STRING:
+        if len(one) < HEADER + 1 or one[0] != most or not one[1] <= most <= LONGEST_STRING:
             return 0
-        if HEADER + one[1] > len(one) or not _TEXT.issuperset(one[HEADER : HEADER + one[1]]):
+        if HEADER + one[1] > len(one) or not _TEXT_BYTES.issuperset(one[HEADER : HEADER + one[1]]):
             return 0
     return most if any(one[1] for one in messages) else 0
 
 
-def string_offer(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
+def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
     """Return what mends a STRING for which text without its header comes, or the header of another one."""
     type_, rules = receiver.type, receiver.rules
     if (
@@ -92,18 +92,18 @@ def string_offer(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer |
     ):
         return None
     longest = max(map(len, messages))
-    most = header_of(messages)
+    most = find_string_header(messages)
     if most and most != rules.text.length(type_) and HEADER + most == longest:
-        return _with_type(
+        return _offer_type(
             receiver, f"STRING[{most}]", longest, f"the partner's STRING has {most} places: declare it so"
         )
-    if most or not _is_plain(messages):
+    if most or not _is_mostly_text(messages):
         return None
     text = "the partner sends no header of a STRING: receive characters, make a STRING of them in the program"
-    return _with_type(receiver, f"ARRAY[0..{longest - 1}] OF CHAR", longest, text)
+    return _offer_type(receiver, f"ARRAY[0..{longest - 1}] OF CHAR", longest, text)
 
 
-def _with_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOffer:
+def _offer_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOffer:
     line = Remedy(
         f"{text} ({name})", f"set data {receiver.data} type={name}", f"data.{receiver.data}.type={name}"
     )
@@ -112,14 +112,14 @@ def _with_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOff
         pin = f"{receiver.instance}.LEN={size}"
         mends.append(Remedy(f"with it LEN {size}", f"set {pin.replace('.', ' ')}", f"instance.{pin}"))
     cured = receiver._replace(need=size, room=size, type=None)
-    return RemedyOffer((*mends, *frames_anew(receiver)), cured)
+    return RemedyOffer((*mends, *offer_frame_reset(receiver)), cured)
 
 
-def string_of_bytes(receiver: Receiver, messages: Sequence[bytes]) -> str:
+def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
     """Return that the sender sends whole STRINGs, where bytes or characters are declared; "": it does not."""
-    if len(messages) < FEW or not is_bytes(receiver.type):
+    if len(messages) < FEW_MESSAGES or not is_bytes(receiver.type):
         return ""
-    most = header_of(messages)
+    most = find_string_header(messages)
     if not most or any(len(one) != HEADER + most for one in messages):
         return ""
     return (
@@ -136,7 +136,7 @@ def is_bytes(type_: Type | None) -> bool:
 # -- UTF-8 ---------------------------------------------------------------------------------------------------
 
 
-def utf_8_of(messages: Sequence[bytes], need: int) -> str:
+def describe_utf_8_bytes(messages: Sequence[bytes], need: int) -> str:
     """Return that bytes were sent as a string in UTF-8, each above 7F as two; "": they were not."""
     high = [one for one in messages if not one.isascii()]
     if len(high) < 2:

@@ -24,29 +24,29 @@ from trcvtui.errors import Problem, UserError, mistake, need
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
-Answered = Iterator[tuple[str, Answer | UserError]]
-Judge = Callable[[str, Question], Answer | UserError]
+PathAnswers = Iterator[tuple[str, Answer | UserError]]
+JudgeFunction = Callable[[str, Question], Answer | UserError]
 MOST_DEATHS: Final = 2  # of workers that had a file
 CONNECT_S: Final = 10
-LOOK_S: Final = 5  # between two looks whether workers are there
+POLL_S: Final = 5  # between two looks whether workers are there
 MOST_TASKS: Final = 256  # that a cluster has at once
 
 
-def answers_of_processes(
-    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
-) -> Answered[Answer]:
+def judge_in_processes(
+    paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], jobs: int
+) -> PathAnswers[Answer]:
     left = paths
     while left:
-        lost = yield from _of_pool(left, asked, judge, jobs)
+        lost = yield from _judge_in_pool(left, asked, judge, jobs)
         near = 2 * jobs + 1  # so many were with the workers: one of them has killed its own, and with it all
         for path in lost[:near]:
-            if (yield from _of_pool([path], asked, judge, 1)):
-                yield path, _reported(path)
+            if (yield from _judge_in_pool([path], asked, judge, 1)):
+                yield path, _make_death_error(path)
         left = lost[near:]
 
 
-def _of_pool(
-    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
+def _judge_in_pool(
+    paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], jobs: int
 ) -> Generator[tuple[str, Answer | UserError], None, list[str]]:
     lost: set[str] = set()
     with ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn")) as pool:
@@ -59,23 +59,23 @@ def _of_pool(
     return [path for path in paths if path in lost]
 
 
-def _reported(path: str) -> UserError:
+def _make_death_error(path: str) -> UserError:
     return mistake(path, f"{MOST_DEATHS} workers died of it", "a capture that can be judged")
 
 
 # -- a cluster -----------------------------------------------------------------------------------------------
 
 
-def answers_of_cluster(
-    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], scheduler: str, form: Any
-) -> Answered[Answer]:
+def judge_in_cluster(
+    paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], scheduler: str, form: Any
+) -> PathAnswers[Answer]:
     """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
 
     What no worker can open is read here. `form`: the type of an Answer. Raise UserError: no such scheduler.
     """
     dask = need("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
-    with _building_nothing():
+    with _forbid_unpickling():
         try:
             client = dask.Client(
                 scheduler, timeout=CONNECT_S, set_as_default=False, deserializers=["msgpack"]
@@ -83,25 +83,25 @@ def answers_of_cluster(
         except Exception as failed:  # whatever a URL, a name, a door, another version bring
             expected = "tcp://HOST:8786 of a Dask scheduler"
             raise mistake("--scheduler", f"{scheduler} ({failed})", expected) from None
-        there = partial(_judge_there, asked=asked, judge=judge)
+        there = partial(_judge_at_worker, asked=asked, judge=judge)
         reply = msgspec.json.Decoder(tuple[str, form | None, tuple[Problem, ...]])
         with client, client.as_current():
-            yield from _of_workers(client, paths, there, reply, here)
-    yield from answers_of_processes(here, asked, judge, 1)
+            yield from _judge_in_workers(client, paths, there, reply, here)
+    yield from judge_in_processes(here, asked, judge, 1)
 
 
 @contextmanager
-def _building_nothing() -> Iterator[None]:
+def _forbid_unpickling() -> Iterator[None]:
     """Let Dask build no object: what is serialized stays bytes, what is pickled is nothing or a KilledWorker.
 
     `deserializers` do not reach errors, types of results, warnings, and what says of itself it is pickled.
     """
     from distributed import KilledWorker, client, protocol
 
-    def named(data: bytes, *, buffers: object = ()) -> Exception | None:
+    def load_killed_worker(data: bytes, *, buffers: object = ()) -> Exception | None:
         return KilledWorker("", None, 0) if b"KilledWorker" in bytes(data)[:64] else None
 
-    names = SimpleNamespace(loads=named, dumps=pickle.dumps)
+    names = SimpleNamespace(loads=load_killed_worker, dumps=pickle.dumps)
     with (
         patch.object(protocol.core, "merge_and_deserialize", lambda _, frames, **__: b"".join(frames)),
         patch.object(protocol.pickle, "pickle", names),
@@ -111,9 +111,9 @@ def _building_nothing() -> Iterator[None]:
         yield
 
 
-def _of_workers(
+def _judge_in_workers(
     client: Any, paths: Sequence[str], there: Callable[[str], bytes], reply: Any, here: list[str]
-) -> Answered[Any]:
+) -> PathAnswers[Any]:
     """Yield the answers of a cluster's workers; put into `here` what none of them can answer."""
     from distributed import KilledWorker, wait
 
@@ -132,7 +132,7 @@ def _of_workers(
             tasks[task] = path, been_at
         with suppress(TimeoutError, CancelledError):
             if tasks:
-                wait(list(tasks), timeout=LOOK_S, return_when="FIRST_COMPLETED")
+                wait(list(tasks), timeout=POLL_S, return_when="FIRST_COMPLETED")
         done = [task for task in tasks if task.done()]
         if not done and not workers:  # all are gone
             here += [path for path, _ in (*tasks.values(), *left)]
@@ -141,12 +141,12 @@ def _of_workers(
             path, been_at = tasks.pop(task)
             if task.status in ("error", "cancelled"):
                 if task.status == "error" and isinstance(task.exception(), KilledWorker):
-                    yield path, _reported(path)
+                    yield path, _make_death_error(path)
                 else:  # a worker that cannot run us
                     here.append(path)
                 continue
             try:
-                packed = task.result(timeout=LOOK_S)
+                packed = task.result(timeout=POLL_S)
                 worker, answer, problems = reply.decode(msgspec.msgpack.decode(packed, type=bytes))
             except Exception as failed:
                 if isinstance(failed, TimeoutError) or task.status == "error":
@@ -162,7 +162,7 @@ def _of_workers(
                 left.append((path, (*been_at, worker)))
 
 
-def _judge_there(path: str, asked: Question, judge: Judge[Question, Answer]) -> bytes:
+def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
     """Return which worker judges, the answer, what is wrong, as JSON; neither: it cannot open the file."""
     from distributed import get_worker
 

@@ -313,12 +313,12 @@ class Controller:
     def _handle_framing(self, rest: str) -> str:
         from trcvtui.diagnosis.readings import framing_command as framing  # read when first asked for
 
-        name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")
+        name, buffer, number = framing.parse_framing(rest, self.bench.project, "prompt")
         recording = self.bench.runtime.recording(buffer)
         if not number:
-            self._told = framing.told(recording)
+            self._told = framing.describe_framings(recording)
             return ""
-        lines = framing.chosen_lines(recording, self.bench.project, name, number, "prompt")
+        lines = framing.make_proposal_commands(recording, self.bench.project, name, number, "prompt")
         wrong = next(filter(None, map(self._carry_out, lines)), "")
         self._told = "; ".join(lines)
         return wrong

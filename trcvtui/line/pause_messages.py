@@ -25,13 +25,13 @@ class PauseMessages(NewestRows):
         self._numbers = Counter[str]()
 
     def hear(self, event: ConversationEvent) -> None:
-        self._cutters.take(event)
+        self._cutters.add_event(event)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         return replace(super().make_delta(instance, since, until), are_typed=False)
 
     def end(self, ns: int) -> None:
-        self._cutters.end(ns)
+        self._cutters.end_all(ns)
 
     def _made(self, direction: WireDirection) -> MessageCutter | None:
         plan, conversation = self._plan, direction.conversation

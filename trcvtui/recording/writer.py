@@ -221,7 +221,7 @@ class BlockSink(Protocol):
 
     def add_block(self, block: bytes) -> None: ...
 
-    def go_on(self, until: int) -> bool:
+    def advance(self, until: int) -> bool:
         """Work until this moment of the clock; return whether there is more to do."""
 
     def close(self) -> None: ...
@@ -238,7 +238,7 @@ def run_writer(asked: str, sink: Callable[[RecordTarget], BlockSink], path: str)
         writer = sink(record)
         _write_answer("")
         try:
-            for message in _read_messages(writer.go_on):
+            for message in _read_messages(writer.advance):
                 writer.add_block(message)
         finally:
             writer.close()

@@ -125,12 +125,12 @@ class RecordedRunWriter:
             if not self._is_off:
                 self._coming.add_entries(some[begin:end])
                 if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                    self.go_on(NO_DEADLINE)
+                    self.advance(NO_DEADLINE)
 
     def close(self) -> None:
         """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
-        while self._sink.first_scan != self._file and clock.now_ns() < until and self.go_on(0):
+        while self._sink.first_scan != self._file and clock.now_ns() < until and self.advance(0):
             pass
         self._give_up("the run beside was too late")
         self._sink.close()
@@ -144,7 +144,7 @@ class RecordedRunWriter:
         self._blocks.clear()
         self._run, self._coming = None, _IncomingEntries()
 
-    def go_on(self, until: int) -> bool:
+    def advance(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
             if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # it asks up to a step
@@ -227,7 +227,7 @@ class _CompleteRunWriter(RecordedRunWriter):
     """A run that has the time to come to the end of its entries."""
 
     def close(self) -> None:
-        self.go_on(NO_DEADLINE)
+        self.advance(NO_DEADLINE)
         if self._run is not None:
             self._write_keyframe(self._run)
         super().close()

@@ -17,8 +17,8 @@ from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStar
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.doctor import RecordedFacts
-from trcvtui.diagnosis.doctor_process import DoctorInput, TellScan
-from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
+from trcvtui.diagnosis.doctor_process import DoctorInput, ReportScan
+from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, list_receivers
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
@@ -152,7 +152,7 @@ def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def collect_recorded_facts(
-    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
+    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: ReportScan | None = None
 ) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
@@ -183,7 +183,7 @@ def judge_main(path: str, asked: str) -> None:
     run_writer(asked, lambda _: DoctorInput(path, collect_recorded_facts, load_bench), path)
 
 
-def _scan_and_report(run: ReplayRun, last: int, tell: TellScan) -> bool:
+def _scan_and_report(run: ReplayRun, last: int, tell: ReportScan) -> bool:
     tell(run.bench.runtime.scans, last)
     return run.scan()
 
@@ -201,7 +201,7 @@ def _collect(
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
     project = bench.project if is_running else project  # as it has been edited
-    receivers = receivers_of(project, held, pins)
+    receivers = list_receivers(project, held, pins)
     receivers = tuple([facts.adapt_receiver(one, is_running) for one in receivers])
     until_ns = facts.wall_ns + bench.now
     return RecordedFacts(
@@ -212,7 +212,7 @@ def _collect(
         until_ns,
         lint(project, pins),
         is_running,
-        facts.symptoms.found(is_running),
+        facts.symptoms.list_findings(is_running),
     )
 
 
@@ -260,7 +260,7 @@ class _RunFacts:
             pass  # the recording ends here
 
     def _add_event(self, scan: int, t_ns: int, event: object) -> None:
-        self.symptoms.take(scan, t_ns, event)
+        self.symptoms.add_event(scan, t_ns, event)
         match event:
             case InputEdge(instance, "REQ" | "EN_R" as pin, value) if value:
                 if pin == "REQ" and instance in self._sends:

@@ -15,7 +15,7 @@ from markupsafe import escape
 
 from trcvtui.bench.bench import Bench
 from trcvtui.diagnosis.doctor import DoctorQuestion, try_to_judge
-from trcvtui.diagnosis.lint import receivers_of
+from trcvtui.diagnosis.lint import list_receivers
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
 from trcvtui.history.records import ScanStamp
@@ -175,7 +175,7 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
 
 
 def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
-    receivers = () if project is None else receivers_of(load_bench(project))
+    receivers = () if project is None else list_receivers(load_bench(project))
     answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, collect_recorded_facts))
     if isinstance(answer, UserError):
         return ()

@@ -330,8 +330,8 @@ class _CaptureMessages:
             raise UserError(troubles)
         if rows.table is None:
             rows.begin(None, 0)
-        self._cutters.end(max([each.last_ns for each in found.all], default=0))
-        if self._given is not None and found.all and not self._cutters.are_any:
+        self._cutters.end_all(max([each.last_ns for each in found.all], default=0))
+        if self._given is not None and found.all and not self._cutters.has_cutters:
             raise make_no_match_error("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
         for each in found.all if rows.asked.layout is not None else ():
             guess = guess_plc(each, self._given, NO_KNOWN_ENDS)
@@ -362,4 +362,4 @@ class _CaptureMessages:
         if self._rows.table is None:
             self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or event.ns)
             self._rows.begin(None, self._zero_ns)
-        self._cutters.take(event)
+        self._cutters.add_event(event)

@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from trcvtui import __version__
-from trcvtui.diagnosis.advice import Advice, because
+from trcvtui.diagnosis.advice import Advice, describe_cause
 from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import one_line
 from trcvtui.project.keys import entry_of, kind_name
@@ -254,7 +254,7 @@ class _PageParts:
         edge, shown = told.edge, told.edge.outputs
         size = "" if shown.rcvd_len is None or not shown.done else str(shown.rcvd_len)
         status = f"16#{shown.status:04X} {self._project.dialect.label(edge.condition)}"
-        why = because(edge.cause, edge.block)
+        why = describe_cause(edge.cause, edge.block)
         return str(told.at.scan), stamp(told.at.t_ns), status, shown.lit_lamp.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:

@@ -15,9 +15,9 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, CauseKind
-from trcvtui.diagnosis.advice import Advice, because
+from trcvtui.diagnosis.advice import Advice, describe_cause
 from trcvtui.diagnosis.card import Card, DataBytes
-from trcvtui.diagnosis.evidence import evidence_now
+from trcvtui.diagnosis.evidence import make_current_evidence
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import ENDING_EVENTS, StreamIndex
@@ -284,7 +284,7 @@ class RunNotes:
     def _explain(self, told: EdgeNote) -> None:
         notes, edge = self._of(told.edge.instance), told.edge
         if edge.outputs.error:
-            key = edge.outputs.status, because(edge.cause, edge.block)
+            key = edge.outputs.status, describe_cause(edge.cause, edge.block)
             _keep(notes.errors, key, told, lambda: self._card_of(edge.instance), MOST_ERRORS)
             return
         advice = self._card_of(edge.instance)
@@ -295,14 +295,14 @@ class RunNotes:
     def _card_of(self, name: str, picture: BenchUpdate | None = None) -> Advice:
         picture = picture or self._picture(name)
         project, runtime = self.bench.project, self.bench.runtime
-        instance, evidence = picture.snapshot.instance(name), evidence_now(picture, project, name)
+        instance, evidence = picture.snapshot.instance(name), make_current_evidence(picture, project, name)
         if instance is None or evidence is None:
             return Advice("", ())
         decl = project.data_decl(instance.data) if instance.data is not None else None
         content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
         data = DataBytes(decl, content, runtime.job_bytes(name))
         reads = "read DATA with"
-        return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
+        return self._card.build_advice(evidence, instance, self._index, data, reads, self.has_payload)
 
     def _picture(self, *names: str) -> BenchUpdate:
         bench = self.bench

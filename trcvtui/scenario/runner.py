@@ -213,6 +213,6 @@ class ScenarioRunner:
 
 
 def _explain(cause: Cause, block: str) -> str:
-    from trcvtui.diagnosis.advice import because  # with all advice: only who tells of an error waits
+    from trcvtui.diagnosis.advice import describe_cause  # with all advice: only who tells of an error waits
 
-    return because(cause, block)
+    return describe_cause(cause, block)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding
 
-from trcvtui.diagnosis.link import condition_word
+from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, plain, status_word
@@ -83,7 +83,7 @@ def _history(of: Subject) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
-            said = condition_word(of.project, line.event.instance, line.event)
+            said = describe_condition(of.project, line.event.instance, line.event)
             word = f"{status_word(line.event.outputs.status)} {said}"
             reason = plain(why(line.event))
             rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))

@@ -7,8 +7,8 @@ from typing import ClassVar, Final
 
 from trcvtui.commands.table import parse_script
 from trcvtui.diagnosis.readings.framing_advice import advise
-from trcvtui.diagnosis.readings.framing_command import lines_for
-from trcvtui.diagnosis.readings.proposal import FramingAdvice, Proposal, ShownFrame
+from trcvtui.diagnosis.readings.framing_command import make_commands
+from trcvtui.diagnosis.readings.proposal import FramingAdvice, PreviewFrame, Proposal
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
@@ -59,7 +59,7 @@ class FramingList(CardText):
     def lines(self) -> tuple[str, ...]:
         """Return the bench lines that set the block so; raise UserError where it cannot be."""
         chosen = self.chosen
-        return lines_for(chosen, self._project(), self._instance) if chosen is not None else ()
+        return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 
     def make_rows(self) -> list[Row]:
         if self.advice is None:
@@ -105,7 +105,7 @@ class FramingList(CardText):
             problem = wrong.lines()[0]
         return self._labelled("✗", [problem], "error") if problem else self._labelled("", lines, "")
 
-    def _frame(self, frame: ShownFrame, chosen: Proposal) -> Row:
+    def _frame(self, frame: PreviewFrame, chosen: Proposal) -> Row:
         framing = chosen.framing
         prefix = min(frame.size, len(framing.prefix)) if framing is not None else 0
         suffix = len(framing.suffix) if framing is not None and frame.ending == "suffix" else 0

@@ -488,10 +488,10 @@ class MainScreen(FullScreen[None]):
 
     def action_theirs(self) -> None:
         """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
-        from trcvtui.diagnosis.data_view import view_line  # read when first asked for
+        from trcvtui.diagnosis.data_view import view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
-        line = view_line(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
+        line = view_command(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
         if line:
             self._submit(line)
         else:

@@ -17,30 +17,30 @@ from msgspec import structs
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.diagnosis.readings.marks import (
-    FEW,
+    FEW_FRAMES,
     LONGEST_FRAME,
     USUAL_WIDTHS,
     Bursts,
-    bursts_of,
-    common_start,
-    fields_of,
-    marks_of,
-    places_of,
-    sizes_of,
-    splits_of,
-    stands_twice,
+    common_prefix,
+    count_noisy_frames,
+    find_bursts,
+    find_frame_sizes,
+    find_length_fields,
+    find_marks,
+    find_places,
+    is_alternating,
+    is_begin_and_end_mark,
+    rank_mark_splits,
     start_after_noise,
-    take_turns,
-    with_noise,
 )
 from trcvtui.diagnosis.readings.proposal import (
     CutKind,
     FramingAdvice,
     Proposal,
-    doubt_of,
+    describe_workaround,
     evidence_of,
-    instead_of,
-    shown,
+    list_doubts,
+    make_preview,
     title_of,
 )
 from trcvtui.diagnosis.readings.trial import (
@@ -49,19 +49,19 @@ from trcvtui.diagnosis.readings.trial import (
     TEXT,
     Cut,
     LengthField,
-    Placed,
+    LocatedFrame,
     Scale,
     cut,
     cut_by_length,
-    is_amid_lines,
-    joined,
-    scale_of,
-    weight,
+    is_word_in_lines,
+    join_chunks,
+    make_bit_scale,
+    saved_bits,
 )
 from trcvtui.wording import count
 
 MILLISECOND: Final = 1_000_000
-WINDOWS: Final = (4096, 16_384)  # bytes that are tried: more, where fewer have too few frames
+TRIAL_WINDOWS: Final = (4096, 16_384)  # bytes that are tried: more, where fewer have too few frames
 ENOUGH_FRAMES: Final = 12
 LEAST_BYTES: Final = 8
 LEAST_FRAMES: Final = 3
@@ -76,7 +76,7 @@ MOST_TRIED: Final = 100  # of one trial
 MOST_SUFFIXES: Final = 8  # that are looked at for a prefix after noise
 MOST_HEADS: Final = 6  # of long suffixes, likewise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
-MARKED: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
+MARK_KINDS: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class Guess:
 
 
 @dataclass(frozen=True, slots=True)
-class Tried:
+class FramingTrial:
     guess: Guess
     cut: Cut
     bits: float
@@ -98,35 +98,35 @@ def advise(recording: LineRecording) -> FramingAdvice:
     total = recording.size
     if total < LEAST_BYTES:
         return FramingAdvice((), f"{count(total, 'byte')} recorded: too few to tell")
-    recording = _from_a_pause(recording)
-    best: list[Tried] = []
-    for most in WINDOWS:
+    recording = _skip_to_pause(recording)
+    best: list[FramingTrial] = []
+    for most in TRIAL_WINDOWS:
         window = recording.first_part(most)
-        best = _tried(window)
+        best = _try_guesses(window)
         if (best and len(best[0].cut.good) >= ENOUGH_FRAMES) or window.size == recording.size:
             break
     if not best:
         said = f"nothing fits: in {count(total, 'byte')} no mark, length, size or pause parts frames"
         return FramingAdvice((), said)
     proposals, ranks, clean = [], _ranks(best), None
-    plain = joined(recording)
+    plain = join_chunks(recording)
     for rank, each in zip(ranks, best, strict=True):
         whole = _cut(recording, plain, each.guess, MOST_FRAMES)
         clean = clean or (each.guess, whole)
         proposals.append(_proposal(rank, each, whole, recording, clean))
-    return FramingAdvice(tuple(proposals), _said(recording, total))
+    return FramingAdvice(tuple(proposals), _describe_recording(recording, total))
 
 
-def _said(recording: LineRecording, total: int) -> str:
+def _describe_recording(recording: LineRecording, total: int) -> str:
     names = {"tcp": "a TCP stream", "serial": "a serial line", "sim": "a simulated line", "cable": "a cable"}
     where = names.get(recording.source, recording.source)
     return f"{count(total, 'byte')} in {count(len(recording.chunks), 'chunk')} of {where}"
 
 
-def _from_a_pause(recording: LineRecording) -> LineRecording:
+def _skip_to_pause(recording: LineRecording) -> LineRecording:
     if not recording.chunks or recording.chunks[0].begins:
         return recording
-    bursts = bursts_of(recording)
+    bursts = find_bursts(recording)
     if not bursts.is_clear or not bursts.pauses:
         return recording
     at = 0
@@ -140,20 +140,20 @@ def _from_a_pause(recording: LineRecording) -> LineRecording:
 # -- what is tried -------------------------------------------------------------------------------------------
 
 
-def _tried(recording: LineRecording) -> list[Tried]:
+def _try_guesses(recording: LineRecording) -> list[FramingTrial]:
     stream = b"".join([chunk.payload for chunk in recording.chunks])
-    bursts = bursts_of(recording)
-    scale = scale_of(stream, bursts.pauses, bursts.starts)
-    found: dict[tuple[object, ...], Tried] = {}
-    starts: list[Tried] = []
-    plain, marks = joined(recording), marks_of(stream[: WINDOWS[0]])
+    bursts = find_bursts(recording)
+    scale = make_bit_scale(stream, bursts.pauses, bursts.starts)
+    found: dict[tuple[object, ...], FramingTrial] = {}
+    starts: list[FramingTrial] = []
+    plain, marks = join_chunks(recording), find_marks(stream[: TRIAL_WINDOWS[0]])
     for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts, marks)), MOST_GUESSES):
         tried = _try(recording, plain, guess, scale)
         if tried is not None:
             starts.append(tried)
-    after = _after_noise(recording, plain, starts, marks, scale)
+    after = _try_after_noise(recording, plain, starts, marks, scale)
     starts = [each for each in starts if each.bits >= LEAST_BITS]
-    for guess in dict.fromkeys(_with_prefix(starts)):
+    for guess in dict.fromkeys(_add_prefixes(starts)):
         tried = _try(recording, plain, guess, scale)
         if tried is not None and tried.bits >= LEAST_BITS:
             starts.append(tried)
@@ -161,7 +161,7 @@ def _tried(recording: LineRecording) -> list[Tried]:
     starts.sort(key=_preference)
     for tried in starts:
         found.setdefault((tried.guess.kind, tried.cut.places), tried)
-    return _ranked(list(found.values()))
+    return _rank_trials(list(found.values()))
 
 
 def _guesses(
@@ -169,31 +169,31 @@ def _guesses(
 ) -> Iterator[Guess]:
     size = LONGEST_FRAME
     for mark in (*[known for known in KNOWN_ENDS if stream.count(known) >= LEAST_FRAMES - 1], *marks):
-        for place in splits_of(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
+        for place in rank_mark_splits(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
             prefix, suffix = mark[place:], mark[:place]
             if suffix:
                 kind = CutKind.PREFIX_SUFFIX if prefix else CutKind.SUFFIX
                 yield Guess(kind, Framing(size, prefix, suffix))
-    for fixed in sizes_of(stream, bursts, marks):
+    for fixed in find_frame_sizes(stream, bursts, marks):
         yield Guess(CutKind.SIZE, Framing(fixed))
         for mark in marks:
-            prefix = mark[splits_of(mark, stream, bursts.pauses)[0] :] or mark
+            prefix = mark[rank_mark_splits(mark, stream, bursts.pauses)[0] :] or mark
             yield Guess(CutKind.PREFIX, Framing(fixed, prefix[:fixed]))
-    for field in fields_of(stream, bursts):
+    for field in find_length_fields(stream, bursts):
         yield Guess(CutKind.LENGTH, Framing(field.head), field)
     if bursts.is_clear:
         middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
         timeout = max(1, middle // MILLISECOND) * MILLISECOND
         yield Guess(CutKind.GAP, Framing(size, timeout_ns=timeout))
-    places = {mark: places_of(mark, stream[: WINDOWS[0]]) for mark in marks}
+    places = {mark: find_places(mark, stream[: TRIAL_WINDOWS[0]]) for mark in marks}
     for start in marks:
         for end in marks:
-            if start != end and take_turns(places[start], places[end]):
+            if start != end and is_alternating(places[start], places[end]):
                 yield Guess(CutKind.PREFIX_SUFFIX, Framing(size, start, end))
 
 
-def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
-    for each in _ranked(list(tried)):
+def _add_prefixes(tried: Sequence[FramingTrial]) -> Iterator[Guess]:
+    for each in _rank_trials(list(tried)):
         guess = each.guess
         if guess.kind not in (CutKind.SUFFIX, CutKind.SIZE, CutKind.GAP):
             continue
@@ -201,33 +201,33 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
         contents = [
             frame.content[: len(frame.content) - len(guess.framing.suffix)] for frame in each.cut.good
         ]
-        start = common_start(contents[1:])[: min(room, 8)]
+        start = common_prefix(contents[1:])[: min(room, 8)]
         kind = CutKind.PREFIX_SUFFIX if guess.kind is CutKind.SUFFIX else CutKind.PREFIX
-        for prefix in dict.fromkeys((_known(start), start)):
+        for prefix in dict.fromkeys((_known_start(start), start)):
             if prefix:
                 yield replace(guess, kind=kind, framing=structs.replace(guess.framing, prefix=prefix))
 
 
-def _after_noise(
+def _try_after_noise(
     recording: LineRecording,
     plain: LineRecording,
-    tried: Sequence[Tried],
+    tried: Sequence[FramingTrial],
     marks: Sequence[bytes],
     scale: Scale,
-) -> list[Tried]:
-    found: list[Tried] = []
+) -> list[FramingTrial]:
+    found: list[FramingTrial] = []
     stream = b"".join([chunk.payload for chunk in plain.chunks])
     ends = sorted([each for each in tried if each.guess.kind is CutKind.SUFFIX], key=lambda each: -each.bits)
     known = {each.guess for each in ends}
-    shorter = [guess for guess in dict.fromkeys(_heads(ends)) if guess not in known][:MOST_HEADS]
+    shorter = [guess for guess in dict.fromkeys(_shorten_suffixes(ends)) if guess not in known][:MOST_HEADS]
     more = [_try(recording, plain, guess, scale) for guess in shorter]
     for each in (*ends[:MOST_SUFFIXES], *filter(None, more)):
         suffix = each.guess.framing.suffix
-        is_both = stands_twice(suffix, stream)
+        is_both = is_begin_and_end_mark(suffix, stream)
         prefix = suffix if is_both else start_after_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
         guess = Guess(CutKind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
         made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
-        if made is None or (is_both and not _is_in_step(made.cut, suffix)):
+        if made is None or (is_both and not _is_flag_framing(made.cut, suffix)):
             continue
         bits = max(made.bits, each.bits) + 1
         if bits >= LEAST_BITS:
@@ -235,18 +235,18 @@ def _after_noise(
     return found
 
 
-def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
+def _shorten_suffixes(ends: Sequence[FramingTrial]) -> Iterator[Guess]:
     for each in ends[:3]:
         suffix = each.guess.framing.suffix
         for size in range(1, min(len(suffix), 5)):
             yield Guess(CutKind.SUFFIX, Framing(LONGEST_FRAME, b"", suffix[:size]))
 
 
-def _is_in_step(made: Cut, flag: bytes) -> bool:
+def _is_flag_framing(made: Cut, flag: bytes) -> bool:
     return 3 * made.noise <= made.total and all(len(frame.content) > 2 * len(flag) for frame in made.good)
 
 
-def _known(start: bytes) -> bytes:
+def _known_start(start: bytes) -> bytes:
     """Return the known mark with which bytes begin."""
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
@@ -260,7 +260,7 @@ def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int
 
 def _try(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
-) -> Tried | None:
+) -> FramingTrial | None:
     """Try a guess. `is_noise`: what is before a prefix is noise by other evidence, and no exception."""
     made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
@@ -268,28 +268,28 @@ def _try(
     if len(good) < LEAST_FRAMES or explained < LEAST_EXPLAINED * made.total:
         return None
     framing = guess.framing
-    if is_amid_lines(good, scale, framing.suffix):
+    if is_word_in_lines(good, scale, framing.suffix):
         return None
     if framing.timeout_ns:
         scale = replace(scale, pauses=frozenset())  # they are what it cuts by: no evidence
     weighed = replace(made, noise_runs=0, total=made.total - made.noise) if is_noise else made
-    bits = weight(weighed, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
+    bits = saved_bits(weighed, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
     if framing.timeout_ns:
         each = GAP_BITS / 2 if recording.source == "tcp" else GAP_BITS
         are_alike = len({len(frame.content) for frame in good}) == 1
         bits = max(bits, 0.0) + each * min(len(good), 15) / (1.5 if are_alike else 1)
-    return Tried(guess, made, bits)
+    return FramingTrial(guess, made, bits)
 
 
 # -- ranks ---------------------------------------------------------------------------------------------------
 
 
-def _group(tried: Tried) -> tuple[object, ...]:
-    is_marked = tried.guess.kind in MARKED and not tried.guess.framing.timeout_ns
+def _group(tried: FramingTrial) -> tuple[object, ...]:
+    is_marked = tried.guess.kind in MARK_KINDS and not tried.guess.framing.timeout_ns
     return (is_marked or tried.guess, tried.cut.places)
 
 
-def _ranked(tried: list[Tried]) -> list[Tried]:
+def _rank_trials(tried: list[FramingTrial]) -> list[FramingTrial]:
     tried = [each for each in tried if not _is_chance(each, tried)]
     weights: dict[tuple[object, ...], float] = {}
     for each in tried:
@@ -297,14 +297,14 @@ def _ranked(tried: list[Tried]) -> list[Tried]:
     best = max(weights.values(), default=0.0)
     kept = [each for each in tried if weights[_group(each)] >= LEAST_SHARE * best]
     kept.sort(key=lambda each: (-weights[_group(each)], str(_group(each)[0]), _preference(each)))
-    proposals: list[Tried] = []
+    proposals: list[FramingTrial] = []
     for each in kept:
-        if not any(_is_like(each, other) for other in proposals):
+        if not any(_is_variant_of(each, other) for other in proposals):
             proposals.append(each)
     return proposals[:MOST_PROPOSALS]
 
 
-def _is_like(tried: Tried, better: Tried) -> bool:
+def _is_variant_of(tried: FramingTrial, better: FramingTrial) -> bool:
     ours, theirs = tried.cut.places, better.cut.places
     if ours == theirs:
         return False
@@ -315,24 +315,24 @@ def _is_like(tried: Tried, better: Tried) -> bool:
     return is_coarser or is_shifted
 
 
-def _is_chance(tried: Tried, others: Sequence[Tried]) -> bool:
+def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
     """Return whether its suffix is another one that a few times had the same byte before it."""
     suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
-    return frames < FEW and any(
+    return frames < FEW_FRAMES and any(
         other.guess.framing.suffix != suffix
         and suffix.endswith(other.guess.framing.suffix or b"-")
-        and len(other.cut.good) >= FEW * frames
+        and len(other.cut.good) >= FEW_FRAMES * frames
         for other in others
         if other.guess.kind is CutKind.SUFFIX
     )
 
 
-def _ranks(tried: Sequence[Tried]) -> list[int]:
+def _ranks(tried: Sequence[FramingTrial]) -> list[int]:
     groups = list(dict.fromkeys(_group(each) for each in tried))
     return [groups.index(_group(each)) + 1 for each in tried]
 
 
-def _preference(tried: Tried) -> tuple[int, int, int, int]:
+def _preference(tried: FramingTrial) -> tuple[int, int, int, int]:
     kind, framing = tried.guess.kind, tried.guess.framing
     order = list(CutKind).index(kind) + 3
     width = USUAL_WIDTHS.index(tried.guess.field.width) if tried.guess.field else 0
@@ -346,7 +346,7 @@ def _preference(tried: Tried) -> tuple[int, int, int, int]:
 
 
 def _proposal(
-    rank: int, tried: Tried, made: Cut, recording: LineRecording, best: tuple[Guess, Cut]
+    rank: int, tried: FramingTrial, made: Cut, recording: LineRecording, best: tuple[Guess, Cut]
 ) -> Proposal:
     guess, good = tried.guess, made.good
     longest = max(len(frame.content) for frame in good)
@@ -360,8 +360,8 @@ def _proposal(
         framing=framing if guess.field is None else None,
         field=guess.field,
         evidence=evidence_of(guess.kind, framing, guess.field, made, recording),
-        doubt=(*doubt_of(guess.kind, framing, made, recording), *_doubt_of_noise(good, *best)),
-        instead=instead_of(guess.field),
+        doubt=(*list_doubts(guess.kind, framing, made, recording), *_describe_noise_doubt(good, *best)),
+        instead=describe_workaround(guess.field),
         frames=len(good),
         of_frames=len(made.frames),
         explained=sum([len(frame.content) for frame in good]),
@@ -370,12 +370,12 @@ def _proposal(
         left=made.left,
         broken=made.broken,
         longest=longest,
-        preview=shown(made.frames),
+        preview=make_preview(made.frames),
     )
 
 
-def _doubt_of_noise(good: Sequence[Placed], best: Guess, clean: Cut) -> tuple[str, ...]:
-    number = with_noise(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
+def _describe_noise_doubt(good: Sequence[LocatedFrame], best: Guess, clean: Cut) -> tuple[str, ...]:
+    number = count_noisy_frames(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
     if not number:
         return ()
     left_out = title_of(best.kind, best.framing, None)

@@ -36,7 +36,7 @@ def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
     return known[name]
 
 
-def lines_for(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
+def make_commands(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
     """Return the lines that let an instance cut as proposed; raise UserError where it cannot."""
     decl = framed_instance(name, project, where)
     framing = proposal.framing
@@ -47,12 +47,12 @@ def lines_for(proposal: Proposal, project: Project, name: str, where: str = "fra
         raise mistake(where, f"{proposal.title} for a {decl.block}", "a suffix or a gap, or a ReceiveData")
     lines: list[str] = []
     if not is_text:
-        lines += _room(decl, project, framing)
+        lines += _make_resize_command(decl, project, framing)
     lines += _marks(decl, project, framing, is_text)
-    return (*lines, f"pulse {name} Reset", _pins(decl, project, framing, is_text))
+    return (*lines, f"pulse {name} Reset", _make_set_command(decl, project, framing, is_text))
 
 
-def _room(decl: InstanceDecl, project: Project, framing: Framing) -> Iterator[str]:
+def _make_resize_command(decl: InstanceDecl, project: Project, framing: Framing) -> Iterator[str]:
     data = project.data_decl(decl.data or "")
     if data is not None and data.size < framing.size:
         yield f"resize {data.name} ARRAY[0..{framing.size - 1}] OF BYTE"
@@ -68,7 +68,7 @@ def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool
         area = project.data_decl(pointers[place])
         is_written = place == 1 and names[0] == pointers[1] and framing.prefix not in (b"", framing.suffix)
         if area is None or area.size < len(content) or is_written or _is_shared(area.name, decl, project):
-            names[place] = _new_name(f"{decl.name}_{('prefix', 'suffix')[place]}", project)
+            names[place] = _make_unused_name(f"{decl.name}_{('prefix', 'suffix')[place]}", project)
             yield f"add data {names[place]} ARRAY[0..{max(4, len(content)) - 1}] OF BYTE"
         yield f"write {names[place]} hex {content.hex(' ').upper()}"
     if names != pointers:
@@ -81,12 +81,12 @@ def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
     return name == decl.data or any(name in (each.data, *each.pointers) for each in others)
 
 
-def _new_name(wanted: str, project: Project) -> str:
+def _make_unused_name(wanted: str, project: Project) -> str:
     known = {each.name for each in project.data} | {each.name for each in project.instances}
     return next(name for n in counted(1) if (name := f"{wanted}{n if n > 1 else ''}") not in known)
 
 
-def _pins(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> str:
+def _make_set_command(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> str:
     timeout = f"Timeout={format_time(framing.timeout_ns)}"
     if is_text:
         return f"set {decl.name} {timeout}"
@@ -101,7 +101,7 @@ def _pins(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool)
 APPLY: Final = "apply"
 
 
-def buffer_of(name: str, project: Project, where: str) -> str:
+def find_buffer(name: str, project: Project, where: str) -> str:
     """Return the ComBuffer of that name, or the one that an instance of that name reads."""
     buffers = {each.name: each.name for each in project.combuffers}
     known = buffers | {
@@ -112,11 +112,11 @@ def buffer_of(name: str, project: Project, where: str) -> str:
     return known[name]
 
 
-def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
+def parse_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
     """Return what stands after `framing`: its name, its ComBuffer, which proposal to apply (0: none)."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")
-    buffer = buffer_of(name, project, where)
+    buffer = find_buffer(name, project, where)
     if not words:
         return name, buffer, 0
     word = words.next(APPLY)
@@ -130,11 +130,11 @@ def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int
     return name, buffer, int(number)
 
 
-def told(recording: LineRecording) -> str:
+def describe_framings(recording: LineRecording) -> str:
     return advise(recording).text()
 
 
-def chosen_lines(
+def make_proposal_commands(
     recording: LineRecording, project: Project, name: str, number: int, where: str
 ) -> tuple[str, ...]:
     """Return the lines that apply a proposal; raise UserError where there is none of that number."""
@@ -144,4 +144,4 @@ def chosen_lines(
         raise mistake(where, f"no proposal ({advice.said})", "a recording that parts into frames")
     if number > len(numbers):
         raise mistake(where, f"proposal {number}", f"one of {', '.join(numbers)}")
-    return lines_for(advice.proposals[number - 1], project, name, where)
+    return make_commands(advice.proposals[number - 1], project, name, where)

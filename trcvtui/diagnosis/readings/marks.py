@@ -11,7 +11,7 @@ from math import isqrt, log2
 from typing import Final
 
 from trcvtui.blocks.serial.com_buffer import LineRecording
-from trcvtui.diagnosis.readings.trial import KNOWN_STARTS, TEXT, LengthField, Placed
+from trcvtui.diagnosis.readings.trial import KNOWN_STARTS, TEXT, LengthField, LocatedFrame
 
 LONGEST_MARK: Final = 12
 MOST_SEEDS: Final = 10
@@ -19,8 +19,8 @@ MOST_MARKS: Final = 7
 MOST_PLACES: Final = 100  # of a mark that are looked at
 LONGEST_LAG: Final = 300
 LEAST_TIMES: Final = 3
-ALIKE: Final = 0.9
-WIDTHS: Final = ((1, "big"), (2, "big"), (2, "little"), (4, "big"), (4, "little"))
+ALIKE_SHARE: Final = 0.9
+LENGTH_WIDTHS: Final = ((1, "big"), (2, "big"), (2, "little"), (4, "big"), (4, "little"))
 USUAL_WIDTHS: Final = (2, 1, 4)
 MOST_FIELDS: Final = 8
 LAST_POSITION: Final = 8
@@ -28,7 +28,7 @@ LEAST_MEAN: Final = 4  # bytes of a frame with a length field
 FIRST_STEPS: Final = 8
 MOST_ALIKE: Final = 64  # so many frames of one size are no work of a length field
 LONGEST_FRAME: Final = 8192
-LONGER: Final = 3  # times a pause of a burst
+PAUSE_RATIO: Final = 3  # times a pause of a burst
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,14 @@ class Bursts:
     is_clear: bool
 
 
-def bursts_of(recording: LineRecording) -> Bursts:
+def find_bursts(recording: LineRecording) -> Bursts:
     """Part a recording at the pauses that are much longer than the others."""
     chunks = recording.chunks
     times = sorted({b.t_ns - a.t_ns for a, b in pairwise(chunks) if not b.begins})
     longest = max(recording.tick_ns, 1)
     pairs = [(b / max(a, longest), a, b) for a, b in zip([0, *times], times, strict=False)]
     _, within, between = max(pairs, default=(0.0, 0, 0))
-    is_clear = between >= LONGER * max(longest, within)
+    is_clear = between >= PAUSE_RATIO * max(longest, within)
     pauses, starts, at, before = [], [], 0, 0
     for chunk in chunks:
         if chunk.begins or at == 0:
@@ -72,7 +72,7 @@ def bursts_of(recording: LineRecording) -> Bursts:
 # -- marks ---------------------------------------------------------------------------------------------------
 
 
-def marks_of(stream: bytes) -> list[bytes]:
+def find_marks(stream: bytes) -> list[bytes]:
     """Return the runs of bytes that come again and again, the most telling first."""
     counts = Counter(stream)
     total = len(stream)
@@ -85,39 +85,41 @@ def marks_of(stream: bytes) -> list[bytes]:
             expected = counts[a] * counts[b] / total
             worth[bytes([a, b])] = number * log2(max(1.01, number / expected))
     seeds = sorted(worth, key=lambda mark: -worth[mark])[:MOST_SEEDS]
-    found = dict.fromkeys(grown(seed, stream) for seed in seeds)
+    found = dict.fromkeys(grow_mark(seed, stream) for seed in seeds)
     return list(found)[:MOST_MARKS]
 
 
-def grown(mark: bytes, stream: bytes) -> bytes:
+def grow_mark(mark: bytes, stream: bytes) -> bytes:
     """Return a mark with all that stands beside it each time."""
-    places = places_of(mark, stream)[:MOST_PLACES]
+    places = find_places(mark, stream)[:MOST_PLACES]
     before = after = 0
     while len(mark) + before + after < LONGEST_MARK:
         following = Counter(stream[p + len(mark) + after : p + len(mark) + after + 1] for p in places)
-        byte = _always(following)
+        byte = _constant_neighbour(following)
         if byte:
             after += 1
             continue
-        byte = _always(Counter(stream[p - before - 1 : p - before] for p in places if p > before))
+        byte = _constant_neighbour(Counter(stream[p - before - 1 : p - before] for p in places if p > before))
         if not byte:
             break
         before += 1
     for p in places:
         whole = stream[p - before : p + len(mark) + after] if p >= before else b""
-        if len(whole) == before + len(mark) + after and stream.count(whole) >= ALIKE * (len(places) - 1):
+        if len(whole) == before + len(mark) + after and stream.count(whole) >= ALIKE_SHARE * (
+            len(places) - 1
+        ):
             return whole
     return mark
 
 
-def _always(beside: Counter[bytes]) -> bytes:
+def _constant_neighbour(beside: Counter[bytes]) -> bytes:
     """Return the byte that stands there nearly each time, b"" where none does."""
     beside.pop(b"", None)
     (byte, number) = beside.most_common(1)[0] if beside else (b"", 0)
-    return byte if number >= LEAST_TIMES - 1 and number >= ALIKE * beside.total() else b""
+    return byte if number >= LEAST_TIMES - 1 and number >= ALIKE_SHARE * beside.total() else b""
 
 
-def places_of(mark: bytes, stream: bytes) -> list[int]:
+def find_places(mark: bytes, stream: bytes) -> list[int]:
     """Return where a mark stands; those that overlap are one."""
     places, at = [], stream.find(mark)
     while at >= 0:
@@ -126,16 +128,16 @@ def places_of(mark: bytes, stream: bytes) -> list[int]:
     return places
 
 
-def take_turns(starts: Sequence[int], ends: Sequence[int]) -> bool:
+def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
     """Return whether there is one start to each end; these are their places."""
     if abs(len(starts) - len(ends)) > 1 + len(starts) // 10:
         return False
     turns = sorted([(place, 0) for place in starts] + [(place, 1) for place in ends])
     changes = sum([a[1] != b[1] for a, b in pairwise(turns)])
-    return changes >= ALIKE * (len(turns) - 1)
+    return changes >= ALIKE_SHARE * (len(turns) - 1)
 
 
-def splits_of(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
+def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
     """Return how many bytes of a mark may be a suffix, what follows being the prefix: the likeliest first."""
     starts = sorted({0, *pauses})
     ends = [*[place for place in starts if place], len(stream)]
@@ -147,7 +149,7 @@ def splits_of(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
     return [place for _, _, place in sorted(votes, reverse=True)]
 
 
-def common_start(contents: Sequence[bytes]) -> bytes:
+def common_prefix(contents: Sequence[bytes]) -> bytes:
     """Return the bytes with which all begin."""
     if not contents:
         return b""
@@ -159,24 +161,24 @@ def common_start(contents: Sequence[bytes]) -> bytes:
 # -- sizes ---------------------------------------------------------------------------------------------------
 
 
-def sizes_of(stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> list[int]:
+def find_frame_sizes(stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> list[int]:
     """Return the sizes that all frames may have."""
     found: Counter[int] = Counter()
     if bursts.is_clear:
         size, number = Counter(bursts.lengths).most_common(1)[0]
         found[size] += 4 * number
     for mark in marks:
-        places = places_of(mark, stream)
+        places = find_places(mark, stream)
         steps = Counter(b - a for a, b in pairwise(places))
         for size, number in steps.most_common(1):
             if number >= LEAST_TIMES and number * 2 >= steps.total():
                 found[size] += number
-    for lag in _lags(stream):
+    for lag in _find_periods(stream):
         found[lag] += 1
     return [size for size, _ in found.most_common(4) if 1 < size <= LONGEST_FRAME]
 
 
-def _lags(stream: bytes) -> Iterator[int]:
+def _find_periods(stream: bytes) -> Iterator[int]:
     whole = int.from_bytes(stream, "little")
     size = len(stream)
     alike = {}
@@ -196,33 +198,33 @@ def _lags(stream: bytes) -> Iterator[int]:
 # -- length fields -------------------------------------------------------------------------------------------
 
 
-def fields_of(stream: bytes, bursts: Bursts) -> list[LengthField]:
+def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
     """Return the length fields that lead from frame to frame through the whole recording."""
     starts = frozenset((*bursts.pauses, *bursts.starts))
     ends = sorted({*bursts.starts, len(stream)} - {0})
     found: list[tuple[float, LengthField]] = []
-    for width, order in WIDTHS:
+    for width, order in LENGTH_WIDTHS:
         for position in range(LAST_POSITION):
             head = position + width
             first = stream[: bursts.lengths[0]] if bursts.is_clear else b""
             plain = LengthField(position, width, order, 0)
-            seen = len(first) - plain.size_of(first) if len(first) >= head else 0
+            seen = len(first) - plain.frame_size(first) if len(first) >= head else 0
             for more in dict.fromkeys((head, 0, position, head + 1, head + 2, width, max(0, seen))):
                 field = LengthField(position, width, order, more)
-                score = _walk(stream, field, ends, starts)
+                score = _score_field(stream, field, ends, starts)
                 if score > 0:
                     found.append((score, field))
     found.sort(key=lambda each: (-each[0], USUAL_WIDTHS.index(each[1].width)))
     return [field for _, field in found[:MOST_FIELDS]]
 
 
-def _walk(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
+def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
     """Return how well a walk by the lengths goes; 0: it gets lost."""
     at, met, sizes, begun = 0, 0, set(), []
     head = field.head
     for end in ends:
         while at + head <= end:
-            size = field.size_of(stream[at : at + head])
+            size = field.frame_size(stream[at : at + head])
             if size < max(2, head) or size > LONGEST_FRAME:
                 return 0.0
             sizes.add(size)
@@ -240,7 +242,7 @@ def _walk(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozen
         return 0.0
     missed = max(0, len([place for place in pauses if place]) - met)
     alike = [_share(stream, begun[:64], place) for place in range(LAST_POSITION)]
-    return 4.0 * (met - missed) / frames + sum([share > ALIKE for share in alike]) + (at == len(stream))
+    return 4.0 * (met - missed) / frames + sum([share > ALIKE_SHARE for share in alike]) + (at == len(stream))
 
 
 def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
@@ -254,19 +256,19 @@ def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
 # every frame is the prefix when no data precedes it: noise comes and goes, or is a control byte in a text.
 
 NEARLY_ALL: Final = 0.9
-FEW: Final = 5  # frames: so few have a byte in common by chance
-LEAST_STRAIGHT: Final = 0.25  # of the frames begin with a prefix that is not known as one
+FEW_FRAMES: Final = 5  # frames: so few have a byte in common by chance
+LEAST_CLEAN_SHARE: Final = 0.25  # of the frames begin with a prefix that is not known as one
 LEAST_TEXT: Final = 0.9  # of the bytes after a control byte that always has noise before it
-LEAST_JOINED: Final = 3
+LEAST_ADJACENT_MARKS: Final = 3
 LONGEST_PREFIX: Final = 8
-MOST_LOOKED_AT: Final = 40  # frames
+MOST_NOISE_FRAMES: Final = 40  # frames
 
 
 def start_after_noise(
-    good: Sequence[Placed], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
+    good: Sequence[LocatedFrame], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
 ) -> bytes:
     """Return the prefix of frames that were cut by their suffix alone, b"" where no noise is before any."""
-    bodies = [frame.content[: len(frame.content) - len(suffix)] for frame in good[:MOST_LOOKED_AT]]
+    bodies = [frame.content[: len(frame.content) - len(suffix)] for frame in good[:MOST_NOISE_FRAMES]]
     bodies = [body for body in bodies if body]
     found = []
     for mark in _candidates(bodies, marks):
@@ -282,14 +284,14 @@ def start_after_noise(
 def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
     """Yield what may stand once in each: marks, and bytes with what is beside them each time."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
-    if len(bodies) < FEW:
+    if len(bodies) < FEW_FRAMES:
         return
     once = Counter(byte for body in bodies for byte, number in Counter(body).items() if number == 1)
     for byte in [byte for byte, number in once.items() if number >= NEARLY_ALL * len(bodies) - 1]:
-        yield _grown(bytes([byte]), bodies)
+        yield _grow_start(bytes([byte]), bodies)
 
 
-def _grown(mark: bytes, bodies: Sequence[bytes]) -> bytes:
+def _grow_start(mark: bytes, bodies: Sequence[bytes]) -> bytes:
     having = [(body, body.find(mark)) for body in bodies if body.count(mark) == 1]
     before, after = 0, len(mark)
     while after + before < LONGEST_PREFIX:
@@ -315,7 +317,7 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
         return False  # that is where the frames begin, or where they really end
     straight = before.count(b"") / len(before)
     is_control = mark in KNOWN_STARTS and not set(mark) & TEXT
-    if is_control and straight < LEAST_STRAIGHT:
+    if is_control and straight < LEAST_CLEAN_SHARE:
         after = b"".join([rest for _, _, rest in parts])
         return sum([byte in TEXT for byte in after]) >= LEAST_TEXT * max(1, len(after))
     if is_control:
@@ -323,31 +325,31 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     if is_text and set(mark) & TEXT and mark not in KNOWN_STARTS:
         return False  # words stand in lines
     is_data = last > 2 and last >= NEARLY_ALL * (len(before) - before.count(b""))
-    return straight >= LEAST_STRAIGHT and not is_data
+    return straight >= LEAST_CLEAN_SHARE and not is_data
 
 
 def _commonest(values: Sequence[bytes]) -> int:
     return max(Counter(filter(None, values)).values(), default=0)
 
 
-def stands_twice(mark: bytes, stream: bytes) -> bool:
+def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
     """Return whether a mark may both begin and end frames: some follow another at once, where no noise is.
 
     That all these then are at the borders of frames, and none is an empty frame, is what the trial tells.
     """
-    places = places_of(mark, stream)
+    places = find_places(mark, stream)
     joined = sum([b - a == len(mark) for a, b in pairwise(places)])
-    return joined >= max(LEAST_JOINED, len(places) / 12) and joined <= len(places) / 2
+    return joined >= max(LEAST_ADJACENT_MARKS, len(places) / 12) and joined <= len(places) / 2
 
 
-def always_between(clean: Sequence[Placed]) -> int:
+def count_bytes_between(clean: Sequence[LocatedFrame]) -> int:
     """Return how many bytes stand between nearly all frames; 0: none, or now these, now those."""
     sizes = Counter(b.start - a.end for a, b in pairwise(clean))
     size, number = sizes.most_common(1)[0] if sizes else (0, 0)
     return size if number >= NEARLY_ALL * sizes.total() else 0
 
 
-def with_noise(frames: Sequence[Placed], clean: Sequence[Placed]) -> int:
+def count_noisy_frames(frames: Sequence[LocatedFrame], clean: Sequence[LocatedFrame]) -> int:
     """Return how many frames have bytes in them that lie between two clean ones, or before the first."""
     starts, ends = [frame.start for frame in clean], [frame.end for frame in clean]
     if not starts:

@@ -12,16 +12,16 @@ from itertools import pairwise
 from math import isfinite
 from typing import Final, NamedTuple
 
-FEW: Final = 4  # messages, below which nothing is said
-MOST: Final = 500  # messages that are looked at
+FEW_MESSAGES: Final = 4  # messages, below which nothing is said
+MOST_MESSAGES: Final = 500  # messages that are looked at
 MOST_BYTES: Final = 4096  # of a message
 LEAST_SHARE: Final = 0.9  # of the steps that are alike
 MOST_STEP: Final = 1000
-REALS: Final = 1e-4, 1e7  # as large as what plants measure
-MOST_OF_A_BYTE: Final = 224  # how far apart the values of a number with one low byte are
-MOST_SPREAD: Final = 1e4  # between the largest and the smallest of one REAL
+REAL_RANGE: Final = 1e-4, 1e7  # as large as what plants measure
+MOST_BYTE_RANGE: Final = 224  # how far apart the values of a number with one low byte are
+MOST_REAL_RATIO: Final = 1e4  # between the largest and the smallest of one REAL
 BIG, LITTLE = "big", "little"
-_MARKS: Final = {BIG: ">", LITTLE: "<"}
+_STRUCT_ORDERS: Final = {BIG: ">", LITTLE: "<"}
 
 
 class FoundMember(NamedTuple):
@@ -50,15 +50,15 @@ class FoundType(NamedTuple):
         return "\n".join((*lines, "END_STRUCT", "END_TYPE", ""))
 
 
-def members_of(messages: Sequence[bytes]) -> FoundType | None:
+def find_members(messages: Sequence[bytes]) -> FoundType | None:
     """Return the members of messages of one size; None: too few, or nothing but bytes."""
     size = len(messages[0]) if messages else 0
-    if len(messages) < FEW or size > MOST_BYTES or any(len(one) != size for one in messages):
+    if len(messages) < FEW_MESSAGES or size > MOST_BYTES or any(len(one) != size for one in messages):
         return None
-    messages = messages[:MOST]
+    messages = messages[:MOST_MESSAGES]
     found, at = [], 0
     while at < size:
-        member = _member(messages, at, size)
+        member = _find_member(messages, at, size)
         if member is not None:
             found.append(member)
         at += member.size if member is not None else 1
@@ -69,17 +69,17 @@ def members_of(messages: Sequence[bytes]) -> FoundType | None:
         return None
     order = max((BIG, LITTLE), key=lambda each: weights[each])
     kept = [one for one in found if one.order in (order, "")]
-    return FoundType(tuple(_with_rest(kept, messages, size)), order)
+    return FoundType(tuple(_fill_gaps(kept, messages, size)), order)
 
 
-def _with_rest(found: Sequence[FoundMember], messages: Sequence[bytes], size: int) -> Iterator[FoundMember]:
+def _fill_gaps(found: Sequence[FoundMember], messages: Sequence[bytes], size: int) -> Iterator[FoundMember]:
     """Yield the members, and what is between them as bytes: those that never change apart."""
     at = 0
     for one in (*found, FoundMember(size, 0, "", "", "")):
         while at < one.at:
             end = at + 1
-            fixed = _is_fixed(messages, at)
-            while end < one.at and _is_fixed(messages, end) == fixed:
+            fixed = _is_constant_byte(messages, at)
+            while end < one.at and _is_constant_byte(messages, end) == fixed:
                 end += 1
             value = messages[0][at : min(end, at + 8)].hex(" ").upper() + (" .." if end > at + 8 else "")
             yield FoundMember(at, end - at, "", "", f"always {value}" if fixed else "they change")
@@ -89,36 +89,36 @@ def _with_rest(found: Sequence[FoundMember], messages: Sequence[bytes], size: in
             at = one.at + one.size
 
 
-def _is_fixed(messages: Sequence[bytes], at: int) -> bool:
+def _is_constant_byte(messages: Sequence[bytes], at: int) -> bool:
     return len({one[at] for one in messages}) == 1
 
 
-def _member(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
+def _find_member(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
     if at % 2 == 0 and at + 4 <= size:
-        found = _counter(messages, at, 4) or _real(messages, at)
+        found = _find_counter(messages, at, 4) or _find_real(messages, at)
         if found is not None:
             return found
     if at % 2 == 0 and at + 2 <= size:
-        found = _counter(messages, at, 2) or _number(messages, at)
+        found = _find_counter(messages, at, 2) or _find_number(messages, at)
         if found is not None:
             return found
-    return _counter(messages, at, 1)
+    return _find_counter(messages, at, 1)
 
 
-def _counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
+def _find_counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
     """Return a number that goes on by the same step: its low byte changes each time."""
     type_ = {4: "UDINT", 2: "UINT", 1: "USINT"}[size]
     for order in (BIG, LITTLE):
         low = at + size - 1 if order == BIG else at
         high = at if order == BIG else at + size - 1
-        if _is_fixed(messages, low):
+        if _is_constant_byte(messages, low):
             continue
-        if size == 4 and _is_fixed(messages, high) and messages[0][high]:
+        if size == 4 and _is_constant_byte(messages, high) and messages[0][high]:
             continue  # the high byte of so large a counter is 0, or it changes
         values = [int.from_bytes(one[at : at + size], order) for one in messages]  # type: ignore[arg-type]
         steps = Counter((b - a) % (1 << 8 * size) for a, b in pairwise(values))
         step, often = steps.most_common(1)[0]
-        if size == 2 and _is_fixed(messages, high) and values[-1] <= values[0]:
+        if size == 2 and _is_constant_byte(messages, high) and values[-1] <= values[0]:
             continue  # it has gone round in its low byte
         if 0 < step <= min(MOST_STEP, 1 << 8 * size - 3) and often >= LEAST_SHARE * (len(values) - 1):
             proof = f"counts by {step} in {often} of {len(values) - 1} steps"
@@ -126,18 +126,18 @@ def _counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember | Non
     return None
 
 
-def _real(messages: Sequence[bytes], at: int) -> FoundMember | None:
+def _find_real(messages: Sequence[bytes], at: int) -> FoundMember | None:
     """Return a REAL: in one byte order all values are such as plants measure, and not in the other one."""
     spreads: dict[str, tuple[float, float, float]] = {}
     if len({one[at : at + 4] for one in messages}) < 2:
         return None
-    for order, mark in _MARKS.items():
+    for order, mark in _STRUCT_ORDERS.items():
         values = [struct.unpack_from(f"{mark}f", one, at)[0] for one in messages]
         sizes = [abs(value) for value in values if value]
-        least, most = REALS
+        least, most = REAL_RANGE
         if not sizes or not all(isfinite(v) and least <= v <= most for v in sizes):
             continue
-        if max(sizes) <= MOST_SPREAD * min(sizes):
+        if max(sizes) <= MOST_REAL_RATIO * min(sizes):
             spreads[order] = max(sizes) / min(sizes), min(values), max(values)
     if not spreads:
         return None
@@ -147,15 +147,15 @@ def _real(messages: Sequence[bytes], at: int) -> FoundMember | None:
     return FoundMember(at, 4, "REAL", order, proof)
 
 
-def _number(messages: Sequence[bytes], at: int) -> FoundMember | None:
+def _find_number(messages: Sequence[bytes], at: int) -> FoundMember | None:
     """Return a whole number: one of two bytes changes far less often than the other."""
     different = [len({one[at + n] for one in messages}) for n in (0, 1)]
     low, high = max(different), min(different)
-    if low < 2 * FEW or high * 4 > low:
+    if low < 2 * FEW_MESSAGES or high * 4 > low:
         return None
     order = BIG if different[0] == high else LITTLE
     values = [int.from_bytes(one[at : at + 2], order, signed=True) for one in messages]  # type: ignore[arg-type]
-    if high == 1 and max(values) - min(values) > MOST_OF_A_BYTE:
+    if high == 1 and max(values) - min(values) > MOST_BYTE_RANGE:
         return None  # a byte that says anything, beside one that never changes
     proof = f"{len(messages)} values between {min(values)} and {max(values)}"
     return FoundMember(at, 2, "INT", order, proof)

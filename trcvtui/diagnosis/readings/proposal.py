@@ -8,14 +8,14 @@ from typing import Final
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
-from trcvtui.diagnosis.readings.marks import always_between
-from trcvtui.diagnosis.readings.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, Placed
+from trcvtui.diagnosis.readings.marks import count_bytes_between
+from trcvtui.diagnosis.readings.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, LocatedFrame
 from trcvtui.udt.literals import format_time
 from trcvtui.wording import count
 
 MOST_SHOWN: Final = 8  # frames of a preview
 MOST_BYTES_SHOWN: Final = 48  # of each
-NAMES: Final = {
+CONTROL_NAMES: Final = {
     0x00: "NUL", 0x01: "SOH", 0x02: "STX", 0x03: "ETX", 0x04: "EOT", 0x05: "ENQ", 0x06: "ACK", 0x0A: "LF",
     0x0D: "CR", 0x09: "TAB", 0x15: "NAK", 0x17: "ETB", 0x1B: "ESC", 0x20: "SP",
 }  # fmt: skip
@@ -31,7 +31,7 @@ class CutKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ShownFrame:
+class PreviewFrame:
     """One frame of a preview: its first bytes, how many it has, where it stands, what ended it."""
 
     content: bytes
@@ -66,7 +66,7 @@ class Proposal:
     left: int
     broken: int
     longest: int
-    preview: tuple[ShownFrame, ...]
+    preview: tuple[PreviewFrame, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,32 +87,32 @@ class FramingAdvice:
         return "\n".join(lines)
 
 
-def shown(frames: tuple[Placed, ...]) -> tuple[ShownFrame, ...]:
+def make_preview(frames: tuple[LocatedFrame, ...]) -> tuple[PreviewFrame, ...]:
     """Return the first frames, each cut to what can be shown."""
     return tuple(
         [
-            ShownFrame(frame.content[:MOST_BYTES_SHOWN], len(frame.content), frame.start, str(frame.ending))
+            PreviewFrame(frame.content[:MOST_BYTES_SHOWN], len(frame.content), frame.start, str(frame.ending))
             for frame in frames[:MOST_SHOWN]
         ]
     )
 
 
-def named(mark: bytes) -> str:
+def spell(mark: bytes) -> str:
     """Return a mark as `0D 0A (CR LF)`."""
-    names = [NAMES.get(byte, f"'{chr(byte)}'" if 0x20 < byte < 0x7F else "") for byte in mark]
+    names = [CONTROL_NAMES.get(byte, f"'{chr(byte)}'" if 0x20 < byte < 0x7F else "") for byte in mark]
     return f"{mark.hex(' ').upper()} ({' '.join(names)})" if all(names) else mark.hex(" ").upper()
 
 
-FEW: Final = 5
-ORDERS: Final = {"big": "high byte first", "little": "low byte first"}
+FEW_FRAMES: Final = 5
+BYTE_ORDER_TEXTS: Final = {"big": "high byte first", "little": "low byte first"}
 
 
 def title_of(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
     if field is not None:
-        width = "byte" if field.width == 1 else f"bytes, {ORDERS[field.order]}"
-        return f"length field: {field.width} {width}, at byte {field.position}; {_counts(field)}"
-    parts = [f"prefix {named(framing.prefix)}"] if framing.prefix else []
-    parts += [f"suffix {named(framing.suffix)}"] if framing.suffix else []
+        width = "byte" if field.width == 1 else f"bytes, {BYTE_ORDER_TEXTS[field.order]}"
+        return f"length field: {field.width} {width}, at byte {field.position}; {_length_meaning(field)}"
+    parts = [f"prefix {spell(framing.prefix)}"] if framing.prefix else []
+    parts += [f"suffix {spell(framing.suffix)}"] if framing.suffix else []
     if not framing.suffix:
         ends_by_gap = framing.timeout_ns != 0
         parts.append(
@@ -121,7 +121,7 @@ def title_of(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
     return ", ".join(parts)
 
 
-def _counts(field: LengthField) -> str:
+def _length_meaning(field: LengthField) -> str:
     if field.more == 0:
         return "counts the whole frame"
     after = field.more - field.head
@@ -142,11 +142,11 @@ def evidence_of(
     is_both = framing.prefix == framing.suffix
     if framing.suffix:
         elsewhere = stream.count(framing.suffix) - number * (2 if is_both else 1)
-        told.append(f"{number} of {frames} end in {named(framing.suffix)}{_else(framing.suffix, elsewhere)}")
+        told.append(f"{number} of {frames} end in {spell(framing.suffix)}{_else(framing.suffix, elsewhere)}")
     if framing.prefix:
         elsewhere = stream.count(framing.prefix) - number * (2 if is_both else 1)
         told.append(
-            f"{number} of {frames} begin with {named(framing.prefix)}{_else(framing.prefix, elsewhere)}"
+            f"{number} of {frames} begin with {spell(framing.prefix)}{_else(framing.prefix, elsewhere)}"
         )
     if field is not None:
         told.append(
@@ -164,10 +164,10 @@ def evidence_of(
     )
     explained = sum([len(frame.content) for frame in good])
     told.append(f"{count(number, 'frame')}, {size}: {explained} of {count(made.total, 'byte')}")
-    borders = _borders(made, recording)
+    borders = _count_chunk_borders(made, recording)
     if borders is not None:
         told.append(f"{borders[0]} of {borders[1]} chunks begin where a frame does")
-    return (*told, *_rest(made))
+    return (*told, *_describe_rest(made))
 
 
 def _else(mark: bytes, elsewhere: int) -> str:
@@ -177,7 +177,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
     return f"; {plain} occurs {'once' if elsewhere == 1 else f'{elsewhere} times'} elsewhere"
 
 
-def _borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
+def _count_chunk_borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
     """Return how many chunks begin where a frame does; None where that says nothing."""
     starts, at = [], 0
     for chunk in recording.chunks:
@@ -190,7 +190,7 @@ def _borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
     return (both, len(starts)) if len(starts) > 2 and 2 * both > len(starts) else None
 
 
-def _rest(made: Cut) -> list[str]:
+def _describe_rest(made: Cut) -> list[str]:
     rest = []
     bad = (
         [frame for frame in made.frames if frame not in made.good]
@@ -209,21 +209,21 @@ def _rest(made: Cut) -> list[str]:
     return [f"left over: {'; '.join(rest)}"] if rest else []
 
 
-def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
+def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
     doubt = []
     if framing.timeout_ns and recording.source == "tcp":
         doubt.append("a gap over TCP is a guess: the network joins and parts what was sent")
-    if len(made.good) < FEW:
+    if len(made.good) < FEW_FRAMES:
         doubt.append(f"{count(len(made.good), 'frame')} are few: record more")
-    if framing.prefix and (len(made.good) < FEW or not _is_delimiter(framing)):
-        doubt.append(f"{named(framing.prefix)} may be data that has not changed yet")
+    if framing.prefix and (len(made.good) < FEW_FRAMES or not _is_delimiter(framing)):
+        doubt.append(f"{spell(framing.prefix)} may be data that has not changed yet")
     if framing.suffix and set(framing.suffix) <= TEXT and framing.suffix not in KNOWN_ENDS:
-        doubt.append(f"{named(framing.suffix)} may be data")
+        doubt.append(f"{spell(framing.suffix)} may be data")
     lone = sum([frame.content == framing.suffix for frame in made.good])
     if lone * 3 >= len(made.good):
         frames = count(len(made.good), "frame")
-        doubt.append(f"{lone} of {frames} are {named(framing.suffix)} alone: it may begin frames too")
-    left_out = always_between(made.good) if kind is CutKind.PREFIX_SUFFIX else 0
+        doubt.append(f"{lone} of {frames} are {spell(framing.suffix)} alone: it may begin frames too")
+    left_out = count_bytes_between(made.good) if kind is CutKind.PREFIX_SUFFIX else 0
     if left_out:
         stand = "byte stands" if left_out == 1 else "bytes stand"
         doubt.append(
@@ -243,7 +243,7 @@ def _is_delimiter(framing: Framing) -> bool:
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")
 
 
-def instead_of(field: LengthField | None) -> str:
+def describe_workaround(field: LengthField | None) -> str:
     """Return what does it where ReceiveData cannot."""
     if field is None:
         return ""

@@ -14,13 +14,13 @@ from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
-from trcvtui.diagnosis.frame_causes import is_session, judged_messages, sizes_of
-from trcvtui.diagnosis.line_facts import PAUSE_NS, LineFacts, LineMessage, facts_of
-from trcvtui.diagnosis.message_joints import length_of
+from trcvtui.diagnosis.frame_causes import is_session, measure_sizes, select_whole_messages
+from trcvtui.diagnosis.line_facts import PAUSE_NS, LineFacts, LineMessage, collect_facts
+from trcvtui.diagnosis.message_joints import find_length_field
 from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise
-from trcvtui.diagnosis.readings.members import FoundType, members_of
-from trcvtui.diagnosis.readings.proposal import CutKind, evidence_of, instead_of, title_of
-from trcvtui.diagnosis.readings.trial import LengthField, cut_by_length, joined
+from trcvtui.diagnosis.readings.members import FoundType, find_members
+from trcvtui.diagnosis.readings.proposal import CutKind, describe_workaround, evidence_of, title_of
+from trcvtui.diagnosis.readings.trial import LengthField, cut_by_length, join_chunks
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
@@ -50,10 +50,10 @@ class Suggestion(NamedTuple):
 def suggest(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
     """Write a project, and beside it its types; return what it says, a line a PLC end. Raise UserError."""
     given = None if plc is None else parse_plc(plc)
-    lines = [line for path in paths for line in facts_of([path], given, receives=True).lines]
+    lines = [line for path in paths for line in collect_facts([path], given, receives=True).lines]
     best: dict[object, Suggestion] = {}
     for line in lines:
-        found = _suggestion(line)
+        found = _suggest_for_line(line)
         if found is not None:
             known = best.get(line.plc_end)
             if known is None or line.to_plc.bytes > known.line.to_plc.bytes:
@@ -69,35 +69,35 @@ def suggest(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, 
             raise mistake("--suggest", f"{taken}, which is there already", "the name of a new file")
     if types:
         write_file(beside, types, "--suggest", is_new=True)
-    write_file(project, "\n".join(_toml(kept, beside.name if types else "")), "--suggest", is_new=True)
+    write_file(project, "\n".join(_to_toml(kept, beside.name if types else "")), "--suggest", is_new=True)
     return tuple([f"{project}: {one.line.plc}: {one.proof[0]}" for one in kept])
 
 
 # -- one conversation ----------------------------------------------------------------------------------------
 
 
-def _suggestion(line: LineFacts) -> Suggestion | None:
-    messages = judged_messages(line)
+def _suggest_for_line(line: LineFacts) -> Suggestion | None:
+    messages = select_whole_messages(line)
     if len(messages) < LEAST_MESSAGES or is_session(line):
         return None
-    sizes = sizes_of(messages)
+    sizes = measure_sizes(messages)
     is_datagram = line.protocol == "udp"
     if line.protocol != "serial" and sizes.share >= LEAST_SHARE and 0 < sizes.usual <= MOST_DATA:
         fitting = round(sizes.share * sizes.messages)
         proof = f"messages of {sizes.usual} bytes: {fitting} of {sizes.messages}"
-        return _of_size(line, sizes.usual, is_datagram, proof, 0 if line.has_begin else messages[0].at)
+        return _suggest_size(line, sizes.usual, is_datagram, proof, 0 if line.has_begin else messages[0].at)
     most = min(max(one.size for one in messages), MOST_DATA)
     whole = sum(one.pieces == 1 and one.size <= most for one in messages)
     if not is_datagram:
         comes_whole = line.protocol != "serial" and whole >= LEAST_SHARE * len(messages)
-        found = _framed(line, takes_gap=not comes_whole)
+        found = _suggest_framing(line, takes_gap=not comes_whole)
         if found is not None or line.protocol == "serial":
             return found
-    return _at_once(line, ())
+    return _suggest_ad_hoc(line, ())
 
 
-def _at_once(line: LineFacts, against: Sequence[str]) -> Suggestion:
-    messages = judged_messages(line)
+def _suggest_ad_hoc(line: LineFacts, against: Sequence[str]) -> Suggestion:
+    messages = select_whole_messages(line)
     most = min(max(one.size for one in messages), MOST_DATA)
     whole = sum(one.pieces == 1 and one.size <= most for one in messages)
     is_datagram = line.protocol == "udp"
@@ -107,13 +107,13 @@ def _at_once(line: LineFacts, against: Sequence[str]) -> Suggestion:
     return Suggestion(line, most, not is_datagram, is_datagram, None, None, (proof, *against))
 
 
-def _of_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: int) -> Suggestion:
+def _suggest_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: int) -> Suggestion:
     content = bytes(line.to_plc.content)
     parts = [content[at : at + size] for at in range(start, len(content) - size + 1, size)]
-    return Suggestion(line, size, False, is_datagram, None, members_of(parts), (proof,))
+    return Suggestion(line, size, False, is_datagram, None, find_members(parts), (proof,))
 
 
-def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
+def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
     content, said = bytes(line.to_plc.content), line.to_plc.writes
     chunks = [
         LineChunk(one.ns - line.first_ns, content[one.at : one.at + one.size], not number)
@@ -122,7 +122,7 @@ def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
     ]
     source = "serial" if line.protocol == "serial" else "tcp"
     recording = LineRecording(source, tuple(chunks), line.last_ns - line.first_ns, 1)
-    if source == "tcp" and (told := _by_length(line, recording)) is not None:
+    if source == "tcp" and (told := _suggest_length_field(line, recording)) is not None:
         return told
     against, rank = list[str](), 1
     for each in advise(recording).proposals:
@@ -133,28 +133,28 @@ def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
         )
         if each.explained < LEAST_SHARE * each.total or (each.kind is CutKind.GAP and not takes_gap):
             continue
-        if doubt := _against(line, each.framing.suffix) if source == "tcp" and each.framing else "":
+        if doubt := _contradiction(line, each.framing.suffix) if source == "tcp" and each.framing else "":
             against.append(f"not {each.title}: {doubt}")
             rank = each.rank + 1
             continue
         if each.kind is CutKind.SIZE and each.framing is not None and source == "tcp":
-            return _of_size(line, each.framing.size, False, whole, 0)
+            return _suggest_size(line, each.framing.size, False, whole, 0)
         proof = (whole, *each.evidence, *each.doubt, *against)
         if each.framing is not None:
             return Suggestion(line, each.longest, True, False, each.framing, None, proof)
         if source == "tcp":
             return Suggestion(line, each.longest, True, False, None, None, (*proof, each.instead))
-    return None if not against else _at_once(line, against)
+    return None if not against else _suggest_ad_hoc(line, against)
 
 
-def _by_length(line: LineFacts, recording: LineRecording) -> Suggestion | None:
+def _suggest_length_field(line: LineFacts, recording: LineRecording) -> Suggestion | None:
     """Return what a length field says that is right in each message between two pauses."""
     content = bytes(line.to_plc.content)
-    place = length_of([content[one.at : one.at + one.size] for one in _whole_messages(line, content)])
+    place = find_length_field([content[one.at : one.at + one.size] for one in _whole_messages(line, content)])
     if place is None:
         return None
     field = LengthField(*place)
-    made = cut_by_length(joined(recording), field, MOST_DATA, MOST_FRAMES)
+    made = cut_by_length(join_chunks(recording), field, MOST_DATA, MOST_FRAMES)
     explained = sum(len(frame.content) for frame in made.good)
     if not made.good or explained < LEAST_SHARE * made.total:
         return None
@@ -162,14 +162,14 @@ def _by_length(line: LineFacts, recording: LineRecording) -> Suggestion | None:
     frames = f"{len(made.good)} of {len(made.frames)} frames, {explained} of {made.total} bytes"
     proof = f"{title_of(kind, framing, field)}: {frames}", *evidence_of(kind, framing, field, made, recording)
     longest = max(len(frame.content) for frame in made.good)
-    return Suggestion(line, longest, True, False, None, None, (*proof, instead_of(field)))
+    return Suggestion(line, longest, True, False, None, None, (*proof, describe_workaround(field)))
 
 
 def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
-    return [one for one in judged_messages(line) if one.at + one.size <= len(content)]
+    return [one for one in select_whole_messages(line) if one.at + one.size <= len(content)]
 
 
-def _against(line: LineFacts, suffix: bytes) -> str:
+def _contradiction(line: LineFacts, suffix: bytes) -> str:
     """Return that messages do not end in a suffix where they pause; "": they do, or none pauses."""
     content, messages = bytes(line.to_plc.content), line.messages
     ends = [
@@ -186,8 +186,8 @@ def _against(line: LineFacts, suffix: bytes) -> str:
 # -- the project ---------------------------------------------------------------------------------------------
 
 
-def _toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
-    dialect = _dialect(any(one.framing is not None for one in found))
+def _to_toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
+    dialect = _choose_dialect(any(one.framing is not None for one in found))
     marks = [(n, one.framing) for n, one in enumerate(found, 1) if one.framing is not None]
     yield "# What the partner's bytes say by themselves, with the proof of each. Addresses are the capture's."
     yield f'dialect = "{dialect}"'
@@ -204,9 +204,9 @@ def _toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
     for n, one in enumerate(found, 1):
         yield ""
         yield from (f"# {' '.join(text.split())}" for text in one.proof)
-        yield from _data(n, one)
-        yield from _line(n, one)
-        yield from _receiver(n, one, dialect)
+        yield from _format_data(n, one)
+        yield from _format_line(n, one)
+        yield from _format_receiver(n, one, dialect)
 
 
 def _table(kind: str, **keys: object) -> Iterator[str]:
@@ -217,7 +217,7 @@ def _table(kind: str, **keys: object) -> Iterator[str]:
             yield f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {shown}"
 
 
-def _data(n: int, one: Suggestion) -> Iterator[str]:
+def _format_data(n: int, one: Suggestion) -> Iterator[str]:
     order, type_ = None, f"ARRAY[0..{max(one.size, 1) - 1}] OF BYTE"
     if one.type is not None:
         order, type_ = one.type.order, f"Message_{n}"
@@ -232,7 +232,7 @@ def _data(n: int, one: Suggestion) -> Iterator[str]:
                 yield from _table("data", name=f"{word}_{n}", type=size)
 
 
-def _line(n: int, one: Suggestion) -> Iterator[str]:
+def _format_line(n: int, one: Suggestion) -> Iterator[str]:
     line = one.line
     if line.protocol == "serial":
         return
@@ -254,7 +254,7 @@ def _line(n: int, one: Suggestion) -> Iterator[str]:
         yield from _table("watch", name=f"L{n}", plc=line.plc, connect=name)
 
 
-def _dialect(frames: bool) -> str:
+def _choose_dialect(frames: bool) -> str:
     """Return the first dialect; with `frames` the first with a block that cuts by marks of any bytes."""
     return next(
         name
@@ -263,20 +263,20 @@ def _dialect(frames: bool) -> str:
     )
 
 
-def _block(dialect: str, is_it: Callable[[BlockRow], object]) -> BlockRow:
+def _choose_block(dialect: str, is_it: Callable[[BlockRow], object]) -> BlockRow:
     return next(row for row in map(block_row, DIALECTS[dialect].blocks) if is_it(row))
 
 
-def _receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
+def _format_receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
     framing, is_serial = one.framing, one.line.protocol == "serial"
     if one.is_datagram:
-        row = _block(dialect, lambda row: row.receives and row.speaks_udp)
+        row = _choose_block(dialect, lambda row: row.receives and row.speaks_udp)
         yield from _table(
             "instance", name=f"{row.name}_{n}", block=row.name, config=f"C{n}", addr=f"from_{n}",
             data=f"data_{n}", EN_R=True,
         )  # fmt: skip
         return
-    row = _block(dialect, lambda row: row.receives and row.connects)
+    row = _choose_block(dialect, lambda row: row.receives and row.connects)
     if not is_serial:
         data = f"data_{n}" if framing is None else f"chunk_{n}"
         yield from _table(
@@ -286,7 +286,7 @@ def _receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
     if framing is None:
         return
     yield from _table("combuffer", name=f"RX_{n}", source="sim" if is_serial else f"{row.name}_{n}")
-    row = _block(dialect, lambda row: row.mark_lengths)
+    row = _choose_block(dialect, lambda row: row.mark_lengths)
     keys: dict[str, object] = {row.buffer_pin: f"RX_{n}", "data": f"data_{n}"}
     marks = zip(
         row.pointers, row.mark_lengths, ("prefix", "suffix"), (framing.prefix, framing.suffix), strict=True

@@ -12,11 +12,11 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.framing import Frame, FrameEnding, Framer, Framing
 from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 
-PIECE: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
-GOOD: Final = frozenset({FrameEnding.SUFFIX, FrameEnding.SIZE})
+PIECE_BYTES: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
+GOOD_ENDINGS: Final = frozenset({FrameEnding.SUFFIX, FrameEnding.SIZE})
 
 
-class Placed(NamedTuple):
+class LocatedFrame(NamedTuple):
     """A frame, and where it stands in the recording."""
 
     start: int
@@ -43,7 +43,7 @@ class LengthField:
         """Return how many bytes are needed to know the length."""
         return self.position + self.width
 
-    def size_of(self, head: bytes) -> int:
+    def frame_size(self, head: bytes) -> int:
         field = head[self.position : self.head]
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 
@@ -56,7 +56,7 @@ class Cut:
     the frame that has no end yet.
     """
 
-    frames: tuple[Placed, ...]
+    frames: tuple[LocatedFrame, ...]
     noise: int
     noise_runs: int
     broken: int
@@ -65,9 +65,9 @@ class Cut:
     gaps: bool = False
 
     @cached_property
-    def good(self) -> list[Placed]:
+    def good(self) -> list[LocatedFrame]:
         """Return the frames that ended as the framing says."""
-        endings = GOOD | {FrameEnding.GAP} if self.gaps else GOOD
+        endings = GOOD_ENDINGS | {FrameEnding.GAP} if self.gaps else GOOD_ENDINGS
         return [frame for frame in self.frames if frame.ending in endings]
 
     @cached_property
@@ -78,82 +78,82 @@ class Cut:
 
 def cut(recording: LineRecording, framing: Framing, most: int = 0) -> Cut:
     """Return the frames of a recording, at most so many (0: all); without a suffix a gap is a good end."""
-    return _Run(recording, framing, most).run()
+    return _TrialRun(recording, framing, most).run()
 
 
 def cut_by_length(recording: LineRecording, field: LengthField, longest: int, most: int = 0) -> Cut:
     """Return the frames of a length field: a job for the head, then one for the rest."""
-    return _Run(recording, Framing(field.head), most, (field, longest)).run()
+    return _TrialRun(recording, Framing(field.head), most, (field, longest)).run()
 
 
-class _Run:
+class _TrialRun:
     def __init__(
         self, recording: LineRecording, framing: Framing, most: int, by: tuple[LengthField, int] | None = None
     ) -> None:
         self._recording, self._framing, self._by = recording, framing, by
         self._most = most or recording.size + 1
         self._framer = Framer()
-        self._frames: list[Placed] = []
+        self._frames: list[LocatedFrame] = []
         self._at = self._broken = self._noise_runs = 0
         self._head = b""  # of a frame with a length field
         self._asked = framing
 
     def run(self) -> Cut:
         recording, before = self._recording, 0
-        for chunk in recording.chunks if self._framing.timeout_ns else _joined(recording.chunks):
+        for chunk in recording.chunks if self._framing.timeout_ns else _join_by_connection(recording.chunks):
             if len(self._frames) >= self._most:
                 break
             if chunk.begins:
-                self._break()
+                self._break_connection()
             elif self._framing.timeout_ns and chunk.t_ns - recording.tick_ns > before:
-                self._gap(chunk.t_ns - recording.tick_ns)  # the last call before it
-            for start in range(0, len(chunk.payload), PIECE):
-                self._take(chunk.payload[start : start + PIECE], chunk.t_ns)
+                self._pass_gap(chunk.t_ns - recording.tick_ns)  # the last call before it
+            for start in range(0, len(chunk.payload), PIECE_BYTES):
+                self._add_bytes(chunk.payload[start : start + PIECE_BYTES], chunk.t_ns)
             before = chunk.t_ns
         if self._framing.timeout_ns:
-            self._gap(recording.until_ns)
+            self._pass_gap(recording.until_ns)
         left = self._framer.queued + len(self._head)
         gaps = bool(self._framing.timeout_ns) and not self._framing.suffix
         frames = tuple(self._frames)
         return Cut(frames, self._framer.discarded, self._noise_runs, self._broken, left, self._at, gaps)
 
-    def _break(self) -> None:
+    def _break_connection(self) -> None:
         self._broken += len(self._framer.flush()) + len(self._head)
         self._head, self._asked = b"", self._framing
 
-    def _gap(self, now: int) -> None:
-        self._ended(self._framer.feed(b"", self._asked, now).frame)
+    def _pass_gap(self, now: int) -> None:
+        self._add_frame(self._framer.feed(b"", self._asked, now).frame)
 
-    def _take(self, payload: bytes, now: int) -> None:
+    def _add_bytes(self, payload: bytes, now: int) -> None:
         while payload and len(self._frames) < self._most:
             noise = self._framer.discarded
             used, frame = self._framer.feed(payload, self._asked, now)
             self._noise_runs += self._framer.discarded > noise
             self._at += used
             payload = payload[used:]
-            self._ended(frame)
+            self._add_frame(frame)
 
-    def _ended(self, frame: Frame | None) -> None:
+    def _add_frame(self, frame: Frame | None) -> None:
         if frame is None:
             return
         content, ending = self._head + frame.content, frame.ending
         if self._by is not None and not self._head:
             field, longest = self._by
-            size = field.size_of(content)
+            size = field.frame_size(content)
             if field.head < size <= longest:
                 self._head, self._asked = content, Framing(size - field.head)
                 return
             ending = FrameEnding.SIZE if size == field.head else FrameEnding.OVERRUN
         self._head, self._asked = b"", self._framing
-        self._frames.append(Placed(self._at - len(content), content, ending))
+        self._frames.append(LocatedFrame(self._at - len(content), content, ending))
 
 
-def joined(recording: LineRecording) -> LineRecording:
+def join_chunks(recording: LineRecording) -> LineRecording:
     """Return it with the bytes of each connection in one chunk."""
-    return replace(recording, chunks=tuple(_joined(recording.chunks)))
+    return replace(recording, chunks=tuple(_join_by_connection(recording.chunks)))
 
 
-def _joined(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
+def _join_by_connection(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
     """Yield the bytes of each connection in one: without a timeout nothing depends on when they came."""
     begun: list[LineChunk] = []
     for chunk in chunks:
@@ -170,12 +170,12 @@ def _joined(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
 # Rule: what is alike in all frames, lengths that are alike, and ends where the line pauses save bits; each
 # exception costs some. So noise, in which nothing is alike, saves none, whatever framing is laid over it.
 
-COLUMNS: Final = 8  # bytes at either end of the frames that are compared place by place
-EXCEPTION: Final = 8.0  # bits of a frame that ended otherwise, of a piece of noise
-MOST_OF_A_MARK: Final = 24.0  # bits that the mere number of a mark is worth
+COMPARED_COLUMNS: Final = 8  # bytes at either end of the frames that are compared place by place
+EXCEPTION_BITS: Final = 8.0  # bits of a frame that ended otherwise, of a piece of noise
+MOST_MARK_BITS: Final = 24.0  # bits that the mere number of a mark is worth
 TEXT: Final = frozenset(range(0x20, 0x7F)) | {0x09}
 KNOWN_ENDS: Final = (b"\r\n", b"\n", b"\r", b"\x03", b"\x04", b"\x00", b"\x7e", b"\xc0", b"\x17")
-FLAGS: Final = (b"\x7e", b"\xc0")
+FLAG_BYTES: Final = (b"\x7e", b"\xc0")
 LINE_ENDS: Final = (b"\n", b"\r", b"\x03")
 KNOWN_STARTS: Final = (b"\x02", b"\x01", b"\x7e", b"\xc0", b":", b"$", b"!", b"\xaa\x55")
 
@@ -197,7 +197,7 @@ class Scale:
         return printable >= 0.75 * self.total
 
 
-def scale_of(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Scale:
+def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Scale:
     """Return the scale of a recording; `pauses` are the places before which the line was surely quiet."""
     counts = Counter(stream)
     total = max(1, len(stream))
@@ -205,7 +205,7 @@ def scale_of(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Sca
     return Scale(costs, counts, frozenset(pauses), frozenset(starts), total)
 
 
-def weight(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
+def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
     """Return how many bits a cut saves. `told_lengths`: the frames themselves say how long they are."""
     good = cut.good
     if len(good) < 2:
@@ -218,16 +218,16 @@ def weight(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths
         ended = sum([bits for place, bits in columns.items() if place != -len(suffix)])
         saved = max(saved, ended)
     begun = {frame.start for frame in good}
-    saved += _aligned(good, scale.pauses, cut.total)
-    saved += EXCEPTION * (len(scale.starts & begun) - (1 if cut.left else 0))
+    saved += _score_alignment(good, scale.pauses, cut.total)
+    saved += EXCEPTION_BITS * (len(scale.starts & begun) - (1 if cut.left else 0))
     runs = len(cut.frames) - len(good)
     if cut.noise_runs:
-        saved -= cut.noise_runs * max(EXCEPTION, log2(1 + cut.noise))
-    saved += _of_marks(good, scale, prefix, suffix) - EXCEPTION * (1 + runs)
+        saved -= cut.noise_runs * max(EXCEPTION_BITS, log2(1 + cut.noise))
+    saved += _score_marks(good, scale, prefix, suffix) - EXCEPTION_BITS * (1 + runs)
     return saved * (sum(lengths) / cut.total) ** 2  # what it does not explain speaks against it
 
 
-def is_amid_lines(good: Sequence[Placed], scale: Scale, suffix: bytes) -> bool:
+def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) -> bool:
     """Return whether a suffix is but a word of a text whose lines end elsewhere, once in each frame."""
     if not suffix or not scale.is_text or not set(suffix) <= TEXT:
         return False
@@ -235,11 +235,11 @@ def is_amid_lines(good: Sequence[Placed], scale: Scale, suffix: bytes) -> bool:
     return sum(once) >= 0.9 * len(good)
 
 
-def _columns(good: Sequence[Placed], scale: Scale) -> dict[int, float]:
+def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
     """Return what each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
     shortest = min(len(frame.content) for frame in good)
-    from_end = min(COLUMNS, shortest // 2)
-    places = [*range(min(COLUMNS, shortest - from_end)), *range(-from_end, 0)]
+    from_end = min(COMPARED_COLUMNS, shortest // 2)
+    places = [*range(min(COMPARED_COLUMNS, shortest - from_end)), *range(-from_end, 0)]
     found = {}
     for place in places:
         bits = _bits_saved([frame.content[place] for frame in good], scale.costs)
@@ -266,7 +266,7 @@ def _bits_of_lengths(lengths: Sequence[int]) -> float:
     return 2 * log2(max(lengths) + 1) + min(len(lengths) * each, learned)
 
 
-def _aligned(good: Sequence[Placed], pauses: frozenset[int], total: int) -> float:
+def _score_alignment(good: Sequence[LocatedFrame], pauses: frozenset[int], total: int) -> float:
     inner = {place for place in pauses if 0 < place < total}
     ends = {frame.end for frame in good} | {frame.start for frame in good}
     ends -= {0, total}
@@ -286,16 +286,16 @@ def _choices(of: int, some: int) -> float:
     return (lgamma(of + 1) - lgamma(some + 1) - lgamma(of - some + 1)) / log(2)
 
 
-def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes) -> float:
+def _score_marks(good: Sequence[LocatedFrame], scale: Scale, prefix: bytes, suffix: bytes) -> float:
     number, bits = len(good), 0.0
     if (suffix in KNOWN_ENDS or suffix.lstrip(b"\r\n") in KNOWN_ENDS) and (scale.is_text or len(suffix) > 1):
-        bits += min(2.0 * number, MOST_OF_A_MARK)
+        bits += min(2.0 * number, MOST_MARK_BITS)
     if prefix in KNOWN_STARTS and scale.is_text:
-        bits += min(1.0 * number, MOST_OF_A_MARK / 2)
+        bits += min(1.0 * number, MOST_MARK_BITS / 2)
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
-    most = number * 3 if suffix in FLAGS else number  # a flag may begin frames too, or fill the pauses
+    most = number * 3 if suffix in FLAG_BYTES else number  # a flag may begin frames too, or fill the pauses
     if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
-        bits += min(_frequency(suffix[-1], scale), MOST_OF_A_MARK)
+        bits += min(_frequency(suffix[-1], scale), MOST_MARK_BITS)
     return bits
 
 
@@ -305,4 +305,4 @@ def _frequency(byte: int, scale: Scale) -> float:
     if share <= even or share == 1:
         return 0.0
     odd = share * log2(share / even) + (1 - share) * log2((1 - share) / (1 - even))
-    return max(0.0, scale.total * odd - EXCEPTION)
+    return max(0.0, scale.total * odd - EXCEPTION_BITS)

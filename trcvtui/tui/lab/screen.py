@@ -375,12 +375,12 @@ class LabScreen(SideScreen[None]):
 
     def action_data_as_theirs(self) -> None:
         """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
-        from trcvtui.diagnosis.data_view import chosen, view_line
+        from trcvtui.diagnosis.data_view import make_choice, view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]
         if self.lab.opened is not None or declared is None:
             self._trouble = "V is for DATA and the project's own types"
-        elif line := view_line(declared, chosen(theirs.layout, theirs.byte_order, theirs.text)):
+        elif line := view_command(declared, make_choice(theirs.layout, theirs.byte_order, theirs.text)):
             self.send(line)
             self._told = f"{declared.name} lies as theirs: {line}"
         else:

@@ -7,7 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual.binding import Binding
 
-from trcvtui.diagnosis.link import condition_word
+from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS_TEXT, security_of
 from trcvtui.tui.formatting import bar, cells, clip, lamp, pad, squeeze, status_word
@@ -111,7 +111,7 @@ class InstanceList(LineView):
         return all(word in text for word in self.words)
 
     def _word(self, instance: InstanceSnapshot) -> str:
-        return condition_word(self._view_model.project, instance.name, instance)
+        return describe_condition(self._view_model.project, instance.name, instance)
 
     def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
         """Return the pulses that still glow by the styles of their lamps."""

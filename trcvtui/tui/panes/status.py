@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from trcvtui.diagnosis.link import condition_word
+from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import UNVERIFIED_WARNING, security_of
@@ -75,7 +75,7 @@ class StatusHistory(LineView):
         return f"{skipped} lines came too fast for this list" if skipped else ""
 
     def _label(self, edge: StatusEdge, width: int) -> str:
-        condition = condition_word(self._view_model.project, edge.instance, edge)
+        condition = describe_condition(self._view_model.project, edge.instance, edge)
         return f"{status_word(edge.outputs.status)} {clip(condition, width)}"
 
     @property
@@ -195,7 +195,7 @@ def _lamp(edge: StatusEdge) -> str:
 if TYPE_CHECKING:
     from trcvtui.diagnosis.advice import Advice
     from trcvtui.diagnosis.data_view import Offer
-    from trcvtui.diagnosis.job import DoLine
+    from trcvtui.diagnosis.job import SuggestedAction
 
 LABEL: Final = 7
 BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
@@ -233,7 +233,7 @@ class StatusCard(TextView):
         self._letter_of, self._digit, self._view_model, self._actions = letter_of, digit, view_model, actions
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
-        self._do: tuple[DoLine, ...] = ()
+        self._do: tuple[SuggestedAction, ...] = ()
         self._do_rows = range(0)
 
     def _lines(self) -> tuple[str, ...]:
@@ -295,9 +295,9 @@ class StatusCard(TextView):
     def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
         if instance.framer is None or self._view_model.snapshot is None:
             return ()
-        from trcvtui.diagnosis.serial import warnings_of  # read when the first framer is here
+        from trcvtui.diagnosis.serial import list_framing_warnings  # read when the first framer is here
 
-        return warnings_of(self._view_model.snapshot, self._view_model.project, instance.name)
+        return list_framing_warnings(self._view_model.snapshot, self._view_model.project, instance.name)
 
     def _nothing(self) -> list[Row]:
         if self._view_model.project.instances or self._view_model.picture is None:
@@ -385,7 +385,7 @@ class StatusCard(TextView):
             text = text[:1].upper() + text[1:]
         return text if text.endswith((".", "?", "!", MARK)) else f"{text}."
 
-    def _with_keys(self, do: DoLine) -> str:
+    def _with_keys(self, do: SuggestedAction) -> str:
         """Return the sentence with the letter of a pin in place of each bench line that one does."""
         text = do.text
         for line in do.lines if self._past is None else ():

@@ -6,10 +6,10 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from trcvtui.diagnosis.advice import Advice, advice_on, because
+from trcvtui.diagnosis.advice import Advice, describe_cause, make_advice
 from trcvtui.diagnosis.card import Card, DataBytes
-from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.diagnosis.job import DoLine
+from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, past_evidence
+from trcvtui.diagnosis.job import SuggestedAction
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -23,7 +23,7 @@ NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]") 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
-    return "expected: " * shown.cause.is_expected + because(shown.cause, shown.block)
+    return "expected: " * shown.cause.is_expected + describe_cause(shown.cause, shown.block)
 
 
 class Explainer:
@@ -40,15 +40,15 @@ class Explainer:
         if evidence is None:
             return Advice(why(instance), ())
         index = self._view_model.stream_index
-        told = self._card.on(evidence, instance, index, self._bytes, "press `V` to read DATA with")
+        told = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
         verdict, remedy = self._verdict(instance.name)
         return replace(told, causes=(verdict, *told.causes), do=(remedy, *told.do)) if verdict else told
 
-    def _verdict(self, name: str) -> tuple[str, DoLine]:
+    def _verdict(self, name: str) -> tuple[str, SuggestedAction]:
         """Return the doctor's first finding and its remedy, "" where it has not looked or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
-            return "", DoLine("")
+            return "", SuggestedAction("")
         from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
@@ -59,9 +59,9 @@ class Explainer:
             is_whole = all(mend.command or mend.set for mend in steps)
             lines = tuple([mend.command for mend in steps if mend.command and is_whole])
             needs_trial = not all(mend.tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
-            do = DoLine(f"{remedy}`J` shows the evidence", lines, needs_trial)
+            do = SuggestedAction(f"{remedy}`J` shows the evidence", lines, needs_trial)
             return f"{one.title} ({one.cause}, {sure})", do
-        return "", DoLine("")
+        return "", SuggestedAction("")
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
@@ -72,7 +72,7 @@ class Explainer:
 
     def _evidence(self, name: str) -> Evidence | None:
         picture = self._view_model.picture
-        return evidence_now(picture, self._view_model.project, name) if picture else None
+        return make_current_evidence(picture, self._view_model.project, name) if picture else None
 
     @property
     def _bytes(self) -> DataBytes:
@@ -95,7 +95,7 @@ class Explainer:
         project = self._view_model.project
         decl = project.instance(edge.instance)
         facts, until = past_facts(self._view_model.lines, line, edge, decl.connect if decl else "")
-        return advice_on(evidence_then(line, edge, facts, until, project, self._interval_ns))
+        return make_advice(past_evidence(line, edge, facts, until, project, self._interval_ns))
 
     @property
     def _interval_ns(self) -> int:

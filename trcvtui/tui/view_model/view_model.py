@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.diagnosis.evidence import evidence_now
-from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
+from trcvtui.diagnosis.evidence import make_current_evidence
+from trcvtui.diagnosis.stream_messages import StreamMessage, find_messages
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import MAX_SCAN, HistoryRequest, HistoryWindow
 from trcvtui.history.stream_index import StreamIndex
@@ -344,8 +344,8 @@ class ViewModel:
         """Return the whole messages of the window on the past that has come last."""
         newest, window = self.live or self.picture, self.past
         if self._messages is None or self._messages[0] is not window:
-            evidence = evidence_now(newest, self.project, self.selected) if newest else None
-            found = messages_in(window, evidence) if window is not None and evidence is not None else []
+            evidence = make_current_evidence(newest, self.project, self.selected) if newest else None
+            found = find_messages(window, evidence) if window is not None and evidence is not None else []
             self._messages = window, found
         return self._messages[1]
 

@@ -25,7 +25,7 @@ from trcvtui.fleet.topics import (
     read,
     topic_of,
 )
-from trcvtui.line.tapped import NOTED, TapNote
+from trcvtui.line.tapped import NOTE_NAMES, TapNote
 from trcvtui.paths import configs_path
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -148,7 +148,7 @@ def test_the_schema_that_comes_along_is_that_of_the_messages_and_the_page_names_
 def test_the_page_of_a_tap_names_each_note_and_its_fields() -> None:
     page = (DOCS / "fleet-formats.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`(\w+)`", page))
-    assert {*NOTED.values(), *TapNote.__struct_fields__} <= named
+    assert {*NOTE_NAMES.values(), *TapNote.__struct_fields__} <= named
 
 
 def test_the_page_of_the_fleet_has_each_metric() -> None:

@@ -15,7 +15,7 @@ from trcvtui import clock
 from trcvtui.cli.main import main
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.history.records import MAX_SCAN
-from trcvtui.line.on_screen import _played, watch_main
+from trcvtui.line.on_screen import _play_shadows, watch_main
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.replay.time_line import TimeLine
@@ -136,7 +136,7 @@ def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(
     watch: Watch, tmp_path: Path
 ) -> None:
     watch([*handshake(), *stream(6, 6)])
-    line = _played([str(watch.path)], (None, None, None), tmp_path / "shadows.pcapng")
+    line = _play_shadows([str(watch.path)], (None, None, None), tmp_path / "shadows.pcapng")
     line.handle_line(1, "if instance.C1_TO_PLC.LEN=4")
     work(line)
     assert line._beside is not None and line._beside.run.parts_at
@@ -191,7 +191,7 @@ def test_without_a_project_the_messages_are_those_of_the_command_at_their_scans(
 
 
 def shown(path: Path, bench: Path | None) -> TimeLine:
-    return _played([str(path)], (bench, None, None), path.parent / "shadows.pcapng")
+    return _play_shadows([str(path)], (bench, None, None), path.parent / "shadows.pcapng")
 
 
 def test_what_is_no_capture_is_told_before_there_is_a_screen(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import LivePlan
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.tap_watch import TapWatch
-from trcvtui.line.tapped import NOTES, TapCapture
+from trcvtui.line.tapped import NOTES_ID, TapCapture
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import WAY_BACK, WAY_TO, TapEvent, TapEventKind, TapOrder, parse_order, parse_place
@@ -145,7 +145,7 @@ class Observed:
         self.watch.found.add_packets(reader, reader.link_types)
         player = self.watch.finish()
         assert isinstance(player.lines, WatchLines)
-        player.lines.end(player.close())
+        player.lines.write_outcome(player.close())
         return [json.loads(line) for line in "".join(self.lines).splitlines()]
 
     def blocks(self, *events: TapEvent) -> bytes:
@@ -201,7 +201,7 @@ def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> Non
 def test_a_typed_line_that_never_ends_is_left_out_and_said() -> None:
     tap = Observed()
     tap.read()
-    assert [len(tap.watch.type(part)) for part in (bytes(MOST_LINE), b"0", b"\n")] == [0, 1, 0]
+    assert [len(tap.watch.run_typed_lines(part)) for part in (bytes(MOST_LINE), b"0", b"\n")] == [0, 1, 0]
 
 
 def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_not_held() -> None:
@@ -212,7 +212,7 @@ def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_no
     def held(*blocks: bytes) -> list[int | None]:
         tap.read(*blocks)
         assert tap.watch.player is not None and tap.watch.player.talks is not None
-        return [each.to_plc.held for each in tap.watch.player.talks.snapshot()]
+        return [each.to_plc.held for each in tap.watch.player.talks.make_snapshots()]
 
     assert held(before, tap.capture.encode_loss(200 * MS, 3, 3, 1000), tap.capture.encode_open()) == [4]
     assert held(other.capture.head(300 * MS), other.capture.encode_open()) == [None]
@@ -252,7 +252,7 @@ def test_a_conversation_whose_begin_was_lost_has_its_ends_and_the_connect_of_its
     records = tap.read(tap.blocks(told, *later))
     assert records[-1]["assigned"] == [{"id": "C7", "shadows": ["C2"]}]
     assert [each["note"] for each in records if "conversation" in each] == ["begins in the middle"]
-    (shown,) = tap.watch.player.talks.snapshot()  # type: ignore[union-attr]
+    (shown,) = tap.watch.player.talks.make_snapshots()  # type: ignore[union-attr]
     assert (shown.tap, shown.partner, shown.plc) == ("TWO", "127.0.0.1:50000", "127.0.0.1:2000")
     assert (shown.to_plc.size, shown.from_plc.size) == (len(data), len(data))
 
@@ -286,7 +286,7 @@ def test_a_plc_that_calls_is_known_in_the_middle_of_a_conversation_too(
 def test_a_note_that_is_none_is_left_out(note: bytes) -> None:
     tap = Observed()
     whole = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
-    records = tap.read(packet_block(NOTES, 1, note), whole)
+    records = tap.read(packet_block(NOTES_ID, 1, note), whole)
     assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]
 
 

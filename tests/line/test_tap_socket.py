@@ -30,7 +30,7 @@ from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.line import live_screen
 from trcvtui.line.live_screen import TapSocketDriver
-from trcvtui.line.tap_socket import connection_to, socket_of
+from trcvtui.line.tap_socket import make_socket_path, open_connection
 from trcvtui.net.os import observers
 from trcvtui.net.os.observers import MOST_PATH_BYTES, PEER_CREDENTIALS, is_trusted, listen_at
 from trcvtui.net.tap import WAY_TO, TapOrder
@@ -53,7 +53,7 @@ class TapService:
         self.folder = folder
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.project = written(folder, LINE + TAP.format(port=self._listener.getsockname()[1]))
-        self.socket = socket_of(self.project)
+        self.socket = make_socket_path(self.project)
         self._said = folder / "said"
         with self._said.open("wb") as said:
             self.process = subprocess.Popen(
@@ -65,7 +65,7 @@ class TapService:
         self.port = int(self.said.split()[1].rpartition(":")[2])
 
     def _is_served(self) -> bool:
-        with suppress(UserError), socket.socket(fileno=connection_to(self.project)):
+        with suppress(UserError), socket.socket(fileno=open_connection(self.project)):
             return True
         return False
 
@@ -78,7 +78,7 @@ class TapService:
         return device, self._listener.accept()[0]
 
     def observer(self) -> socket.socket:
-        return socket.socket(fileno=connection_to(self.project))
+        return socket.socket(fileno=open_connection(self.project))
 
     def close(self) -> None:
         if self.process.poll() is None:
@@ -294,7 +294,7 @@ def test_observers_are_served_again_when_their_process_or_their_socket_is_gone(
 def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
     tap: TapService, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(live_screen, "SILENT_NS", 3 * SECOND)
+    monkeypatch.setattr(live_screen, "MOST_SILENT_NS", 3 * SECOND)
     monkeypatch.setattr(fleet_agent, "MOST_PAUSE_NS", SECOND)
     agent = Agent(AgentSettings(tap.project, "sim", "s", "n", None, None, None), load_bench(tap.project))
     device, plc = tap.connect()
@@ -345,7 +345,7 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
     finally:
         driver.close()
     with pytest.raises(UserError, match="found no tap, expected `trcvtui tap --project"):
-        connection_to(tap.project)
+        open_connection(tap.project)
 
 
 def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapService, short: Path) -> None:
@@ -381,13 +381,13 @@ def _be_another_user(_: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_folder_that_others_may_have_made_is_refused_at_both_ends(
     change: Callable[[Path, pytest.MonkeyPatch], None], short: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = socket_of(written(short, LINE))
+    path = make_socket_path(written(short, LINE))
     path.parent.mkdir(mode=0o700)
     with socket.socket(socket.AF_UNIX) as tap:
         tap.bind(str(path))
         tap.listen()
         change(path.parent, monkeypatch)
-        for ask in (lambda: connection_to(short / "line.toml"), lambda: listen_at(path)):
+        for ask in (lambda: open_connection(short / "line.toml"), lambda: listen_at(path)):
             with pytest.raises(UserError, match="expected a folder of yours, mode 700"):
                 ask()
 
@@ -422,7 +422,7 @@ serve_observers(*sys.argv[2:], sys.argv[1], "1", "{}")
 
 
 def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = socket_of(written(short, LINE))
+    path = make_socket_path(written(short, LINE))
     tap, events = socket.socketpair()
     ways, their_ways = socket.socketpair()
     with ways, their_ways, events, tap:
@@ -436,6 +436,6 @@ def test_neither_end_speaks_to_another_user(short: Path, monkeypatch: pytest.Mon
                 assert stranger.recv(1) == b""
             monkeypatch.setattr(observers, "is_trusted", lambda _: False)
             with pytest.raises(UserError, match="found a tap of another user"):
-                connection_to(short / "line.toml")
+                open_connection(short / "line.toml")
             tap.close()
     assert server.returncode == 0

@@ -31,7 +31,7 @@ BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.STANDS, W
 
 def packets_of(*events: TapEvent) -> list[TapPacket]:
     packets = TapPackets()
-    return [packet for each in events for packet in packets.of(each)]
+    return [packet for each in events for packet in packets.make_packets(each)]
 
 
 def told_of(packets: Sequence[TapPacket]) -> list[ConversationEvent]:
@@ -121,8 +121,8 @@ def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
 
 def test_a_serial_line_has_an_interface_of_its_own() -> None:
     packets = TapPackets()
-    assert list(packets.of(event(TapEventKind.OPEN, data=b"serial|/dev/a|0|/dev/b|0"))) == []
-    (one,) = packets.of(event(TapEventKind.BYTES, WAY_BACK, data=b"\x02x\x03"))
+    assert list(packets.make_packets(event(TapEventKind.OPEN, data=b"serial|/dev/a|0|/dev/b|0"))) == []
+    (one,) = packets.make_packets(event(TapEventKind.BYTES, WAY_BACK, data=b"\x02x\x03"))
     assert (one.interface, one.data[12:], packets.lines) == (1, b"\x02x\x03", ["/dev/a - /dev/b"])
     whole = pcap.section_block("x") + pcap.interface_block(pcap.RAW_IP, "tap")
     whole += pcap.interface_block(pcap.RTAC_SERIAL, packets.lines[0]) + pcap.packet_block(*one)

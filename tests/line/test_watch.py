@@ -27,7 +27,7 @@ from tests.recording.wire import (
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.line.capture_player import MISSING
-from trcvtui.line.packet_partners import PlayedEnd
+from trcvtui.line.packet_partners import ReplayedPartner
 
 Record = dict[str, Any]
 STATIC = """
@@ -212,13 +212,13 @@ def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
     watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[int] = []
-    connect = PlayedEnd._connect
+    connect = ReplayedPartner._connect
 
-    def counted(end: PlayedEnd) -> None:
+    def counted(end: ReplayedPartner) -> None:
         asked.append(end._shadows.bench.runtime.scans)
         connect(end)
 
-    monkeypatch.setattr(PlayedEnd, "_connect", counted)
+    monkeypatch.setattr(ReplayedPartner, "_connect", counted)
     many = [
         packet
         for port in range(20_000, 20_300)
@@ -426,7 +426,7 @@ CONT = true
 def test_silence_in_which_a_program_waits_is_run_up_to_a_bound_that_is_told(
     watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trcvtui.line.packet_partners.MOST_QUIET", 500)
+    monkeypatch.setattr("trcvtui.line.packet_partners.MOST_QUIET_SCANS", 500)
     bench = project(tmp_path)
     bench.write_text('program = """\nrun 100000000\n"""\n' + bench.read_text(), encoding="utf-8")
     seen = watch([*handshake(), *stream(12)], "--project", str(bench), step_ms=3_600_000)

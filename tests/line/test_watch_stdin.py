@@ -28,7 +28,7 @@ from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.errors import UserError
 from trcvtui.line import live
 from trcvtui.line.capture_player import CapturePlayer
-from trcvtui.line.live import FASTER, KeptPackets, LivePlan, LiveWatch, PacketStream
+from trcvtui.line.live import TOO_FAST_TEXT, LivePlan, LiveWatch, PacketBuffer, PacketStream
 from trcvtui.line.live_screen import ShadowServer
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.line.watch_command import WatchLines, watch_pipe
@@ -64,7 +64,7 @@ class Pieces:
         def read(_: int) -> bytes:
             nonlocal at
             if known:
-                self.live.arrived(known[0].last_ns)
+                self.live.advance_to_packet(known[0].last_ns)
             piece = content[at : at + next_cut()]
             at += len(piece)
             return piece
@@ -76,7 +76,7 @@ class Pieces:
 
     def end(self) -> list[Record]:
         played = self.live.finish().close()
-        self.lines.end(played)
+        self.lines.write_outcome(played)
         return self.records()
 
     def records(self) -> list[Record]:
@@ -158,18 +158,18 @@ def test_time_goes_on_while_nothing_comes() -> None:
     pieces = Pieces()
     pieces.take(capture([*handshake(), *stream(12)], step_ns=1_000_000), lambda: 1000)
     assert not any(r["DONE"] for r in pieces.records())
-    pieces.live.arrived(NS + 4_000_000)
-    pieces.live.idle(20_000_000)
+    pieces.live.advance_to_packet(NS + 4_000_000)
+    pieces.live.handle_idle(20_000_000)
     assert not any(r["DONE"] for r in pieces.records())
     for ms in range(30, 100, 10):
-        pieces.live.idle(ms * 1_000_000)
+        pieces.live.handle_idle(ms * 1_000_000)
     assert [r["scan"] for r in pieces.records() if r["DONE"] and r["instance"] == "C1_TO_PLC"]
     player = pieces.live.player
     assert player is not None
     scans = player.shadows.bench.runtime.scans
-    pieces.live.idle(900_000_000)
+    pieces.live.handle_idle(900_000_000)
     assert player.shadows.bench.runtime.scans == scans
-    pieces.live.idle(61_000_000_000)
+    pieces.live.handle_idle(61_000_000_000)
     assert player.shadows.network.now_ns == 60_000_000_000 + 4_000_000
 
 
@@ -257,7 +257,7 @@ def test_a_packet_is_played_within_100_ms_of_the_clock(monkeypatch: pytest.Monke
 
     def wait(idle_ns: int) -> None:
         clock[0] += packet_pipe.TICK_S
-        pieces.live.idle(idle_ns)
+        pieces.live.handle_idle(idle_ns)
         if writes not in closed and any(r.get("DONE") for r in pieces.records()):
             os.close(writes)
             closed.append(writes)
@@ -265,7 +265,7 @@ def test_a_packet_is_played_within_100_ms_of_the_clock(monkeypatch: pytest.Monke
     closed: list[int] = []
     pipe = packet_pipe.PacketPipe(reads, wait)
     pieces.take(pipe.read(1), lambda: 1000)
-    pieces.live.arrived(NS + 24 * 10_000_000)
+    pieces.live.advance_to_packet(NS + 24 * 10_000_000)
     assert pipe.read(1) == b""
     assert clock[0] + packet_pipe.REST_S <= 1.1
     os.close(reads)
@@ -298,25 +298,25 @@ def test_packets_that_come_faster_than_they_are_played_are_said_once(
     packets = PacketStream(reads, pieces.live, said.append)
     for seconds, newest in ((0.0, 0.0), (2.0, 1.9), (4.0, 2.9), (6.0, 3.0)):
         clock[0] = 10 + seconds
-        packets._see_late(NS + round(newest * 1e9))
+        packets._check_late(NS + round(newest * 1e9))
         assert len(said) == (seconds > 3)
     packets.pipe.empty_at = round(clock[0] * 1e9)  # shadows have played all
-    packets._see_late(NS + 3_000_000_000)
+    packets._check_late(NS + 3_000_000_000)
     clock[0] += 5
-    packets._see_late(NS + 8_000_000_000)
-    assert said == [FASTER]
+    packets._check_late(NS + 8_000_000_000)
+    assert said == [TOO_FAST_TEXT]
     os.close(reads)
     os.close(writes)
 
 
 def taken(
-    content: bytes, folder: Path, came: Callable[[], object] = int, kept: KeptPackets | None = None
+    content: bytes, folder: Path, came: Callable[[], object] = int, kept: PacketBuffer | None = None
 ) -> list[str]:
     """Let packets come through a pipe; return what is said of them."""
     path = folder / "piped"
     path.write_bytes(content)
     with path.open("rb") as file:
-        return PacketStream(file.fileno(), Pieces().live, print, came, kept).take()
+        return PacketStream(file.fileno(), Pieces().live, print, came, kept).read_all()
 
 
 def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
@@ -326,9 +326,9 @@ def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
 
 
 def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
-    kept = KeptPackets()
+    kept = PacketBuffer()
     taken(capture([tcp(seq=1000, flags=SYN), answer(flags=RST | ACK)]), tmp_path, kept=kept)
-    judge = FilesJudge(kept.files, looks_again=True)
+    judge = FilesJudge(kept.write_file, looks_again=True)
     judge.start_judging()
     while judge.is_judging:
         judge.advance()
@@ -337,10 +337,10 @@ def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
 
 
 def test_the_packets_that_are_kept_are_bounded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(live, "MOST_KEPT", 200)
-    kept = KeptPackets()
+    monkeypatch.setattr(live, "MOST_KEPT_BYTES", 200)
+    kept = PacketBuffer()
     taken(capture([*handshake(), *stream(12)]), tmp_path, kept=kept)
-    assert Path(kept.files()[0]).stat().st_size < 600
+    assert Path(kept.write_file()[0]).stat().st_size < 600
 
 
 def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
@@ -437,8 +437,8 @@ def test_what_is_unassigned_gets_shadows_when_it_is_asked_for(tmp_path: Path) ->
 
         def cut(pieces: Pieces = pieces, answers: list[str] = answers) -> int:
             if pieces.live.player is not None and 2 in pieces.live.player.overlaps:
-                answers.append(pieces.live.shadow("C1")[:56])
-                answers.append(pieces.live.shadow("C2"))
+                answers.append(pieces.live.add_shadow("C1")[:56])
+                answers.append(pieces.live.add_shadow("C2"))
             return 100
 
         pieces.take(content, cut)

@@ -141,7 +141,7 @@ def test_a_state_that_breaks_later_is_one_line(
     def broken(notes: RunNotes) -> None:
         raise AttributeError("no such field")
 
-    monkeypatch.setattr(RunNotes, "scanned", broken)
+    monkeypatch.setattr(RunNotes, "add_scan", broken)
     assert main(["report", str(path), "--out", str(page)]) == 2
     assert "found AttributeError no such field, expected a keyframe of this run" in capsys.readouterr().err
     monkeypatch.setattr(WhatIf, "scan", broken)

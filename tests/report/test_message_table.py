@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError, one_line
 from trcvtui.history.messages import MessageRow
-from trcvtui.report.message_table import FIRST, LAST, MessageTable, MessageType, csv_of
+from trcvtui.report.message_table import FIRST, LAST, MessageTable, MessageType, format_csv
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import encode
@@ -196,6 +196,6 @@ def test_random_messages_have_the_values_of_udt_decode(layout: Layout, data: st.
 
 def test_csv_of_one_instance_is_a_whole_file() -> None:
     rows = [row_of(b"\1\0", number) for number in (4, 5)]
-    text = csv_of(rows, MessageType("X", layout_of("a : INT;")), "X", None)
+    text = format_csv(rows, MessageType("X", layout_of("a : INT;")), "X", None)
     assert [(row["n"], row["time"], row["a"]) for row in read_csv(text)] == [("4", "", "1"), ("5", "", "1")]
-    assert csv_of(rows, None, "X", None).splitlines()[1].endswith("01 00")
+    assert format_csv(rows, None, "X", None).splitlines()[1].endswith("01 00")

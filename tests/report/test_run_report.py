@@ -26,9 +26,9 @@ from trcvtui.commands.words import Set
 from trcvtui.files import noting_reads
 from trcvtui.recording.journal import CallRecord, Entry, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
-from trcvtui.report.command import look_at, recording_source
-from trcvtui.report.page import page
-from trcvtui.report.run_notes import COLUMNS, DONE, ERROR, TimeLane
+from trcvtui.report.command import recording_source, replay_with_notes
+from trcvtui.report.page import generate_page
+from trcvtui.report.run_notes import DONE, ERROR, MOST_COLUMNS, TimeLane
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.scenario import load_bench
 
@@ -68,10 +68,10 @@ def elements(text: str) -> Elements:
 
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
-    run, notes, verdict, stopped = look_at(
+    run, notes, verdict, stopped = replay_with_notes(
         InMemory(tuple(decode_entries(encode_blocks(entries), "R"))), "R", has_payload
     )
-    return "".join(page(recording_source(run, notes, verdict, stopped, "R", "00"), notes, verdict))
+    return "".join(generate_page(recording_source(run, notes, verdict, stopped, "R", "00"), notes, verdict))
 
 
 def plain(text: str) -> str:
@@ -193,10 +193,10 @@ def test_a_lane_holds_any_time_in_a_bounded_number_of_columns() -> None:
     lane.mark(0, 0)
     lane.mark(50, DONE)
     lane.mark(60, 0)
-    lane.go_on(90)
+    lane.extend_to(90)
     assert lane.columns == [0] * 5 + [DONE] + [0] * 4
     lane.mark(10**15, ERROR)
-    assert len(lane.columns) <= COLUMNS
+    assert len(lane.columns) <= MOST_COLUMNS
     assert lane.columns[0] == DONE and lane.columns[-1] == ERROR and not any(lane.columns[1:-1])
 
 

@@ -13,7 +13,7 @@ from tests.recording.wire import ACK, FIN, RST, answer, capture, handshake, tcp,
 from tests.replay.test_time_line import Stood
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_replay_screen import MIDDLE, ReplayLooker, on_a_recording
-from trcvtui.line.on_screen import _played
+from trcvtui.line.on_screen import _play_shadows
 
 HOSTILE = b"[red]\x1b[2J[/]\x07\r\n\x9b31m\xe2\x80\xae[@click=app.quit]x"
 
@@ -24,7 +24,7 @@ async def on_a_capture(
 ) -> AsyncIterator[ReplayLooker]:
     file = folder / name
     file.write_bytes(capture(packets, step_ns=60_000_000))
-    line = _played([str(file)], (bench, None, None), folder / "shadows.pcapng")
+    line = _play_shadows([str(file)], (bench, None, None), folder / "shadows.pcapng")
     async with on_a_recording(size, Stood(line=line)) as looker:
         yield looker
 

@@ -65,9 +65,9 @@ def _watch(args: Args) -> int:
 
         sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
         return show(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
-    from trcvtui.line.watch_command import watch
+    from trcvtui.line.watch_command import watch_captures
 
-    watch(args.files, *shadows, args.format)
+    watch_captures(args.files, *shadows, args.format)
     return GOOD
 
 
@@ -78,10 +78,10 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
         found = "nothing, it is closed" if sys.stdin is None else "a terminal"
         raise mistake("stdin", found, "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
     if args.format is None and has_terminal(1, 2):
-        from trcvtui.line.live_screen import live_driver
+        from trcvtui.line.live_screen import make_live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return show(lambda: live_driver(shadows))
+        return show(lambda: make_live_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)
@@ -186,9 +186,9 @@ def _conversations(args: Args) -> int:
 
     known = None
     if args.project is not None:
-        from trcvtui.line.shadows import known_ends
+        from trcvtui.line.shadows import list_known_ends
 
-        known = known_ends(load_bench(args.project))
+        known = list_known_ends(load_bench(args.project))
     return print_lines(format_conversations(args.files, args.plc, args.format, known))
 
 
@@ -289,10 +289,10 @@ def add_report(parser: CommandParser) -> None:
 
 
 def _report(args: Args) -> int:
-    from trcvtui.report.command import report_file
+    from trcvtui.report.command import write_report
 
     shadows = args.project, args.plc, args.dialect
-    return report_file(args.file, args.out, not args.no_payload, shadows)
+    return write_report(args.file, args.out, not args.no_payload, shadows)
 
 
 # -- messages -------------------------------------------------------------------------------------------
@@ -322,7 +322,7 @@ def add_messages(parser: CommandParser) -> None:
 
 
 def _messages(args: Args) -> int:
-    from trcvtui.report.messages import MessagesQuestion, messages
+    from trcvtui.report.messages import MessagesQuestion, write_messages
     from trcvtui.udt.literals import parse_time
 
     layout, time_ns = None, None if args.time is None else parse_time(args.time, "--for")
@@ -339,7 +339,7 @@ def _messages(args: Args) -> int:
             if getattr(args, option) is not None:
                 raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
     asked = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
-    return messages(MessagesQuestion(*asked, args.format, args.out, args.kernel, time_ns))
+    return write_messages(MessagesQuestion(*asked, args.format, args.out, args.kernel, time_ns))
 
 
 COMMANDS = {

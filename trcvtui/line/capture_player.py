@@ -25,15 +25,15 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.line.conversations import ConversationFigures
-from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, ShadowBench
+from trcvtui.line.packet_partners import FIRST_JOB_SCANS, ReplayedLine, ReplayedPartner, ShadowBench
 from trcvtui.line.shadows import (
     NEVER_NS,
     ShadowPlan,
-    end_of,
-    ends_of,
+    find_directions,
+    make_endpoint,
+    make_tap_rows,
     plan_ad_hoc,
-    plan_of_project,
-    rows_of_taps,
+    plan_for_project,
 )
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import convert_project, find_dialect
@@ -45,11 +45,11 @@ from trcvtui.scenario.scenario import load_bench
 
 MOST_LISTED: Final = 1000  # conversations in the last line
 MISSING: Final = "? missing in the capture"  # is said of a job that lacks bytes
-UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
-OWN_ENDS: Final = {SegmentKind.FIN: "has closed the connection", SegmentKind.RST: "has reset the connection"}
+MOST_UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+END_TEXTS: Final = {SegmentKind.FIN: "has closed the connection", SegmentKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
-_BEFORE_IT_STANDS: Final = frozenset({SegmentKind.SYN, SegmentKind.ANSWER, SegmentKind.RST})
-_NOT_DONE_AGAIN: Final = frozenset(
+_OPENING_KINDS: Final = frozenset({SegmentKind.SYN, SegmentKind.ANSWER, SegmentKind.RST})
+_IGNORED_KINDS: Final = frozenset(
     {SegmentKind.RETRANSMISSION, SegmentKind.DIFFERENT_COPY, SegmentKind.SILENCE, SegmentKind.WINDOW_OPENS,
      SegmentKind.ZERO_WINDOW, SegmentKind.WINDOW_PROBE}
 )  # fmt: skip
@@ -58,7 +58,7 @@ _NOT_DONE_AGAIN: Final = frozenset(
 PlanMaker = Callable[[Sequence[Conversation]], ShadowPlan]
 
 
-class ShadowLines(Protocol):
+class ShadowOutput(Protocol):
     """What takes the things that shadows show."""
 
     first_ns: int = 0  # of the first packet, with which scan 1 begins
@@ -82,10 +82,10 @@ class CaptureOutcome(NamedTuple):
     not_run: int
 
 
-class _Running:
+class _PlayState:
     """A conversation while it is played: its ends by direction, and what the wire has shown of it."""
 
-    def __init__(self, ends: list[tuple[WireDirection, PlayedEnd]]) -> None:
+    def __init__(self, ends: list[tuple[WireDirection, ReplayedPartner]]) -> None:
         self.ends = ends
         self.probes = 0
 
@@ -98,22 +98,22 @@ class CapturePlayer:
         plan: ShadowPlan,
         found: Sequence[Conversation],
         first_ns: int,
-        lines: ShadowLines,
+        lines: ShadowOutput,
         seam: Seam | None = None,
     ) -> None:
         self.first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
         self.talks: ConversationFigures | None = None  # count what is taken
         self.heard: Callable[[ConversationEvent], None] | None = None  # told of each event, too
-        self.shown = frozenset(_shown(plan))  # the instances that look on
+        self.shown = frozenset(_find_shown_instances(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
         self._over: list[int] = []  # conversations above what the last line lists
-        self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._show)
-        self._running: dict[int, _Running] = {}
-        self._reading = Conversations(self.take)
+        self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._report_scan)
+        self._running: dict[int, _PlayState] = {}
+        self._reading = Conversations(self.play_event)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
-        self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> the one that has it
-        self._played: dict[str, PlayedLine] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
+        self._at: dict[str, tuple[int, ReplayedPartner]] = {}  # CONNECT -> the one that has it
+        self._played: dict[str, ReplayedLine] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
         calls = [config.name for config in plan.project.connects if config.active]
         self.shadows.network.wire.played.update({name: [] for name in calls})  # nothing else answers
 
@@ -121,10 +121,10 @@ class CapturePlayer:
     def packets(self) -> int:
         return self._reading.packets
 
-    def become(self, plan: ShadowPlan) -> None:
+    def change_plan(self, plan: ShadowPlan) -> None:
         """Go on with this plan: shadows that are new, or other ones, begin with the next scan."""
         self._plan, shadows = plan, self.shadows
-        self.shown |= _shown(plan)
+        self.shown |= _find_shown_instances(plan)
         wire = shadows.network.wire
         wire.addresses = plan.project.sim.addresses
         for config in plan.project.connects:
@@ -132,9 +132,9 @@ class CapturePlayer:
                 wire.played.setdefault(config.name, [])
         shadows.bench.replace_project(plan.project)
         shadows.works_on = {each.name: each.connect for each in plan.project.instances}
-        shadows.wake()
+        shadows.run_next_scans()
 
-    def forget(self, number: int) -> None:
+    def forget_conversation(self, number: int) -> None:
         """Forget a conversation that is over, unless the last line lists it, or a CONNECT still has it."""
         if number > MOST_LISTED:
             self._over.append(number)
@@ -149,7 +149,7 @@ class CapturePlayer:
                 self._last_ns.pop(over, None)
         self._over = [over for over in self._over if over in had]
 
-    def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+    def _report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
         shown = [edge for edge in changed if edge.instance in self.shown]
         ended = (
             [edge.instance for edge in shown if edge.outputs.done or edge.outputs.error] if lacking else []
@@ -157,59 +157,59 @@ class CapturePlayer:
         if shown:
             self.lines.scan(scan, shown, [name for name in ended if name in lacking])
 
-    def take(self, event: ConversationEvent) -> None:
+    def play_event(self, event: ConversationEvent) -> None:
         """Let time pass up to an event, and do what it says."""
         number = event.conversation.number
         if self.talks is not None and number in self._plan.guesses:
-            self.talks.take(event, event.direction is self._plc_of(event.conversation))
+            self.talks.add_event(event, event.direction is self._plc_direction(event.conversation))
         if number not in self._plan.parts or number in self._plan.unassigned:
             return
         if self.heard is not None:
             self.heard(event)
         ns = max(event.ns - self.first_ns, 0)
-        if event.kind in _NOT_DONE_AGAIN:
+        if event.kind in _IGNORED_KINDS:
             return
-        self.shadows.go_to(ns)
+        self.shadows.advance_to(ns)
         self.shadows.packet_ns = ns
         if event.conversation.protocol != "tcp":
-            self._come(ns, event)
+            self._play_without_stream(ns, event)
             return
         running = self._running.get(number)
         if running is not None and event.kind is SegmentKind.BYTES:
             for says, end in running.ends:  # nearly all that is said
                 if says is not event.direction:
-                    end.hear()
+                    end.note_plc_bytes()
                 elif not end.has_ended:
                     running.probes = 0
                     end.send(event.data)
             return
-        if running is None and event.conversation.begins_with_syn and event.kind in _BEFORE_IT_STANDS:
+        if running is None and event.conversation.begins_with_syn and event.kind in _OPENING_KINDS:
             if event.kind is SegmentKind.RST:
-                self._refuse(event)
+                self._refuse_call(event)
             return
         if running is None:
-            running = self._begin(ns, event.conversation)
+            running = self._begin_conversation(ns, event.conversation)
         if running is None:
             return
-        self._tell_hole(ns, event)
+        self._report_hole(ns, event)
         for says, end in running.ends:
-            self._play(ns, event, event.direction is says, end, running)
+            self._play_to_end(ns, event, event.direction is says, end, running)
 
-    def _come(self, ns: int, event: ConversationEvent) -> None:
-        self._tell_hole(ns, event)
+    def _play_without_stream(self, ns: int, event: ConversationEvent) -> None:
+        self._report_hole(ns, event)
         if event.kind is not SegmentKind.BYTES:
             return
-        conversation, is_plc = event.conversation, event.direction is self._plc_of(event.conversation)
+        conversation, is_plc = event.conversation, event.direction is self._plc_direction(event.conversation)
         for part in self._plan.parts[conversation.number]:
             if part.plays_plc == is_plc:
                 line = self._played.get(part.connect)
                 if line is None:
-                    line = PlayedLine(self.shadows, part.connect, self._left_out)
+                    line = ReplayedLine(self.shadows, part.connect, self._left_out)
                     self._played[part.connect] = line
-                source = end_of(event.direction.address)
+                source = make_endpoint(event.direction.address)
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
-    def _begin(self, ns: int, conversation: Conversation) -> _Running | None:
+    def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayState | None:
         """Give a conversation its CONNECTs; None: it is not built yet, or another one has them."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
@@ -223,55 +223,55 @@ class CapturePlayer:
                     self._plan.unassigned[conversation.number] = why
                     self.lines.note(ns, conversation.number, f"unassigned: {why}")
                     return None
-                holder[1].end(reset=True)  # its end is not in the capture
+                holder[1].end_partner(reset=True)  # its end is not in the capture
             if holder is not None:
-                self._let_go(*holder)
-        plc, partner = ends_of(guess, conversation)
+                self._release_end(*holder)
+        plc, partner = find_directions(guess, conversation)
         ends = []
         for part in parts:
             says = plc if part.plays_plc else partner
-            end = PlayedEnd(self.shadows, part.connect, end_of(says.address), part.calls)
+            end = ReplayedPartner(self.shadows, part.connect, make_endpoint(says.address), part.calls)
             self._at[part.connect] = conversation.number, end
             ends.append((says, end))
-        running = self._running[conversation.number] = _Running(ends)
+        running = self._running[conversation.number] = _PlayState(ends)
         return running
 
-    def _let_go(self, number: int, end: PlayedEnd) -> None:
-        end.leave_now()
+    def _release_end(self, number: int, end: ReplayedPartner) -> None:
+        end.end_shadow_now()
         if end.left_out:
             self._left_out[number] += end.left_out
             end.left_out = 0
         running = self._running[number]
         running.ends = [each for each in running.ends if each[1] is not end]
 
-    def _refuse(self, event: ConversationEvent) -> None:
-        is_plc = event.direction is self._plc_of(event.conversation)
+    def _refuse_call(self, event: ConversationEvent) -> None:
+        is_plc = event.direction is self._plc_direction(event.conversation)
         for part in self._plan.parts[event.conversation.number]:
             if not part.calls and part.plays_plc == is_plc:
-                self.shadows.refuse(part.connect)
+                self.shadows.refuse_call(part.connect)
 
-    def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
+    def _report_hole(self, ns: int, event: ConversationEvent) -> None:
         if event.kind is SegmentKind.MISSING:
             says = event.conversation.number, event.direction
-            way = "to" if says[1] is not self._plc_of(event.conversation) else "from"
+            way = "to" if says[1] is not self._plc_direction(event.conversation) else "from"
             text = f"? {event.size} bytes missing in the capture, {way} the PLC end, from byte {event.at}"
             self.lines.note(ns, says[0], text)
 
-    def _plc_of(self, conversation: Conversation) -> WireDirection:
-        return ends_of(self._plan.guesses[conversation.number], conversation)[0]
+    def _plc_direction(self, conversation: Conversation) -> WireDirection:
+        return find_directions(self._plan.guesses[conversation.number], conversation)[0]
 
-    def _play(
-        self, ns: int, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running
+    def _play_to_end(
+        self, ns: int, event: ConversationEvent, is_own: bool, end: ReplayedPartner, running: _PlayState
     ) -> None:
-        is_left = not is_own and event.kind in OWN_ENDS and not event.conversation.is_ours
+        is_left = not is_own and event.kind in END_TEXTS and not event.conversation.is_ours
         if end.has_left if is_left else end.has_ended:
             return
-        end.begin()
+        end.begin_connecting()
         if is_left:
-            if not end.has_ended and event.direction is self._plc_of(event.conversation):
-                self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
+            if not end.has_ended and event.direction is self._plc_direction(event.conversation):
+                self.lines.note(ns, event.conversation.number, f"the PLC end {END_TEXTS[event.kind]}")
             is_fin, has_read = event.kind is SegmentKind.FIN, event.conversation.sent is not None
-            end.leave(event.direction.unread, end.has_ended and is_fin, has_read)
+            end.end_shadow(event.direction.unread, end.has_ended and is_fin, has_read)
             return
         if is_own:
             running.probes = 0
@@ -279,48 +279,48 @@ class CapturePlayer:
             case SegmentKind.BYTES if is_own:
                 end.send(event.data)
             case SegmentKind.BYTES:
-                end.hear()
+                end.note_plc_bytes()
             case SegmentKind.MISSING if is_own:
-                end.keep_place(event.size)
+                end.send_placeholder(event.size)
             case SegmentKind.FIN if is_own:
-                end.end(reset=False)
+                end.end_partner(reset=False)
             case SegmentKind.RST:
-                end.end(reset=True)
+                end.end_partner(reset=True)
             case SegmentKind.KEEP_ALIVE if not is_own:
                 running.probes += 1
-                if running.probes > UNANSWERED:
+                if running.probes > MOST_UNANSWERED:
                     end.fall_silent()
 
-    def take_over(self, number: int, last_ns: int) -> None:
+    def resolve_overlap(self, number: int, last_ns: int) -> None:
         """Let a conversation have its place: the one that has it said nothing after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
-    def end(self, number: int, ns: int) -> None:
+    def end_conversation(self, number: int, ns: int) -> None:
         """Let others have the place of a conversation after this time, also where no packet told its end."""
         self._last_ns[number] = ns
 
-    def play(self, paths: Sequence[str]) -> None:
+    def play_captures(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""
         read_captures(paths, self._reading, [])
         recorded_to = self._reading.recorded_to
         last_ns = max(*self._last_ns.values(), recorded_to or 0, self.first_ns)
-        self.shadows.go_to(last_ns - self.first_ns)
+        self.shadows.advance_to(last_ns - self.first_ns)
         if recorded_to is not None:  # its PLC read no datagram after that
-            tasks = [self.shadows.scans_of_task(link) for link in self._played]
-            for _ in range(FIRST_JOB * max(tasks, default=0)):
+            tasks = [self.shadows.count_task_scans(link) for link in self._played]
+            for _ in range(FIRST_JOB_SCANS * max(tasks, default=0)):
                 self.shadows.step()
             for line in self._played.values():
-                line.read_no_more()
+                line.drop_unread()
         self.shadows.settle()
 
     def close(self) -> CaptureOutcome:
         """End it; return what became of the conversations."""
         self.shadows.bench.close()
         for holder in self._at.values():
-            self._let_go(*holder)
+            self._release_end(*holder)
         for line in self._played.values():
-            line.close()
+            line.drop_waiting()
         unassigned = self._plan.unassigned
         assigned = {
             number: [part.connect for part in parts]
@@ -331,7 +331,7 @@ class CapturePlayer:
         return CaptureOutcome(assigned, dict(sorted(unassigned.items())), left_out, self.shadows.not_run)
 
 
-def _shown(plan: ShadowPlan) -> set[str]:
+def _find_shown_instances(plan: ShadowPlan) -> set[str]:
     links = {part.connect for parts in plan.parts.values() for part in parts}
     shown: set[str] = set()
     while more := {i.name for i in plan.project.instances if i.connect in links} - shown:
@@ -348,7 +348,7 @@ def plan_capture(
     Raise UserError, also where the PLC end or the project is of none of its conversations.
     """
     found, troubles = Conversations(), list[Problem]()
-    plan_of, _ = planned(project, plc, dialect)
+    plan_of, _ = plan_maker(project, plc, dialect)
     read_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
@@ -362,21 +362,21 @@ def plan_capture(
     return plan, found, troubles
 
 
-def planned(
+def plan_maker(
     project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
 ) -> tuple[PlanMaker, Project | None]:
     """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
     if project is None:
         name = dialect or next(iter(DIALECTS))
-        return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
+        return lambda found: _change_ad_hoc_keys(plan_ad_hoc(found, plc, name), sets), None
     loaded, notes = load_bench(project, sets), tuple[str, ...]()
-    loaded = replace(loaded, watches=loaded.watches or rows_of_taps(loaded.taps))
+    loaded = replace(loaded, watches=loaded.watches or make_tap_rows(loaded.taps))
     if dialect is not None:
         loaded, notes = convert_project(loaded, find_dialect(dialect))
-    return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
+    return lambda found: plan_for_project(found, loaded, plc)._replace(notes=notes), loaded
 
 
-def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
+def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
     """Return ad-hoc shadows with other values of their keys; raise UserError."""
     project = plan.project
     for text in sets:

@@ -10,10 +10,10 @@ from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentK
 from trcvtui.snapshots.conversations import ConversationSnapshot, DirectionSnapshot
 from trcvtui.wording import SECOND
 
-MOST_KEPT: Final = 512  # conversations with figures; those that are over go first
+MOST_CONVERSATIONS: Final = 512  # conversations with figures; those that are over go first
 MOST_SHOWN: Final = 64
-SECONDS: Final = 30
-_ENDS: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
+SHOWN_SECONDS: Final = 30
+_END_STATES: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
 
 
 class _Direction:
@@ -27,13 +27,13 @@ class _Direction:
         self.round_trip_ns: int | None = None
         self.window: int | None = None
 
-    def count(self, second: int, size: int) -> None:
+    def count_bytes(self, second: int, size: int) -> None:
         if second != self.second:
             self.rate = self.in_second if second == self.second + 1 else 0
             self.second, self.in_second = second, 0
         self.in_second += size
 
-    def snapshot(self, second: int, now_ns: int) -> DirectionSnapshot:
+    def make_snapshot(self, second: int, now_ns: int) -> DirectionSnapshot:
         rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
         return DirectionSnapshot(
             self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
@@ -52,13 +52,13 @@ class _Figures:
         self.plc = self.partner = ""
         self.syn_ns = 0
         self.handshake_ns: int | None = None
-        self.seconds: deque[tuple[int, int]] = deque(maxlen=SECONDS)
+        self.seconds: deque[tuple[int, int]] = deque(maxlen=SHOWN_SECONDS)
 
     @property
     def is_over(self) -> bool:
         return self.state in ("ended", "reset")
 
-    def count(self, second: int, size: int) -> None:
+    def count_bytes(self, second: int, size: int) -> None:
         if self.seconds and self.seconds[-1][0] == second:
             self.seconds[-1] = second, self.seconds[-1][1] + size
         else:
@@ -71,17 +71,17 @@ class ConversationFigures:
         self._newest = 0  # ns
         self.now_ns = 0  # of a tap, whether anything comes or not
 
-    def take(self, event: ConversationEvent, is_from_plc: bool) -> None:
+    def add_event(self, event: ConversationEvent, is_from_plc: bool) -> None:
         """Take one event; `is_from_plc`: the PLC end has sent it."""
-        figures = self._of(event, is_from_plc)
+        figures = self._get_figures(event, is_from_plc)
         way, kind, ns = figures.ways[is_from_plc], event.kind, event.ns
         self._newest = max(self._newest, ns)
         if kind is SegmentKind.BYTES:
             size = len(event.data)
             way.size += size
             way.segments += 1
-            way.count(ns // SECOND, size)
-            figures.count(ns // SECOND, size)
+            way.count_bytes(ns // SECOND, size)
+            figures.count_bytes(ns // SECOND, size)
             if figures.state == "connecting":
                 figures.state = "open"
         elif kind is SegmentKind.SYN:
@@ -89,8 +89,8 @@ class ConversationFigures:
         elif kind is SegmentKind.ESTABLISHED:
             figures.state = "open"
             figures.handshake_ns = ns - figures.syn_ns if figures.syn_ns else None
-        elif kind in _ENDS:
-            figures.state = _ENDS[kind]
+        elif kind in _END_STATES:
+            figures.state = _END_STATES[kind]
         elif kind is SegmentKind.RETRANSMISSION:
             way.again += event.size
         elif kind is SegmentKind.MISSING:
@@ -98,11 +98,11 @@ class ConversationFigures:
         elif kind in (SegmentKind.ZERO_WINDOW, SegmentKind.WINDOW_OPENS):
             figures.ways[not is_from_plc].is_closed = kind is SegmentKind.ZERO_WINDOW
 
-    def _of(self, event: ConversationEvent, is_from_plc: bool) -> _Figures:
+    def _get_figures(self, event: ConversationEvent, is_from_plc: bool) -> _Figures:
         talk = event.conversation
         figures = self._figures.get(talk.number)
         if figures is None:
-            if len(self._figures) == MOST_KEPT:
+            if len(self._figures) == MOST_CONVERSATIONS:
                 over = (number for number, each in self._figures.items() if each.is_over)
                 del self._figures[next(over, next(iter(self._figures)))]
             figures = self._figures[talk.number] = _Figures(talk)
@@ -110,7 +110,7 @@ class ConversationFigures:
             figures.plc, figures.partner = address_text(says.address), address_text(says.other.address)
         return figures
 
-    def hold(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
+    def set_held(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
         """Take what a tap holds back in a direction; None: nothing any more."""
         figures = self._figures.get(number)
         if figures is not None:
@@ -118,33 +118,33 @@ class ConversationFigures:
             way.held_since = self.now_ns if way.held is None else way.held_since
             way.held, way.first = held, first
 
-    def measure(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
+    def set_figures(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
         """Take what a tap's stack says of the end that a direction goes to."""
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]
             way.round_trip_ns, way.window, way.again, way.is_closed = round_trip_ns, window, again, not window
 
-    def end(self, number: int) -> None:
+    def end_conversation(self, number: int) -> None:
         figures = self._figures.get(number)
         if figures is not None and not figures.is_over:
             figures.state = "ended"
-        self.let_go(number)
+        self.clear_held(number)
 
-    def let_go(self, number: int) -> None:
-        self.hold(number, True, None, b"")
-        self.hold(number, False, None, b"")
+    def clear_held(self, number: int) -> None:
+        self.set_held(number, True, None, b"")
+        self.set_held(number, False, None, b"")
 
-    def snapshot(self) -> tuple[ConversationSnapshot, ...]:
+    def make_snapshots(self) -> tuple[ConversationSnapshot, ...]:
         """Return those that go on, the newest first, then those that are over."""
         listed = sorted(self._figures.values(), key=lambda each: (each.is_over, -each.talk.number))
-        return tuple([self._shown(each) for each in listed[:MOST_SHOWN]])
+        return tuple([self._make_snapshot(each) for each in listed[:MOST_SHOWN]])
 
-    def _shown(self, each: _Figures) -> ConversationSnapshot:
+    def _make_snapshot(self, each: _Figures) -> ConversationSnapshot:
         second = self._newest // SECOND
         sizes = dict(each.seconds)
-        seconds = tuple([sizes.get(second - ago, 0) for ago in range(SECONDS - 1, -1, -1)])
-        to_plc, from_plc = (way.snapshot(second, self.now_ns) for way in each.ways)
+        seconds = tuple([sizes.get(second - ago, 0) for ago in range(SHOWN_SECONDS - 1, -1, -1)])
+        to_plc, from_plc = (way.make_snapshot(second, self.now_ns) for way in each.ways)
         return ConversationSnapshot(
             each.talk.number, each.talk.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
             each.handshake_ns,

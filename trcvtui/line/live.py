@@ -36,32 +36,32 @@ from trcvtui.capture.reassembly import (
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import unnamed
-from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
-from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
+from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
+from trcvtui.line.shadows import ShadowPart, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.net.tap import Route
 from trcvtui.project.project import Project
 
-LOOK_NS: Final = 40_000_000
-HOLD_NS: Final = 30_000_000
+PLAY_DELAY_NS: Final = 40_000_000
+IDLE_HOLD_NS: Final = 30_000_000
 LULL_NS: Final = 1_000_000_000
-SHOWN_SCANS: Final = 6  # after the last packet what it did is shown
-SWEEP_NS: Final = 10_000_000_000  # between two looks at what is over
-MOST_WAITING: Final = 1 << 16  # events
-MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
-MOST_KNOWN: Final = 4096  # pairs of ends of which it is known what gets them
-LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
-FASTER: Final = "packets come faster than they are played; what their program drops is missing"
+SCANS_AFTER_LAST: Final = 6  # after the last packet what it did is shown
+SWEEP_INTERVAL_NS: Final = 10_000_000_000  # between two looks at what is over
+MOST_WAITING_EVENTS: Final = 1 << 16  # events
+MOST_KEPT_BYTES: Final = 8 << 20  # bytes of packets, for the doctor
+MOST_DECISIONS: Final = 4096  # pairs of ends of which it is known what gets them
+MOST_LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
+TOO_FAST_TEXT: Final = "packets come faster than they are played; what their program drops is missing"
 ANY_PORT: Final = 49_152
 _ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not show it
-_MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
+_DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
 class _Decision(NamedTuple):
     """What gets the conversations between two ends: parts, or why none; which end is the PLC."""
 
-    parts: tuple[Part, ...] | None
+    parts: tuple[ShadowPart, ...] | None
     why: str
     is_there: bool
     confidence: float
@@ -77,26 +77,26 @@ class LivePlan:
 
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
         self.path = project
-        self._plan_of, expected = self._expect(project, plc, dialect)
+        self._plan_of, expected = self._plan_expected(project, plc, dialect)
         self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
-        self._of_first: dict[int, tuple[Part, ...]] = {}
+        self._of_first: dict[int, tuple[ShadowPart, ...]] = {}
         self._known: dict[tuple[object, ...], _Decision] = {}
         self._own: Project | None = None  # of conversations that the user gave shadows of their own
         self.decided: set[int] = set()  # numbers of conversations
         self.plan = self._plan_of(expected)
         for talk in expected:
             if talk.number in self.plan.parts:
-                self._keep(talk, self.plan.parts[talk.number])
+                self._keep_first(talk, self.plan.parts[talk.number])
         self.interval_ns = min(task.interval_ns for task in self.plan.project.tasks)
 
-    def _expect(
+    def _plan_expected(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
         """Return what makes plans, and which conversations are expected."""
-        plan_of, loaded = planned(project, plc, dialect)
-        return plan_of, [] if loaded is None else expected_conversations(loaded, plc)
+        plan_of, loaded = plan_maker(project, plc, dialect)
+        return plan_of, [] if loaded is None else list_expected(loaded, plc)
 
-    def begin(self, talks: Iterable[Conversation]) -> ShadowPlan:
+    def start_plan(self, talks: Iterable[Conversation]) -> ShadowPlan:
         """Return the plan for those that are there before the first scan."""
         listed = sorted(talks, key=lambda talk: talk.number)
         made = self._plan_of([*self._first, *listed])
@@ -105,8 +105,8 @@ class LivePlan:
             parts = made.parts.get(talk.number)
             if parts is not None:
                 if parts not in self._of_first.values():
-                    self._keep(talk, parts)
-                self._known[_ends_of(talk, _is_said(talk))] = _decision(made, talk)
+                    self._keep_first(talk, parts)
+                self._known[_make_decision_key(talk, _is_under_way(talk))] = _make_decision(made, talk)
             self.assign(talk)
         return self.plan
 
@@ -115,12 +115,12 @@ class LivePlan:
         number, plan = talk.number, self.plan
         if number in self.decided:
             return False
-        is_said = _is_said(talk)
-        key = _ends_of(talk, is_said)
+        is_said = _is_under_way(talk)
+        key = _make_decision_key(talk, is_said)
         known, grows = self._known.get(key), False
         if known is None:
             known, grows = self._decide(talk)
-            if len(self._known) == MOST_KNOWN:
+            if len(self._known) == MOST_DECISIONS:
                 self._known.clear()
             self._known[key] = known
         says = talk.there if known.is_there else talk.back
@@ -143,19 +143,19 @@ class LivePlan:
             other = self._plan_of([*real, talk])
             if talk.number in other.parts:
                 made, self._first = other, real
-        decision = _decision(made, talk)
-        whole = made.project if self._own is None else _beside(made.project, self._own)
+        decision = _make_decision(made, talk)
+        whole = made.project if self._own is None else _join_projects(made.project, self._own)
         if decision.parts is None or whole == self.plan.project:
             return decision, False
         self.plan = self.plan._replace(project=whole)
-        self._keep(talk, decision.parts)
+        self._keep_first(talk, decision.parts)
         return decision, True
 
-    def _keep(self, talk: Conversation, parts: tuple[Part, ...]) -> None:
+    def _keep_first(self, talk: Conversation, parts: tuple[ShadowPart, ...]) -> None:
         self._first.append(talk)
         self._of_first[talk.number] = parts
 
-    def shadow(self, talk: Conversation) -> str:
+    def add_shadow(self, talk: Conversation) -> str:
         """Give a conversation that has none shadows of its own, beside all others; return what is wrong."""
         number, plan = talk.number, self.plan
         plc = address_text(plan.guesses[number].says.address if number in plan.guesses else talk.back.address)
@@ -168,18 +168,18 @@ class LivePlan:
             return f"{parts[0].connect} is a CONNECT already"
         connects = [replace(c, local=Endpoint(c.local.address, 0)) for c in made.project.connects]
         own = replace(made.project, connects=tuple(connects))  # the PLC's port is that of another one
-        self._own = own if self._own is None else _beside(self._own, own)
+        self._own = own if self._own is None else _join_projects(self._own, own)
         plan.parts[number], plan.guesses[number] = parts, made.guesses[number]
         plan.unassigned.pop(number, None)
         self.decided.add(number)
-        self.plan = plan._replace(project=_beside(plan.project, own))
+        self.plan = plan._replace(project=_join_projects(plan.project, own))
         return ""
 
-    def forget(self, number: int) -> None:
+    def forget_conversation(self, number: int) -> None:
         self.decided.discard(number)
 
 
-def _beside(project: Project, other: Project) -> Project:
+def _join_projects(project: Project, other: Project) -> Project:
     task = project.tasks[0].name
     return replace(
         project,
@@ -195,11 +195,11 @@ def _beside(project: Project, other: Project) -> Project:
     )
 
 
-def _is_said(talk: Conversation) -> bool:
+def _is_under_way(talk: Conversation) -> bool:
     return talk.is_established or begins_late(talk)
 
 
-def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
+def _make_decision(made: ShadowPlan, talk: Conversation) -> _Decision:
     number = talk.number
     guess, why = made.guesses.get(number), made.unassigned.get(number, "")
     if guess is None:
@@ -208,14 +208,14 @@ def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
     return _Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
 
 
-def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
+def _make_decision_key(talk: Conversation, is_said: bool) -> tuple[object, ...]:
     there, back, listener = talk.there, talk.back, talk.listener
     one = there.address[0] if listener is back else there.address
     other = back.address[0] if listener is there else back.address
     return talk.tap, talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
 
 
-def expected_conversations(project: Project, plc: str | None) -> list[Conversation]:
+def list_expected(project: Project, plc: str | None) -> list[Conversation]:
     """Return what the PLC ends will have that are named: one with its port listens there, others call.
 
     Whom a PLC end calls, its row or its CONNECT says; where neither does nothing is expected.
@@ -229,26 +229,26 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
         end, partner = parse_plc(one), parse_plc(other) if other else None
         if end.port is not None:
             address = partner.address if partner is not None else _ANY_CALLER
-            made.append(expected(-number, (address, ANY_PORT), (end.address, end.port)))
+            made.append(make_conversation(-number, (address, ANY_PORT), (end.address, end.port)))
             continue
         if partner is None and config is not None and config.remote_address != ANY_ADDRESS:
-            partner = _partner_of(config.remote_address)
+            partner = _parse_partner(config.remote_address)
         port = partner.port if partner is not None else None
         if port is None and config is not None and isinstance(config.remote_port, int):
             port = config.remote_port
         if partner is not None and port:
-            made.append(expected(-number, (end.address, ANY_PORT), (partner.address, port)))
+            made.append(make_conversation(-number, (end.address, ANY_PORT), (partner.address, port)))
     return made
 
 
-def _partner_of(address: str) -> PlcEnd | None:
+def _parse_partner(address: str) -> PlcEnd | None:
     try:
         return parse_plc(address)
     except UserError:
         return None
 
 
-def expected(
+def make_conversation(
     number: int, caller: tuple[bytes, int], listener: tuple[bytes, int], kind: str = "tcp", tap: str = ""
 ) -> Conversation:
     made = Conversation(number, kind, 0, (caller, listener))
@@ -257,7 +257,7 @@ def expected(
     return made
 
 
-class Remark(NamedTuple):
+class TimedAction(NamedTuple):
     """What is to be done between two events."""
 
     ns: int
@@ -270,7 +270,7 @@ class LiveWatch:
     `left` is told of each conversation that has no shadow, and why.
     """
 
-    look_ns = LOOK_NS
+    play_delay_ns = PLAY_DELAY_NS
 
     def __init__(
         self,
@@ -278,85 +278,85 @@ class LiveWatch:
         begin: Callable[[ShadowPlan, int], CapturePlayer],
         left: Callable[[Conversation, str], object] | None = None,
     ) -> None:
-        self.found = Conversations(self._take)
+        self.found = Conversations(self._add_event)
         self.player: CapturePlayer | None = None
         self._plan, self._begin, self._left = plan, begin, left
-        self._waiting: deque[ConversationEvent | Remark] = deque()
+        self._waiting: deque[ConversationEvent | TimedAction] = deque()
         self._seen: dict[int, Conversation] = {}  # before there is a player
         self._newest = self._swept = 0
 
-    def _take(self, event: ConversationEvent) -> None:
+    def _add_event(self, event: ConversationEvent) -> None:
         talk = event.conversation
         plan = self._plan.plan
         if self.player is None:
             self._seen[talk.number] = talk
         elif talk.number not in self._plan.decided and (
-            talk.number not in plan.unassigned or event.kind in _MAY_DECIDE
+            talk.number not in plan.unassigned or event.kind in _DECIDING_KINDS
         ):
             self._assign(talk)
-        self._put(event)
+        self._queue_event(event)
 
-    def _put(self, event: ConversationEvent | Remark) -> None:
+    def _queue_event(self, event: ConversationEvent | TimedAction) -> None:
         waiting = self._waiting
         waiting.append(event)
-        if event.ns - self.look_ns > waiting[0].ns or len(waiting) > MOST_WAITING:
-            self._play(event.ns - self.look_ns)
+        if event.ns - self.play_delay_ns > waiting[0].ns or len(waiting) > MOST_WAITING_EVENTS:
+            self._play_until(event.ns - self.play_delay_ns)
 
     def _assign(self, talk: Conversation) -> None:
         if self._plan.assign(talk) and self.player is not None:
-            self.player.become(self._plan.plan)
-        self._tell_left(talk)
+            self.player.change_plan(self._plan.plan)
+        self._report_unassigned(talk)
 
-    def _tell_left(self, talk: Conversation) -> None:
+    def _report_unassigned(self, talk: Conversation) -> None:
         plan = self._plan.plan
         if self._left is not None and talk.number in self._plan.decided and talk.number not in plan.parts:
             self._left(talk, plan.unassigned[talk.number])
 
-    def _play(self, until: int) -> CapturePlayer:
-        player = self.player or self._started()
+    def _play_until(self, until: int) -> CapturePlayer:
+        player = self.player or self._start_player()
         if not player.first_ns:
             player.first_ns = player.lines.first_ns = self.found.first_ns or 0
         waiting = self._waiting
-        while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
+        while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING_EVENTS):
             event = waiting.popleft()
-            if isinstance(event, Remark):
-                self._go_to(player, event.ns)
+            if isinstance(event, TimedAction):
+                self._advance_to(player, event.ns)
                 event.act()
                 continue
             if player.overlaps and event.conversation.number in player.overlaps:
-                self._see_place(player, event)
-            player.take(event)
+                self._check_overlap(player, event)
+            player.play_event(event)
         return player
 
-    def _started(self) -> CapturePlayer:
+    def _start_player(self) -> CapturePlayer:
         first_ns = self._swept = self.found.first_ns or 0
-        plan = self._plan.begin(self._seen.values())
+        plan = self._plan.start_plan(self._seen.values())
         self.player = self._begin(plan, first_ns)
         for talk in self._seen.values():
-            self._tell_left(talk)
+            self._report_unassigned(talk)
         for kept in (plan.parts, plan.unassigned, plan.guesses):
             for number in [number for number in kept if number not in self._seen]:  # that were expected
                 del kept[number]
         self._seen.clear()
         return self.player
 
-    def _go_to(self, player: CapturePlayer, ns: int) -> None:
+    def _advance_to(self, player: CapturePlayer, ns: int) -> None:
         """Let time go on to a time of UTC; it does not before the first packet."""
         if player.first_ns:
-            player.shadows.go_to(max(ns - player.first_ns, 0))
+            player.shadows.advance_to(max(ns - player.first_ns, 0))
             if player.talks is not None:
                 player.talks.now_ns = max(ns, player.talks.now_ns)
 
-    def _see_place(self, player: CapturePlayer, event: ConversationEvent) -> None:
+    def _check_overlap(self, player: CapturePlayer, event: ConversationEvent) -> None:
         number = event.conversation.number
         if event.conversation.tap:
             return  # the other one goes on until its end is told
         holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
         last_ns = 0 if holder is None else holder.last_ns
         if event.ns - last_ns > SILENCE_NS:
-            player.take_over(number, last_ns)
+            player.resolve_overlap(number, last_ns)
 
-    def shadow(self, name: str) -> str:
+    def add_shadow(self, name: str) -> str:
         """Let `C7`, "": the newest conversation without a shadow, have shadows; return what is wrong."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
@@ -364,48 +364,48 @@ class LiveWatch:
         if player is None or not chosen:
             some = ", ".join(f"C{talk.number}" for talk in left[-8:])
             return f"found '{name}', expected a conversation without a shadow: {some or 'there is none'}"
-        wrong = self._plan.shadow(chosen[-1])
+        wrong = self._plan.add_shadow(chosen[-1])
         if not wrong:
             player.overlaps.pop(chosen[-1].number, None)
-            player.become(self._plan.plan)
+            player.change_plan(self._plan.plan)
         return wrong
 
-    def arrived(self, ns: int) -> None:
+    def advance_to_packet(self, ns: int) -> None:
         """Take the time of the newest packet that has been read."""
         self._newest = ns = max(self._newest, ns)
-        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - self.look_ns):
+        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - self.play_delay_ns):
             return
-        player = self._play(ns - self.look_ns)
-        self._go_to(player, ns - self.look_ns)
-        if ns - self._swept > SWEEP_NS:
+        player = self._play_until(ns - self.play_delay_ns)
+        self._advance_to(player, ns - self.play_delay_ns)
+        if ns - self._swept > SWEEP_INTERVAL_NS:
             self._swept = ns
             for number in self.found.forget_ended(ns):
-                self._plan.forget(number)
-                player.forget(number)
+                self._plan.forget_conversation(number)
+                player.forget_conversation(number)
 
-    def idle(self, idle_ns: int) -> None:
+    def handle_idle(self, idle_ns: int) -> None:
         """Let time go on: nothing has come for so long."""
-        if idle_ns < HOLD_NS or (self.player is None and not self._waiting):
+        if idle_ns < IDLE_HOLD_NS or (self.player is None and not self._waiting):
             return
-        player = self._play(self._newest)
-        shown = SHOWN_SCANS * self._plan.interval_ns
-        gone = max(min(idle_ns - HOLD_NS, shown), idle_ns - LULL_NS)
-        self._go_to(player, self._newest + gone)
+        player = self._play_until(self._newest)
+        shown = SCANS_AFTER_LAST * self._plan.interval_ns
+        gone = max(min(idle_ns - IDLE_HOLD_NS, shown), idle_ns - LULL_NS)
+        self._advance_to(player, self._newest + gone)
 
     def finish(self) -> CapturePlayer:
         """Play what is left, and let the shadows settle."""
         self.found.close()
         last_ns = max((talk.last_ns for talk in self.found.all), default=0)
-        player = self._play(max(last_ns, self._newest, *(event.ns for event in self._waiting), 0))
+        player = self._play_until(max(last_ns, self._newest, *(event.ns for event in self._waiting), 0))
         for talk in self.found.all:
             if talk.number not in self._plan.decided:
                 self._assign(talk)
-        self._go_to(player, last_ns)
+        self._advance_to(player, last_ns)
         player.shadows.settle()
         return player
 
 
-class KeptPackets:
+class PacketBuffer:
     """The newest packets of a stream, at most MOST_KEPT bytes of them, as a file for the doctor."""
 
     def __init__(self) -> None:
@@ -414,19 +414,19 @@ class KeptPackets:
         self._size = 0
         self._opened = ExitStack()
 
-    def passing(self, reader: CaptureReader) -> Iterator[Packet]:
+    def keep_passing(self, reader: CaptureReader) -> Iterator[Packet]:
         self.interfaces = lambda: [(each.link_type, each.name) for each in reader.interfaces]
         for packet in reader:
-            self.keep(packet)
+            self.add_packet(packet)
             yield packet
 
-    def keep(self, packet: Packet) -> None:
+    def add_packet(self, packet: Packet) -> None:
         self._packets.append(packet)
         self._size += len(packet.data)
-        while self._size > MOST_KEPT:
+        while self._size > MOST_KEPT_BYTES:
             self._size -= len(self._packets.popleft().data)
 
-    def files(self) -> list[str]:
+    def write_file(self) -> list[str]:
         """Write them into a file in memory; return its name, which other processes can open."""
         self._opened.close()
         handle, name = self._opened.enter_context(unnamed())
@@ -452,31 +452,31 @@ class PacketStream:
         live: LiveWatch,
         say: Callable[[str], object],
         came: Callable[[], object] = int,
-        kept: KeptPackets | None = None,
+        kept: PacketBuffer | None = None,
         most_idle_ns: int = 0,
         whole: Callable[[bytes], bytes | None] = bytes,
     ) -> None:
         self._kept, self._most_idle_ns = kept, most_idle_ns
-        self.pipe = PacketPipe(fd, self._wait, whole)
+        self.pipe = PacketPipe(fd, self._handle_wait, whole)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
         self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment
         self._is_late = False
         self._failed: Exception | None = None
 
-    def _wait(self, idle_ns: int) -> None:
+    def _handle_wait(self, idle_ns: int) -> None:
         if 0 < self._most_idle_ns < idle_ns:
             raise mistake("the tap", f"nothing for {idle_ns // 10**9} s", "a sign of life each 50 ms")
-        self._play(lambda: self._live.idle(idle_ns))
+        self._run_action(lambda: self._live.handle_idle(idle_ns))
 
     def _read(self, most: int) -> bytes:
         reader = self._reader
         if reader is not None:
-            self._play(lambda: self._live.arrived(reader.last_ns))
-            self._see_late(reader.last_ns)
+            self._run_action(lambda: self._live.advance_to_packet(reader.last_ns))
+            self._check_late(reader.last_ns)
         return self.pipe.read(most) if self._failed is None else b""
 
-    def _play(self, act: Callable[[], object]) -> None:
+    def _run_action(self, act: Callable[[], object]) -> None:
         if self._failed is None:
             try:
                 act()
@@ -485,15 +485,15 @@ class PacketStream:
                 self._failed = failed
                 self.pipe.stop()
 
-    def _see_late(self, newest_ns: int) -> None:
+    def _check_late(self, newest_ns: int) -> None:
         if self.pipe.empty_at != self._busy_from:
             self._busy_from, self._from_ns, self._is_late = self.pipe.empty_at, newest_ns, False
         late = self.pipe.busy_ns - (newest_ns - self._from_ns)
-        if late > LATE_NS and not self._is_late:
+        if late > MOST_LATE_NS and not self._is_late:
             self._is_late = True
-            self._say(FASTER)
+            self._say(TOO_FAST_TEXT)
 
-    def take(self) -> list[str]:
+    def read_all(self) -> list[str]:
         """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
         found = self._live.found
         try:
@@ -503,7 +503,7 @@ class PacketStream:
                 return []
             raise self._failed or none from None
         self._reader, found.names = reader, reader.interface_name
-        packets = iter(reader) if self._kept is None else self._kept.passing(reader)
+        packets = iter(reader) if self._kept is None else self._kept.keep_passing(reader)
         found.add_packets(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from trcvtui.plc.ledger import StatusEdge
 
 TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
-OVER: Final = "the tap has ended"
+TAP_ENDED_TEXT: Final = "the tap has ended"
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
-SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each 50 ms
+MOST_SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each 50 ms
 
 
-def live_driver(asked: ShadowChoice) -> ProcessDriver:
+def make_live_driver(asked: ShadowChoice) -> ProcessDriver:
     """Return shadows of the packets of stdin; that is the keyboard from now on."""
     return ProcessDriver(live_main, Channel(detach_stdin(with_keyboard=True), writable=False), asked)
 
@@ -99,12 +99,12 @@ class TapSocketDriver(ProcessDriver):
 
     def __init__(self, project: Path) -> None:
         """Raise UserError where that tap does not run."""
-        super().__init__(live_main, (project, None, None), SILENT_NS)
+        super().__init__(live_main, (project, None, None), MOST_SILENT_NS)
 
     def _arguments(self) -> tuple[Any, ...]:
-        from trcvtui.line.tap_socket import connection_to
+        from trcvtui.line.tap_socket import open_connection
 
-        self._tap = Channel(connection_to(self._asked[0][0]))
+        self._tap = Channel(open_connection(self._asked[0][0]))
         return self._tap, *self._asked
 
     def _start(self) -> None:
@@ -114,10 +114,10 @@ class TapSocketDriver(ProcessDriver):
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
     """Serve with what a capture program writes, which this process starts; it ends when we do."""
-    serve_until_gone(channel, lambda: _capture(channel, command, asked))
+    serve_until_gone(channel, lambda: _run_capture(channel, command, asked))
 
 
-def _capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
+def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
     from subprocess import DEVNULL, PIPE, Popen
 
     from trcvtui.line.live import LivePlan
@@ -161,30 +161,30 @@ class ShadowServer:
 
     def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
         from trcvtui.diagnosis.judges import FilesJudge
-        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
+        from trcvtui.line.live import LiveWatch, PacketBuffer, PacketStream
         from trcvtui.line.tap_watch import TapWatch
 
         order, whole = (None, bytes) if self._way is None else (self._way.send, self._way.feed)
         if most_idle_ns or self._way is not None:  # a tap
-            live: LiveWatch = TapWatch(self._plan, self._begin, self._leave, self._complain, order)
+            live: LiveWatch = TapWatch(self._plan, self._make_player, self._ignore, self._show_note, order)
         else:
-            live = LiveWatch(self._plan, self._begin, self._leave)
-        self._live, kept = live, KeptPackets()
-        self._judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", OVER)
+            live = LiveWatch(self._plan, self._make_player, self._ignore)
+        self._live, kept = live, PacketBuffer()
+        self._judge = FilesJudge(kept.write_file, self._plc, self._project, looks_again=True)
+        subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", TAP_ENDED_TEXT)
         stream = PacketStream(
-            fd, live, lambda line: self._tell(subject, line), self._serve, kept, most_idle_ns, whole
+            fd, live, lambda line: self._add_note(subject, line), self._serve, kept, most_idle_ns, whole
         )
-        said = stream.take()
+        said = stream.read_all()
         live.finish()
         for line in (*said, over):
-            self._tell(subject, line)
+            self._add_note(subject, line)
         if self._controller is not None:
             self._controller.over = over
         while True:  # nothing more comes
             self._serve(0.01 if self._screen.pipe.is_busy() else None)
 
-    def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
+    def _make_player(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.engine.controller import Controller
         from trcvtui.line.capture_player import CapturePlayer
         from trcvtui.line.conversations import ConversationFigures
@@ -193,8 +193,8 @@ class ShadowServer:
         player = CapturePlayer(plan, (), first_ns, self)
         player.talks = talks = ConversationFigures()
         self._controller = controller = Controller(player.shadows.bench)
-        controller.talks, controller.kernel = talks.snapshot, self._kernel
-        controller.watch, controller.files_judge = self._live.shadow, self._judge
+        controller.talks, controller.kernel = talks.make_snapshots, self._kernel
+        controller.watch, controller.files_judge = self._live.add_shadow, self._judge
         self._channel.send(player.shadows.bench.project)
         return player
 
@@ -204,23 +204,23 @@ class ShadowServer:
         from trcvtui.line.capture_player import MISSING
 
         for instance in lacking:
-            self._tell(instance, MISSING)
+            self._add_note(instance, MISSING)
 
     def note(self, ns: int, number: int, text: str) -> None:
-        self._tell(f"C{number}", text)
+        self._add_note(f"C{number}", text)
 
-    def _leave(self, talk: Conversation, why: str) -> None:
-        from trcvtui.line.shadows import end_of
+    def _ignore(self, talk: Conversation, why: str) -> None:
+        from trcvtui.line.shadows import make_endpoint
 
-        ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
-        self._tell(f"C{talk.number}", f"{ends} is unassigned: {why}")
+        ends = f"{make_endpoint(talk.there.address)} - {make_endpoint(talk.back.address)}"
+        self._add_note(f"C{talk.number}", f"{ends} is unassigned: {why}")
 
-    def _complain(self, ns: int, note: TapNote, text: str) -> None:
-        self._tell("tap", text)
+    def _show_note(self, ns: int, note: TapNote, text: str) -> None:
+        self._add_note("tap", text)
         if self._controller is not None:
             self._controller.report_problem(text)
 
-    def _tell(self, subject: str, text: str) -> None:
+    def _add_note(self, subject: str, text: str) -> None:
         self._told.append((subject, text))
         if self._controller is not None:
             for told in self._told:

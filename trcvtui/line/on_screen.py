@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
-from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
+from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, plan_maker
 from trcvtui.line.pause_messages import PauseMessages
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from trcvtui.replay.time_line import TimeLine
 
 MOST_NOTES: Final = 1000  # of conversations, in the history of the run
-PROGRESS_NS: Final = 500_000_000
-MOST_LINES: Final = 3  # above the prompt
+PROGRESS_INTERVAL_NS: Final = 500_000_000
+MOST_PROMPT_LINES: Final = 3  # above the prompt
 
 
-class _RunHistory:
+class _RunNotes:
     first_ns = 0
 
     def __init__(self) -> None:
@@ -45,12 +45,12 @@ class _RunHistory:
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         for instance in lacking:
-            self._tell(f"{instance}: {MISSING}")
+            self._write_note(f"{instance}: {MISSING}")
 
     def note(self, ns: int, number: int, text: str) -> None:
-        self._tell(f"C{number}: {text}")
+        self._write_note(f"C{number}: {text}")
 
-    def _tell(self, text: str) -> None:
+    def _write_note(self, text: str) -> None:
         if self._left:
             self._left -= 1
             self.write(NOTE_PREFIX + text)
@@ -64,14 +64,14 @@ class _Progress:
         self._told_ns = clock.now_ns()
         self._is_told = False
 
-    def tell(self) -> None:
+    def show(self) -> None:
         now = clock.now_ns()
-        if now - self._told_ns >= PROGRESS_NS and sys.stderr.isatty():
+        if now - self._told_ns >= PROGRESS_INTERVAL_NS and sys.stderr.isatty():
             self._told_ns, self._is_told = now, True
             sys.stderr.write(f"\r{self._player.packets} of {count(self._packets, 'packet')} ")
             sys.stderr.flush()
 
-    def end(self) -> None:
+    def finish(self) -> None:
         if self._is_told:
             sys.stderr.write("\n")
 
@@ -79,10 +79,10 @@ class _Progress:
 def watch_main(channel: Channel, paths: Sequence[str], asked: ShadowChoice) -> None:
     """Show the shadows of a capture, in a process of its own."""
     with tempfile.TemporaryDirectory(prefix="trcvtui-") as folder:
-        serve_screen(channel, lambda: _played(paths, asked, Path(folder) / "shadows.pcapng"))
+        serve_screen(channel, lambda: _play_shadows(paths, asked, Path(folder) / "shadows.pcapng"))
 
 
-def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
+def _play_shadows(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     """Return the run of the shadows; raise UserError."""
     from trcvtui.diagnosis.judges import FilesJudge
     from trcvtui.recording.recorder import RunRecorder
@@ -90,43 +90,43 @@ def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     from trcvtui.replay.time_line import CaptureRun, TimeLine
 
     plan, found, troubles = plan_capture(paths, *asked)
-    plan = plan._replace(project=replace(plan.project, path=Path(shown_name(paths))))  # the header's name
-    first_ns, told = found.first_ns or 0, _RunHistory()
+    plan = plan._replace(project=replace(plan.project, path=Path(describe_paths(paths))))  # the header's name
+    first_ns, told = found.first_ns or 0, _RunNotes()
     recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
     with recorder:
-        file = _without_name(file)
+        file = _unlink_file(file)
         player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
         rows = PauseMessages(plan, first_ns) if asked[0] is None else None
-        player.heard = rows.hear if rows is not None else None
+        player.heard = rows.add_event if rows is not None else None
         bench = player.shadows.bench
         told.write = bench.record_line
         progress = _Progress(player, found.packets)
 
         def after_scan() -> None:
             recorder.finish_scan(bench)
-            progress.tell()
+            progress.show()
 
         player.shadows.after_scan = after_scan
         player.shadows.sent = lambda note, ns: recorder.seam.add_outside_note(note._replace(ns=ns))
         recorder.add_header(bench, Path(paths[0]), (), is_scenario=False)
-        player.play(paths)
+        player.play_captures(paths)
         played = player.close()
         if rows is not None:
-            rows.end(max([each.last_ns for each in found.all], default=0))
-        progress.end()
-    lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
+            rows.finish(max([each.last_ns for each in found.all], default=0))
+        progress.finish()
+    lines = (*plan.notes, *_describe_outcome(played), *capture_notes(found, troubles))
     project, plc, dialect = asked
 
     def change(sets: Sequence[str], other: str | None) -> tuple[Project, Sequence[str]]:
-        made = planned(project, plc, other or dialect, sets)[0](found.all)
+        made = plan_maker(project, plc, other or dialect, sets)[0](found.all)
         return made.project, made.notes
 
     judge = FilesJudge(lambda: paths, plc, project)
-    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge, rows)
-    return TimeLine(Recording(file), shown_name(paths), 1, capture)
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_PROMPT_LINES], change, judge, rows)
+    return TimeLine(Recording(file), describe_paths(paths), 1, capture)
 
 
-def _without_name(file: Path) -> Path:
+def _unlink_file(file: Path) -> Path:
     if not os.path.isdir("/proc/self/fd"):
         return file
     handle = os.open(file, os.O_RDONLY)
@@ -136,12 +136,12 @@ def _without_name(file: Path) -> Path:
     return Path(f"/proc/self/fd/{handle}")
 
 
-def shown_name(paths: Sequence[str]) -> str:
+def describe_paths(paths: Sequence[str]) -> str:
     name = Path(paths[0]).name
     return name if len(paths) == 1 else f"{name} and {count(len(paths) - 1, 'file')} more"
 
 
-def _said(played: CaptureOutcome) -> list[str]:
+def _describe_outcome(played: CaptureOutcome) -> list[str]:
     some = [f"C{number} ({why})" for number, why in islice(played.unassigned.items(), 8)]
     more = len(played.unassigned) - len(some)
     lines = [f"unassigned: {', '.join(some)}{f' and {more} more' if more else ''}"] if some else []

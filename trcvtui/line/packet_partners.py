@@ -24,13 +24,13 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StatusEdge
 
 MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
-FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
-NEXT_CALL: Final = 5  # scans at most from a refused call to the next one
-QUIET: Final = 3  # scans without a change, after which none comes by itself
-MOST_QUIET: Final = 100_000  # such scans that are run, where it is not known that they change nothing
+FIRST_JOB_SCANS: Final = 3  # scans from a new connection to its first DONE
+NEXT_CALL_SCANS: Final = 5  # scans at most from a refused call to the next one
+QUIET_SCANS: Final = 3  # scans without a change, after which none comes by itself
+MOST_QUIET_SCANS: Final = 100_000  # such scans that are run, where it is not known that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
-SETTLING: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
-_WASTE: Final = memoryview(bytearray(1 << 16))
+SETTLE_SCANS: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
+_WASTE_BUFFER: Final = memoryview(bytearray(1 << 16))
 
 
 class ShadowBench:
@@ -44,7 +44,7 @@ class ShadowBench:
     ) -> None:
         self.bench = bench
         self.network = bench.network
-        self.waiting: list[PlayedEnd | PlayedLine] = []  # in the order in which they came
+        self.waiting: list[ReplayedPartner | ReplayedLine] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
         self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
         self.not_run = 0  # scans of which it is not known that they change nothing
@@ -54,20 +54,20 @@ class ShadowBench:
         self.sent: Callable[[PeerSent, int], None] | None = None  # told of each packet and its time
         self.packet_ns = 0  # the time of the packet that is played
         self.works_on = {each.name: each.connect for each in bench.project.instances}
-        self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
+        self.leaving: list[ReplayedPartner] = []  # their own ends have closed or reset them
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
         self._jobs = 0  # that had bytes
         self._lacking: set[str] = set()  # instances whose job has a place without bytes
 
-    def go_to(self, ns: int) -> None:
+    def advance_to(self, ns: int) -> None:
         """Let the scans before this time pass; then it is the time of the network."""
         while (due := self.bench.runtime.scans * self._interval) < ns:
-            if self.network.take_ready_flag() or self._quiet < QUIET:
+            if self.network.take_ready_flag() or self._quiet < QUIET_SCANS:
                 self.step()
-            elif not self._skip(due, ns):
-                if self._quiet < MOST_QUIET:
+            elif not self._skip_quiet_scans(due, ns):
+                if self._quiet < MOST_QUIET_SCANS:
                     self.step()
                     continue
                 left = -(-ns // self._interval) - due // self._interval
@@ -75,41 +75,41 @@ class ShadowBench:
                 self.not_run += left
         self.network.advance(max(ns, self.network.now_ns))
 
-    def wake(self) -> None:
+    def run_next_scans(self) -> None:
         """Run the next scans: a CONNECT that still calls looks what became of it, no poll tells."""
         self._quiet = 0
 
-    def refuse(self, connect: str) -> None:
+    def refuse_call(self, connect: str) -> None:
         """Refuse the call of a shadow. The PLC has called, so one that would pause before it calls now."""
         runtime = self.bench.runtime
-        for _ in range(NEXT_CALL):
+        for _ in range(NEXT_CALL_SCANS):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
             if self.network.wire.refuse_as_partner(connect) or is_ahead:
                 break
             runtime.retry_now(connect)
             self.step()
-        self.wake()
+        self.run_next_scans()
 
-    def scans_of_task(self, connect: str) -> int:
+    def count_task_scans(self, connect: str) -> int:
         """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
         tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
         return max([-(-each // self._interval) for each in tasks], default=1)
 
     def settle(self) -> None:
-        left = SETTLING
-        while left and (self.leaving or self.network.take_ready_flag() or self._quiet < QUIET):
+        left = SETTLE_SCANS
+        while left and (self.leaving or self.network.take_ready_flag() or self._quiet < QUIET_SCANS):
             jobs = self._jobs
             self.step()
-            left = left - 1 if self._jobs == jobs else SETTLING
+            left = left - 1 if self._jobs == jobs else SETTLE_SCANS
 
-    def _skip(self, due: int, ns: int) -> bool:
+    def _skip_quiet_scans(self, due: int, ns: int) -> bool:
         until = self.bench.quiet_until()
         limit = ns if until is None else min(until, ns)
         if self.waiting:
             limit = min(limit, *(end.gives_up_at for end in self.waiting))
         if self.leaving:
-            limit = min(limit, *((end.due - 1) * self._interval for end in self.leaving))
+            limit = min(limit, *((end.due_scan - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
         reached = self.network.advance_until_ready(limit)
@@ -121,22 +121,22 @@ class ShadowBench:
     def step(self) -> None:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
-            self._let_in()
-        over = [end for end in self.leaving if end.due <= runtime.scans + 1]
+            self._retry_waiting()
+        over = [end for end in self.leaving if end.due_scan <= runtime.scans + 1]
         for end in over:
-            end.leave_now()
+            end.end_shadow_now()
         seq = ledger.last_seq
         self.bench.step()
         self.after_scan()
         for end in over:
-            end.read_no_more()
+            end.drop_unread()
         self.leaving = [end for end in self.leaving if end not in over]
         self.network.take_ready_flag()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
         self._quiet = self._quiet + 1 if is_quiet else 0
         if self.holes:
-            self._see_holes(seq)
+            self._find_lacking(seq)
         if not is_quiet:
             lacking = frozenset(self._lacking)
             self._on_scan(runtime.scans, changed, lacking)
@@ -146,18 +146,18 @@ class ShadowBench:
                     self._jobs += 1
                     self.last_job[self.works_on[edge.instance]] = edge.outputs.rcvd_len
 
-    def _let_in(self) -> None:
+    def _retry_waiting(self) -> None:
         closed: set[str] = set()
-        left: list[PlayedEnd | PlayedLine] = []
+        left: list[ReplayedPartner | ReplayedLine] = []
         waiting, self.waiting = self.waiting, []
         for one in waiting:
-            if one.go_on(one.link not in closed):
+            if one.retry(one.link not in closed):
                 left.append(one)
                 if one.keeps_out:
                     closed.add(one.link)
         self.waiting = left + self.waiting
 
-    def _see_holes(self, seq: int) -> None:
+    def _find_lacking(self, seq: int) -> None:
         for _, _, event in self.bench.runtime.ledger.events_since(seq):
             if not isinstance(event, BytesReceived) or event.connection not in self.holes:
                 continue
@@ -170,7 +170,7 @@ class ShadowBench:
         self.holes = {connect: holes for connect, holes in self.holes.items() if holes}
 
 
-class PlayedEnd:
+class ReplayedPartner:
     """One end of one conversation, as a CONNECT meets it. It `calls`, or is called by the CONNECT.
 
     `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nothing to talk to.
@@ -197,7 +197,7 @@ class PlayedEnd:
         self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
-    def begin(self) -> None:
+    def begin_connecting(self) -> None:
         """Build the connection, as soon as the shadow is ready for it."""
         if not self._is_begun:
             self._is_begun = True
@@ -208,26 +208,26 @@ class PlayedEnd:
             if self._stream is None:
                 self._shadows.waiting.append(self)
 
-    def hear(self) -> None:
+    def note_plc_bytes(self) -> None:
         """Hear the PLC end: to the first that it says the partner had waited, so it is waited for here."""
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
-            self._do(self._await)
+            self._run_or_queue(self._start_awaiting)
             if self._awaits:
                 self._shadows.waiting.append(self)
 
-    def _await(self) -> None:
+    def _start_awaiting(self) -> None:
         self._awaits = not self._has_answer
 
-    def go_on(self, may_try: bool) -> bool:
+    def retry(self, may_try: bool) -> bool:
         """Look again whether the shadow is ready; return whether it still waits."""
         if may_try and self._stream is None:
             self._connect()
         is_late = self._shadows.network.now_ns >= self.gives_up_at
         if self._stream is not None:
             self._awaits &= not (self._has_answer or is_late)
-            self._catch_up()
+            self._run_acts()
             return self._awaits
         if not is_late:
             return True
@@ -254,11 +254,11 @@ class PlayedEnd:
                 runtime.retry_now(self.connect)
                 return
         self._stream = stream
-        self._shadows.wake()
+        self._shadows.run_next_scans()
         stream.changed = self._drain
-        self._catch_up()
+        self._run_acts()
 
-    def _catch_up(self) -> None:
+    def _run_acts(self) -> None:
         while self._acts and not self._awaits:
             self._acts.popleft()()
 
@@ -266,11 +266,11 @@ class PlayedEnd:
         stream = self._stream
         while stream is not None and stream.unread:
             self._has_answer = True
-            stream.read(_WASTE, len(_WASTE))
+            stream.read(_WASTE_BUFFER, len(_WASTE_BUFFER))
 
-    def _do(self, act: Callable[[], None], size: int = 0) -> None:
+    def _run_or_queue(self, act: Callable[[], None], size: int = 0) -> None:
         if not self._is_begun:
-            self.begin()
+            self.begin_connecting()
         if self._stream is not None and not self._awaits:
             act()
         elif not self.is_over and self._kept + size <= PLAYED_SEND_ROOM:
@@ -283,15 +283,15 @@ class PlayedEnd:
         self._shadows.room += len(data)
         ns = self._shadows.packet_ns
         if self._stream is not None and self._is_begun and not self._awaits:
-            self._send(data, ns)
+            self._send_now(data, ns)
         else:
-            self._do(lambda: self._send(data, ns), len(data))
+            self._run_or_queue(lambda: self._send_now(data, ns), len(data))
 
-    def keep_place(self, size: int) -> None:
+    def send_placeholder(self, size: int) -> None:
         """Keep a place for bytes that are not known, so that what follows stands where it stood."""
-        self._do(lambda: self._keep_place(size))
+        self._run_or_queue(lambda: self._send_placeholder(size))
 
-    def _keep_place(self, size: int) -> None:
+    def _send_placeholder(self, size: int) -> None:
         if self.is_over:
             return
         shadows, place = self._shadows, size
@@ -304,9 +304,9 @@ class PlayedEnd:
         if not place:
             return
         shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + place))
-        self._send(bytes(place), shadows.packet_ns, A_HOLE)
+        self._send_now(bytes(place), shadows.packet_ns, A_HOLE)
 
-    def _send(self, data: bytes, ns: int, what: str = A_PACKET) -> None:
+    def _send_now(self, data: bytes, ns: int, what: str = A_PACKET) -> None:
         stream, rest = self._stream, memoryview(data)
         assert stream is not None
         if self._shadows.sent is not None:
@@ -327,56 +327,56 @@ class PlayedEnd:
 
     def _wait_for_room(self, stream: SimStream) -> bool:
         unread = stream.pending_bytes
-        for _ in range(QUIET + 1):
+        for _ in range(QUIET_SCANS + 1):
             self._shadows.step()
             if stream.pending_bytes < unread:
                 return True
         return False
 
-    def end(self, reset: bool) -> None:
+    def end_partner(self, reset: bool) -> None:
         self.has_ended = True
-        self._shadows.wake()
-        self._do(self._reset if reset else self._finish)
+        self._shadows.run_next_scans()
+        self._run_or_queue(self._reset_stream if reset else self._close_stream)
 
-    def _finish(self) -> None:
+    def _close_stream(self) -> None:
         if self._stream is not None and not self.is_over:
             self._stream.shutdown(both=False)
         self.is_over = True
 
-    def _reset(self) -> None:
+    def _reset_stream(self) -> None:
         if self._stream is not None:
             self._stream.abort()
         self.is_over = True
 
-    def leave(self, unread: int, may_read: bool, has_read: bool) -> None:
+    def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
         """Let the shadow's own end be over; so many bytes it cannot have read, all others it may, or has."""
-        self._shadows.wake()
+        self._shadows.run_next_scans()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
         self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
-        self._do(lambda: self._leave(unread, may_read))
+        self._run_or_queue(lambda: self._end_shadow(unread, may_read))
 
-    def _leave(self, unread: int, may_read: bool) -> None:
+    def _end_shadow(self, unread: int, may_read: bool) -> None:
         if self._stream is not None:
             self._stream.withdraw(unread)
             if not may_read:
                 self._shadows.leaving.append(self)
 
     @property
-    def due(self) -> int:
+    def due_scan(self) -> int:
         """Return in which scan a shadow is over that its own end has ended."""
-        runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
+        runtime, task = self._shadows.bench.runtime, self._shadows.count_task_scans(self.connect)
         since = runtime.connected_since(self.connect)
         now_ns, stream = self._shadows.network.now_ns, self._stream
-        due = since + max(self._stood + task - 1, FIRST_JOB * task)
+        due = since + max(self._stood + task - 1, FIRST_JOB_SCANS * task)
         is_late = since <= self._begun or (self._has_read and stream is not None and stream.pending_bytes > 0)
         return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
 
-    def leave_now(self) -> None:
+    def end_shadow_now(self) -> None:
         if self._stream is not None and self.has_left and not self.is_over:
             self._stream.end_as_partner()
 
-    def read_no_more(self) -> None:
+    def drop_unread(self) -> None:
         if self._stream is not None:
             self.left_out += self._stream.pending_bytes
             self._stream.withdraw(self._stream.pending_bytes)
@@ -386,7 +386,7 @@ class PlayedEnd:
             self._stream.fall_silent()
 
 
-class PlayedLine:
+class ReplayedLine:
     """What comes to shadows without a connection: datagrams at a socket, bytes on a serial line.
 
     `left_out` counts, by the number of their conversation, bytes that never reached the shadow.
@@ -409,7 +409,7 @@ class PlayedLine:
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
         """Let a datagram, or bytes, come; of so many that follow it is known that they are missing."""
         ns = self._shadows.packet_ns
-        if not self._waiting and self._give(ns, number, source, data, missing):
+        if not self._waiting and self._deliver(ns, number, source, data, missing):
             return
         if not self._waiting:
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
@@ -420,27 +420,27 @@ class PlayedLine:
         else:
             self._left_out[number] += len(data)
 
-    def go_on(self, may_try: bool) -> bool:
+    def retry(self, may_try: bool) -> bool:
         """Look again whether something receives; return whether something still waits."""
-        while may_try and self._waiting and self._give(*self._waiting[0]):
+        while may_try and self._waiting and self._deliver(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[3])
         if self._shadows.network.now_ns >= self.gives_up_at:
-            self.close()
+            self.drop_waiting()
         return bool(self._waiting)
 
-    def read_no_more(self) -> None:
+    def drop_unread(self) -> None:
         port = self._shadows.bench.runtime.listening_port(self.link)
         if self._address and port is not None:
             for source, data in self._shadows.network.datagrams.withdraw(Endpoint(self._address, port)):
                 self._left_out[self._numbers[source]] += len(data)
 
-    def close(self) -> None:
+    def drop_waiting(self) -> None:
         for _, number, _, data, _ in self._waiting:
             self._left_out[number] += len(data)
         self._waiting.clear()
         self._kept = 0
 
-    def _give(self, ns: int, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
+    def _deliver(self, ns: int, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
         shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
         if self._address:
             port = shadows.bench.runtime.listening_port(self.link)
@@ -453,7 +453,7 @@ class PlayedLine:
             if not line.is_open:
                 return False
             is_taken = line.simulate_arrival(whole)
-            shadows.wake()
+            shadows.run_next_scans()
         if not is_taken:
             self._left_out[number] += len(data)
             return True

@@ -37,24 +37,24 @@ from trcvtui.project.project import (
 )
 from trcvtui.scenario.scenario import start_steps
 
-MOST_AD_HOC: Final = 256  # PLC ends with ad-hoc shadows
+MOST_AD_HOC_ENDS: Final = 256  # PLC ends with ad-hoc shadows
 NEVER_NS: Final = 1 << 62
 _DATAGRAM_SERVICES: Final = {
     53: "DNS", 67: "DHCP", 68: "DHCP", 123: "NTP", 137: "NetBIOS", 138: "NetBIOS", 546: "DHCP", 547: "DHCP",
     1900: "SSDP", 5353: "mDNS", 5355: "LLMNR",
 }  # fmt: skip
-STAND_IN: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
-ON: Final = ("EN_R", "CONT")  # 1 where nothing sets them
+STAND_IN_ADDRESS: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
+DEFAULT_ON_PINS: Final = ("EN_R", "CONT")  # 1 where nothing sets them
 AD_HOC_BYTES: Final = 65535  # of an ad-hoc job, where the dialect allows so many
 
 
 ShadowChoice = tuple[Path | None, str | None, str | None]  # project, PLC end, dialect; None: not chosen
-Socket = ConnectConfig | UdpConfig
-Link = Socket | ComBufferDecl
+AnySocket = ConnectConfig | UdpConfig
+AnyLink = AnySocket | ComBufferDecl
 OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
-class Part(NamedTuple):
+class ShadowPart(NamedTuple):
     """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does that one call it.
 
     Datagrams may go to a UDP_CONFIG in place of a CONNECT, the bytes of a serial line go to a ComBuffer.
@@ -69,13 +69,13 @@ class ShadowPlan(NamedTuple):
     """The project of the shadows; by number of a conversation its parts, or why it has none."""
 
     project: Project
-    parts: dict[int, tuple[Part, ...]]
+    parts: dict[int, tuple[ShadowPart, ...]]
     unassigned: dict[int, str]
     guesses: dict[int, PlcGuess]
     notes: tuple[str, ...] = ()  # what another dialect does not have
 
 
-def ends_of(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
+def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
     """Return the directions of the PLC end and of its partner, in another reading of the same capture."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
@@ -86,7 +86,7 @@ def _plc_listens(conversation: Conversation, guess: PlcGuess) -> bool:
     return conversation.listener in (None, guess.says)
 
 
-def _guesses(
+def _guess_plc_ends(
     found: Iterable[Conversation], given: PlcEnd | None, known: KnownEnds, why_not: dict[int, str]
 ) -> dict[int, tuple[Conversation, PlcGuess]]:
     usable = {}
@@ -110,29 +110,29 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
         {"dialect": dialect, "data": [{"name": "bytes", "type": of_bytes}]}, "--dialect", Path()
     )
     unassigned: dict[int, str] = {}
-    usable = _guesses(found, None if plc is None else parse_plc(plc), NO_KNOWN_ENDS, unassigned)
+    usable = _guess_plc_ends(found, None if plc is None else parse_plc(plc), NO_KNOWN_ENDS, unassigned)
     names: dict[tuple[object, ...], str] = {}
-    parts: dict[int, tuple[Part, ...]] = {}
+    parts: dict[int, tuple[ShadowPart, ...]] = {}
     connects: list[ConnectConfig] = []
     said = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)}
     for number, (each, guess) in usable.items():
         key, listens = _key(each, guess), _plc_listens(each, guess)
-        why_not = _no_datagrams(base, each, plc is not None) if each.protocol != "tcp" else ""
+        why_not = _explain_no_shadow(base, each, plc is not None) if each.protocol != "tcp" else ""
         if why_not or key not in said:
             unassigned[number] = why_not or "no connection was built"
             continue
-        if key not in names and len(names) == MOST_AD_HOC:
-            unassigned[number] = f"there are {MOST_AD_HOC} PLC ends before it"
+        if key not in names and len(names) == MOST_AD_HOC_ENDS:
+            unassigned[number] = f"there are {MOST_AD_HOC_ENDS} PLC ends before it"
             continue
         if key not in names:
             names[key] = f"C{abs(number)}"
             ends, is_udp = (guess.says.address, guess.says.other.address), each.protocol == "udp"
-            there = _connect(names[key], not listens, *ends)
-            back = _connect(f"{names[key]}_BACK", listens, *ends[::-1], is_free=True)
+            there = _make_connect(names[key], not listens, *ends)
+            back = _make_connect(f"{names[key]}_BACK", listens, *ends[::-1], is_free=True)
             connects += [replace(c, active=False, is_datagram=True) if is_udp else c for c in (there, back)]
         name = names[key]
-        parts[number] = Part(name, False, listens), Part(f"{name}_BACK", True, not listens)
-    return ShadowPlan(_with_instances(base, connects), parts, unassigned, _only_guesses(usable))
+        parts[number] = ShadowPart(name, False, listens), ShadowPart(f"{name}_BACK", True, not listens)
+    return ShadowPlan(_add_instances(base, connects), parts, unassigned, _extract_guesses(usable))
 
 
 def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
@@ -145,7 +145,7 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
     return "calls", guess.says.address[0], guess.says.other.address
 
 
-def _no_datagrams(base: Project, conversation: Conversation, is_asked: bool) -> str:
+def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool) -> str:
     """Return why nothing looks on at datagrams, or at a serial line; "" where an ad-hoc block does."""
     if conversation.protocol == "serial":
         return "a serial line: a ComBuffer of a project looks on at it"
@@ -161,19 +161,19 @@ def begins_late(conversation: Conversation) -> bool:
     return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
 
 
-def _only_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:
+def _extract_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:
     return {number: guess for number, (_, guess) in usable.items()}
 
 
-def _local_address(packed: bytes) -> str:
+def _make_local_address(packed: bytes) -> str:
     address = ip_address(packed)
     usable = address.version == 4 and not (
         address.is_loopback or address.is_multicast or address.is_unspecified
     )
-    return str(address) if usable else STAND_IN
+    return str(address) if usable else STAND_IN_ADDRESS
 
 
-def end_of(end: tuple[bytes, int]) -> Endpoint:
+def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
     """Return an end of a capture as the simulated network has it; of a serial line its name."""
     if end[1] < 0:
         return Endpoint(end[0].decode(errors="replace"), 0)
@@ -181,17 +181,17 @@ def end_of(end: tuple[bytes, int]) -> Endpoint:
     return Endpoint(str(address) if address.version == 4 else f"[{address}]", end[1])
 
 
-def _connect(
+def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
     """Return a CONNECT at an end of the capture; `is_free`: any port will do, several stand at one end."""
-    local = _local_address(own[0])
-    port = 0 if active or is_free or local == STAND_IN else own[1]
+    local = _make_local_address(own[0])
+    port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
         name,
         active,
         Endpoint(local, port),
-        end_of(partner).address if active else ANY_ADDRESS,
+        make_endpoint(partner).address if active else ANY_ADDRESS,
         partner[1] if active else 0,
         any_local=True,
     )
@@ -207,7 +207,7 @@ def _has_udp_config(block: str) -> bool:
     return row.receives and row.speaks_udp and not row.datagrams
 
 
-def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
+def _add_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
     of_streams = next(name for name in base.dialect.blocks if _receives_by_itself(base, name))
     of_configs = next((name for name in base.dialect.blocks if _has_udp_config(name)), "")
     data, instances, addrs = [], [], []
@@ -217,7 +217,7 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
         on_config = config.is_datagram and bool(of_configs)
         block = of_configs if on_config else of_streams
         known = {pin.name for pin in base.pins(block) if pin.direction is Direction.IN}
-        inputs: list[tuple[str, PinValue]] = [(pin, True) for pin in ON if pin in known]
+        inputs: list[tuple[str, PinValue]] = [(pin, True) for pin in DEFAULT_ON_PINS if pin in known]
         longest = {"LEN": base.rules.max_datagram} if config.is_datagram else {}
         inputs += (base.adhoc_inputs(block) | longest).items()
         data.append(replace(base.data[0], name=f"{name}_data"))
@@ -226,7 +226,7 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
         pins = tuple(inputs)
         instances.append(InstanceDecl(name, block, config.name, data[-1].name, "MAIN", pins, addr, on_config))
     rules = replace(base.rules, buffers=NEVER_NS, queue=NEVER_NS)
-    return _on_a_network(
+    return _set_network(
         replace(
             base,
             path=Path("watch"),
@@ -244,27 +244,27 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 # -- of a project --------------------------------------------------------------------------------------------
 
 
-def known_ends(project: Project) -> KnownEnds:
+def list_known_ends(project: Project) -> KnownEnds:
     """Return the ports and addresses of the PLC and of its partners, as a project has them."""
     calls = [each for each in project.connects if each.active]
-    sockets: tuple[Socket, ...] = (*project.connects, *project.udp_configs)
-    listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
+    sockets: tuple[AnySocket, ...] = (*project.connects, *project.udp_configs)
+    listening: tuple[AnySocket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
     called = frozenset(each.remote_port for each in calls if isinstance(each.remote_port, int))
     return KnownEnds(
         frozenset(each.local.port for each in listening) - {0},
         called - {0},
-        _hosts(each.local.address for each in sockets),
-        _hosts(each.remote_address for each in project.connects),
+        _list_hosts(each.local.address for each in sockets),
+        _list_hosts(each.remote_address for each in project.connects),
     )
 
 
-def _hosts(addresses: Iterable[str]) -> frozenset[bytes]:
+def _list_hosts(addresses: Iterable[str]) -> frozenset[bytes]:
     """Return addresses as a capture has them, without names and those that mean any."""
     found = (parse_end(each) for each in addresses if each != ANY_ADDRESS)
     return frozenset(end[0] for end in found if end is not None and any(end[0]))
 
 
-def rows_of_taps(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
+def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
     """Return rows that name the same conversations, as far as they have ends: a serial line has none."""
     places = [(tap, parse_place(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
     return tuple(
@@ -274,14 +274,14 @@ def rows_of_taps(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
     )
 
 
-def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
+def plan_for_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
     """Return a plan with the links of a project: those of its [[watch]] rows, else the one that fits."""
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
-    usable = _guesses(found, given, known_ends(project), unassigned)
-    parts: dict[int, tuple[Part, ...]] = {}
-    taken: dict[str, Link] = {}
+    usable = _guess_plc_ends(found, given, list_known_ends(project), unassigned)
+    parts: dict[int, tuple[ShadowPart, ...]] = {}
+    taken: dict[str, AnyLink] = {}
     ends: set[tuple[bytes, int]] = set()  # of the PLC, that have a link
     for number, (each, guess) in tuple(usable.items()):
         name, back = None, ""
@@ -295,75 +295,75 @@ def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | 
                 break
         listens = _plc_listens(each, guess)
         if name is None and (given is not None or not rows or each.protocol == "serial"):
-            name = _only_one(project, guess, listens, given is not None)
+            name = _find_fitting_link(project, guess, listens, given is not None)
         if name is None:
             kind = "ComBuffer" if each.protocol == "serial" else "CONNECT"
             unassigned[number] = f"no {kind} of the project fits it, or several do"
             continue
         if name not in taken:
             is_free = guess.says.address in ends
-            taken[name] = _following(_link(project, name), guess, listens, is_free)
+            taken[name] = _adapt_link(_link(project, name), guess, listens, is_free)
             ends.add(guess.says.address)
         if each.protocol == "tcp" and getattr(taken[name], "active", None) == listens:
             unassigned[number] = f"{name} has the other role in a conversation before it"
             continue
-        parts[number] = (Part(name, False, listens),)
+        parts[number] = (ShadowPart(name, False, listens),)
         if back:
             if back not in taken:
                 other = PlcGuess(guess.says.other, 1.0, "")
-                taken[back] = _following(_link(project, back), other, not listens, is_free=True)
-            parts[number] += (Part(back, True, not listens),)
-    set_by = _pins_set(project)
+                taken[back] = _adapt_link(_link(project, back), other, not listens, is_free=True)
+            parts[number] += (ShadowPart(back, True, not listens),)
+    set_by = _find_written_pins(project)
     instances = tuple(
-        [_switched_on(project, each, set_by) if each.connect in taken else each for each in project.instances]
+        [_switch_on(project, each, set_by) if each.connect in taken else each for each in project.instances]
     )
     made = replace(
         project,
         peers=(),
-        connects=_looked_on(project.connects, taken),
-        udp_configs=_looked_on(project.udp_configs, taken),
-        combuffers=_looked_on(project.combuffers, taken),
+        connects=_replace_links(project.connects, taken),
+        udp_configs=_replace_links(project.udp_configs, taken),
+        combuffers=_replace_links(project.combuffers, taken),
         instances=instances,
     )
-    return ShadowPlan(_on_a_network(made), parts, unassigned, _only_guesses(usable))
+    return ShadowPlan(_set_network(made), parts, unassigned, _extract_guesses(usable))
 
 
-def _looked_on(links: tuple[OneLink, ...], taken: dict[str, Link]) -> tuple[OneLink, ...]:
-    return tuple([cast(OneLink, taken.get(each.name) or _set_aside(each)) for each in links])
+def _replace_links(links: tuple[OneLink, ...], taken: dict[str, AnyLink]) -> tuple[OneLink, ...]:
+    return tuple([cast(OneLink, taken.get(each.name) or _disable_link(each)) for each in links])
 
 
 def _is_at(address: tuple[bytes, int], end: PlcEnd | None) -> bool:
     return end is None or (end.address == address[0] and end.port in (None, address[1]))
 
 
-def _protocol_of(link: Link) -> str:
+def _protocol_of(link: AnyLink) -> str:
     if isinstance(link, ComBufferDecl):
         return "serial"
     return "udp" if isinstance(link, UdpConfig) or link.is_datagram else "tcp"
 
 
-def _link(project: Project, name: str) -> Link:
+def _link(project: Project, name: str) -> AnyLink:
     found = project.connect(name) or project.udp_config(name) or project.combuffer(name)
     if found is None:
         raise mistake(f"{project.path}: watch", f"'{name}'", "a CONNECT of the project")
     return found
 
 
-def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
+def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
     """Return the link that fits the ends; with `--plc` also the only one that there is."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
-        return _only_line(project, guess.says.address[0].decode(errors="replace"))
+        return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
     receiving = {i.connect for i in project.instances if block_row(i.block).receives}
     if protocol == "udp":
-        return _only_socket(project, receiving, guess.says.address[1], is_given)
+        return _find_fitting_socket(project, receiving, guess.says.address[1], is_given)
     known = [c for c in project.connects if c.name in receiving and not c.is_datagram]
     port = guess.says.address[1] if listens else guess.says.other.address[1]
     of_port = [
         c for c in known if port == (c.remote_port if c.active else c.local.port) and c.active != listens
     ]
     partner = frozenset((guess.says.other.address[0],))
-    of_port = [c for c in of_port if _hosts((c.remote_address,)) == partner] or of_port
+    of_port = [c for c in of_port if _list_hosts((c.remote_address,)) == partner] or of_port
     of_role = [c for c in known if c.active != listens]
     for fits in (of_port, of_role, known) if is_given else (of_port,):
         if len(fits) == 1:
@@ -373,15 +373,15 @@ def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) 
     return None
 
 
-def _only_line(project: Project, line: str) -> str | None:
+def _find_fitting_line(project: Project, line: str) -> str | None:
     read = {each.connect for each in project.instances if block_row(each.block).reads_buffer}
     known = [b.name for b in project.combuffers if b.name in read and b.source in (SIMULATED, SERIAL)]
     return line if line in known else known[0] if len(known) == 1 else None
 
 
-def _only_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
+def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
     """Return what receives datagrams at a port; with `--plc` also the only one that receives any."""
-    links: tuple[Socket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
+    links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]
     if len(of_port) == 1:
@@ -389,15 +389,15 @@ def _only_socket(project: Project, receiving: set[str], port: int, is_given: boo
     return known[0].name if is_given and len(known) == 1 and not of_port else None
 
 
-def _following(config: Link, guess: PlcGuess, listens: bool, is_free: bool) -> Link:
+def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
     """Return a link with the ends that the wire shows; `is_free`: another one has this end."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address
     if isinstance(config, UdpConfig) or config.is_datagram:
-        made = _connect(config.name, False, own, other, is_free)
+        made = _make_connect(config.name, False, own, other, is_free)
         return replace(config, local=made.local)
-    made = _connect(config.name, not listens, own, other, is_free)
+    made = _make_connect(config.name, not listens, own, other, is_free)
     return replace(
         config,
         active=made.active,
@@ -409,21 +409,21 @@ def _following(config: Link, guess: PlcGuess, listens: bool, is_free: bool) -> L
     )
 
 
-def _set_aside(config: Link) -> Link:
+def _disable_link(config: AnyLink) -> AnyLink:
     if isinstance(config, ComBufferDecl):
         return config
     if isinstance(config, UdpConfig):
-        return replace(config, local=Endpoint(STAND_IN, 0))
+        return replace(config, local=Endpoint(STAND_IN_ADDRESS, 0))
     return replace(
         config,
-        local=Endpoint(STAND_IN, 0),
-        remote_address=STAND_IN if config.active else config.remote_address,
+        local=Endpoint(STAND_IN_ADDRESS, 0),
+        remote_address=STAND_IN_ADDRESS if config.active else config.remote_address,
         remote_name="",
         any_local=True,
     )
 
 
-def _pins_set(project: Project) -> set[tuple[str, str]]:
+def _find_written_pins(project: Project) -> set[tuple[str, str]]:
     written: set[tuple[str, str]] = set()
     for step in (*start_steps(project), *read_program(project)):
         match step.command:
@@ -434,16 +434,16 @@ def _pins_set(project: Project) -> set[tuple[str, str]]:
     return written
 
 
-def _switched_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, str]]) -> InstanceDecl:
+def _switch_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, str]]) -> InstanceDecl:
     known = {pin.name for pin in project.pins(decl.block) if pin.direction is Direction.IN}
     given = {name for name, _ in decl.inputs}
-    on = [(pin, True) for pin in ON if pin in known - given and (decl.name, pin) not in set_by]
+    on = [(pin, True) for pin in DEFAULT_ON_PINS if pin in known - given and (decl.name, pin) not in set_by]
     return replace(decl, inputs=(*decl.inputs, *on))
 
 
-def _on_a_network(project: Project) -> Project:
-    ends: tuple[Socket, ...] = (*project.connects, *project.udp_configs)
-    own = tuple(dict.fromkeys((STAND_IN, *(config.local.address for config in ends))))
+def _set_network(project: Project) -> Project:
+    ends: tuple[AnySocket, ...] = (*project.connects, *project.udp_configs)
+    own = tuple(dict.fromkeys((STAND_IN_ADDRESS, *(config.local.address for config in ends))))
     policy = replace(project.rules.policy, attempt_limit_ns=NEVER_NS)
     return replace(
         project,

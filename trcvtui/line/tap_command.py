@@ -21,21 +21,21 @@ from trcvtui.net.os.tap_ways import ASK_COUNT, ORDERS, RECORDER, SCREEN, Channel
 from trcvtui.net.tap import Route, format_end
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 
-RECORDS: Final = "import sys; from trcvtui.line.tapped import record_tap; record_tap(int(sys.argv[1]))"
-SHOWS_LINES: Final = (
+RUN_RECORDER: Final = "import sys; from trcvtui.line.tapped import record_tap; record_tap(int(sys.argv[1]))"
+RUN_LINES: Final = (
     "import sys; from trcvtui.line.watch_command import watch_tap; watch_tap(int(sys.argv[1]), sys.argv[2])"
 )
-SHOWS: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
-SERVES: Final = (
+RUN_SCREEN: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
+RUN_SERVER: Final = (
     "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
-MOST_SAID: Final = 100  # lines that wait for the end of the screen
+MOST_WAITING_LINES: Final = 100  # lines that wait for the end of the screen
 SECOND: Final = 1_000_000_000
 MOST_PAUSE_NS: Final = 60 * SECOND  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = b"\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
-PATIENCE: Final = 5.0  # seconds for the processes that look on to end
-WRONG_INPUT: Final = 2
+PATIENCE_S: Final = 5.0  # seconds for the processes that look on to end
+EXIT_WRONG_INPUT: Final = 2
 
 
 class ObserverSettings(NamedTuple):
@@ -63,91 +63,91 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
     if looks.holds and not looks.has_screen:
         raise mistake("--hold", "no screen", "one that lets go what is held")
     raise_descriptor_limit()
-    voice = _Voice()
-    loop = Forwarder(voice.say)
+    voice = _UserOutput()
+    loop = Forwarder(voice.write_line)
     for route in routes:
         loop.add_route(route)
-    server = _Server(loop, voice, routes, looks)
-    children: list[_Child] = []
+    server = _ServerProcess(loop, voice, routes, looks)
+    children: list[_ObserverProcess] = []
     try:
-        types = not looks.has_screen and _can_type()
+        types = not looks.has_screen and _can_read_stdin()
         shows_lines = SCREEN if looks.is_shown else ORDERS if types else b""
         has_guests = looks.project is not None and os.name == "posix"
         if shows_lines or record is not None or has_guests:
             server.start()
         if record is not None:
             with create(record, "--record") as file:  # when all places are had
-                children.append(_Child(server, RECORDER, "the recording"))
-                children[-1].start((RECORDS,), stdin=DEVNULL, stdout=file)
+                children.append(_ObserverProcess(server, RECORDER, "the recording"))
+                children[-1].start((RUN_RECORDER,), stdin=DEVNULL, stdout=file)
         loop.holds = looks.holds
-        asked = _asked(routes, loop, looks)
+        asked = _make_request(routes, loop, looks)
         if looks.has_screen:
-            _say_where(voice.say, loop, routes)  # before the screen has the terminal
-            children.append(screen := _Screen(server))
+            _announce_places(voice.write_line, loop, routes)  # before the screen has the terminal
+            children.append(screen := _ScreenProcess(server))
             if not screen.open(asked, looks.is_armed):
-                return screen.wait()
+                return screen.wait_for_end()
         else:
             if shows_lines:
-                children.append(_Child(server, shows_lines, "what shows it"))
+                children.append(_ObserverProcess(server, shows_lines, "what shows it"))
                 words = json.dumps((*asked, looks.form, looks.is_shown, types))
-                if not children[-1].start((SHOWS_LINES,), words, stdin=None if types else DEVNULL):
-                    return WRONG_INPUT
-            _say_where(voice.say, loop, routes)
+                if not children[-1].start((RUN_LINES,), words, stdin=None if types else DEVNULL):
+                    return EXIT_WRONG_INPUT
+            _announce_places(voice.write_line, loop, routes)
         loop.run()
     finally:
         loop.close()
-        server.wait()
+        server.wait_for_end()
         for child in children:
-            child.end()
+            child.end_process()
     return 0
 
 
-def _asked(routes: Sequence[Route], loop: Forwarder, looks: ObserverSettings) -> tuple[object, ...]:
+def _make_request(routes: Sequence[Route], loop: Forwarder, looks: ObserverSettings) -> tuple[object, ...]:
     places = [
-        (route.name, _listens(route, made.address), str(route.to))
+        (route.name, _format_listen(route, made.address), str(route.to))
         for route, made in zip(routes, loop.routes, strict=True)
     ]
     return places, looks.project and str(looks.project), looks.plc, looks.dialect
 
 
-def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
+def _announce_places(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
     addresses = [made.address for made in loop.routes]
     for route, address in zip(routes, addresses, strict=True):
         how = f"; kill {os.getpid()} ends the tap" if route is routes[-1] and os.name == "posix" else ""
-        say(f"{route.name}: {_listens(route, address)} to {route.to}{how}")
+        say(f"{route.name}: {_format_listen(route, address)} to {route.to}{how}")
     for place in list_reachable(addresses):
         say(f"other machines reach {place}")
 
 
-class _Voice:
+class _UserOutput:
     """What is said to the user: at once, or after the screen that has the terminal."""
 
     def __init__(self) -> None:
         self.is_kept = False
-        self._kept: deque[str] = deque(maxlen=MOST_SAID)
+        self._kept: deque[str] = deque(maxlen=MOST_WAITING_LINES)
 
-    def say(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         if self.is_kept:
             self._kept.append(line)
         else:
             write_or_drop_line(line)
 
-    def let_out(self) -> None:
+    def flush(self) -> None:
         self.is_kept = False
         while self._kept:
             write_or_drop_line(self._kept.popleft())
 
 
-class _Server:
+class _ServerProcess:
     """The process that serves observers; bytes go on whatever becomes of it."""
 
     def __init__(
-        self, loop: Forwarder, voice: _Voice, routes: Sequence[Route], looks: ObserverSettings
+        self, loop: Forwarder, voice: _UserOutput, routes: Sequence[Route], looks: ObserverSettings
     ) -> None:
-        from trcvtui.line.tap_socket import socket_of
+        from trcvtui.line.tap_socket import make_socket_path
 
         self.loop, self.voice = loop, voice
-        path = "" if looks.project is None else str(socket_of(looks.project))
+        path = "" if looks.project is None else str(make_socket_path(looks.project))
         taps = [(route.name, str(route.listen), str(route.to)) for route in routes]
         told = json.dumps({"taps": taps, "plc": looks.plc, "dialect": looks.dialect})
         self._words = path, str(int(looks.may_order)), told
@@ -161,50 +161,50 @@ class _Server:
         try:
             pipes = ObserverServerPipes()
             told = DEVNULL if self.voice.is_kept else None  # the terminal belongs to the screen
-            words = (SERVES, *map(str, pipes.fds), *self._words)
-            self._process = _started(words, stdin=DEVNULL, stdout=DEVNULL, stderr=told, pass_fds=pipes.fds)
+            words = (RUN_SERVER, *map(str, pipes.fds), *self._words)
+            self._process = _run_python(words, stdin=DEVNULL, stdout=DEVNULL, stderr=told, pass_fds=pipes.fds)
             pipes.close_far_ends()
         except OSError as failed:
-            self._again(failed.strerror or str(failed))
+            self._retry_later(failed.strerror or str(failed))
             return
         self._pipes = pipes
-        self.loop.attach_server(pipes.events, self._lose)
+        self.loop.attach_server(pipes.events, self._handle_end)
         pending, self._pending = self._pending, []
         for kind, way in pending:
             pipes.hand_over_observer(kind, way)
 
-    def hand_over(self, kind: bytes, way: Any) -> None:
+    def hand_over_observer(self, kind: bytes, way: Any) -> None:
         """Let an observer of that kind be served; later, when there is no process now."""
         if self._pipes is None:
             self._pending.append((kind, way))
         else:
             self._pipes.hand_over_observer(kind, way)
 
-    def _lose(self) -> None:
+    def _handle_end(self) -> None:
         if self._pipes is not None and self._process is not None:
             self._pipes.close()
             self._pipes = None
             self._process.kill()  # it has closed its socket, and has nothing of its own to end
             self._process.wait()
-        self._again("their process has ended")
+        self._retry_later("their process has ended")
 
-    def _again(self, why: str) -> None:
-        self.voice.say(f"no observers: {why}; tried again in {self._pause // SECOND} s, bytes go on")
+    def _retry_later(self, why: str) -> None:
+        self.voice.write_line(f"no observers: {why}; tried again in {self._pause // SECOND} s, bytes go on")
         self.loop.call_after(self._pause, self.start)
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
-    def wait(self) -> None:
+    def wait_for_end(self) -> None:
         """Let it hand over what is left: the tap has ended."""
         for _, way in self._pending:
             way.close()
         if self._process is not None:
-            _wait(self._process)
+            _wait_or_kill(self._process)
 
 
-class _Child:
+class _ObserverProcess:
     """A program that reads what the tap shows; it asks for a way, also when its way has ended."""
 
-    def __init__(self, server: _Server, kind: bytes, what: str) -> None:
+    def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what
         self._loop, self._asked = server.loop, ChannelServer()  # at its end the child has ended
         self._process: Popen[bytes] | None = None
@@ -214,12 +214,12 @@ class _Child:
         """Start it; return whether it has asked for a way, otherwise it has said what is wrong."""
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
-            self._process = _started(words, pass_fds=(theirs.fileno(),), **given)
-        self._loop.register(self._asked.fd, 1, self._answer)
-        self._is_served = self._answer()
+            self._process = _run_python(words, pass_fds=(theirs.fileno(),), **given)
+        self._loop.register(self._asked.fd, 1, self._answer_question)
+        self._is_served = self._answer_question()
         return self._is_served
 
-    def _answer(self, _: int = 0) -> bool:
+    def _answer_question(self, _: int = 0) -> bool:
         """Wait for a question of it; return whether it has one, and has not ended."""
         question = self._asked.read_question()
         if question == ASK_COUNT:
@@ -227,29 +227,29 @@ class _Child:
         elif not question:
             self._loop.unregister(self._asked.fd)
             if self._is_served:  # otherwise it has said what is wrong
-                self._gone()
+                self._handle_end()
         elif (way := self._asked.hand_over_channel()) is not None:
-            self._server.hand_over(self._kind, way)
+            self._server.hand_over_observer(self._kind, way)
         return bool(question)
 
-    def _gone(self) -> None:
-        self._server.voice.say(f"{self._what} has ended: bytes still go on")
+    def _handle_end(self) -> None:
+        self._server.voice.write_line(f"{self._what} has ended: bytes still go on")
 
-    def wait(self) -> int:
+    def wait_for_end(self) -> int:
         assert self._process is not None
         return self._process.wait()
 
-    def end(self) -> None:
+    def end_process(self) -> None:
         """Let it end: the tap has ended."""
         self._asked.close()
         if self._process is not None:
-            _wait(self._process)
+            _wait_or_kill(self._process)
 
 
-class _Screen(_Child):
+class _ScreenProcess(_ObserverProcess):
     """The screen: the terminal is put right when it was killed."""
 
-    def __init__(self, server: _Server) -> None:
+    def __init__(self, server: _ServerProcess) -> None:
         super().__init__(server, SCREEN, "the screen")
         self._terminal: list[Any] = []
 
@@ -257,15 +257,15 @@ class _Screen(_Child):
         import termios
 
         self._terminal = termios.tcgetattr(0)
-        is_open = self.start((SHOWS,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
+        is_open = self.start((RUN_SCREEN,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
         self._server.voice.is_kept = is_open  # the terminal belongs to the screen
         return is_open
 
-    def _gone(self) -> None:
+    def _handle_end(self) -> None:
         """The user has ended the tap with it; or it was left or killed, and bytes go on."""
         import termios
 
-        code = self.wait()
+        code = self.wait_for_end()
         self._loop.release_all()
         if code == 0:
             if cut := self._loop.describe_open():
@@ -279,21 +279,21 @@ class _Screen(_Child):
                 if code < 0 and poll_once({1: OUT}):
                     os.write(1, LEAVE_SCREEN)
             write_or_drop_line(f"the screen has ended: bytes still go on; {ends}")
-        self._server.voice.let_out()
+        self._server.voice.flush()
 
-    def end(self) -> None:
+    def end_process(self) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
-        super().end()
+        super().end_process()
 
 
-def _listens(route: Route, address: tuple[str, int] | None) -> str:
+def _format_listen(route: Route, address: tuple[str, int] | None) -> str:
     if address is None:
         return str(route.listen)
     return ("udp:" if route.listen.kind == "udp" else "") + format_end(*address)
 
 
-def _can_type() -> bool:
+def _can_read_stdin() -> bool:
     import stat
 
     with suppress(AttributeError, ValueError):
@@ -305,14 +305,14 @@ def _can_type() -> bool:
     return os.name == "posix" and (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(0))
 
 
-def _started(words: tuple[str, ...], **given: Any) -> Popen[bytes]:
+def _run_python(words: tuple[str, ...], **given: Any) -> Popen[bytes]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return Popen([sys.executable, "-P", "-c", *words], env=environment, **given)
 
 
-def _wait(process: Popen[bytes]) -> None:
+def _wait_or_kill(process: Popen[bytes]) -> None:
     try:
-        process.wait(PATIENCE)
+        process.wait(PATIENCE_S)
     except TimeoutExpired:
         process.kill()
         process.wait()

@@ -16,16 +16,16 @@ from trcvtui.net.os.observers import ObserverServer, connect_to_tap
 from trcvtui.signals import OF_A_GROUP, leave
 
 
-def socket_of(project: Path) -> Path:
+def make_socket_path(project: Path) -> Path:
     """Return where the tap of a project and its observers find each other."""
     whole = project.resolve()
     digest = sha256(os.fsencode(whole)).hexdigest()[:8]
     return paths.runtime_folder() / f"tap-{whole.stem[:40]}-{digest}.sock"
 
 
-def connection_to(project: Path) -> int:
+def open_connection(project: Path) -> int:
     """Return the descriptor of a connection to the tap of a project; raise UserError where none runs."""
-    return connect_to_tap(socket_of(project), f"`trcvtui tap --project {project}` beside it")
+    return connect_to_tap(make_socket_path(project), f"`trcvtui tap --project {project}` beside it")
 
 
 def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:

@@ -21,16 +21,16 @@ from trcvtui.capture.reassembly import RECEIVED_END, SENT_END, Conversation, Two
 from trcvtui.commands import words
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError, mistake, one_line
-from trcvtui.line.capture_player import CapturePlayer, PlanMaker, planned
+from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
 from trcvtui.line.conversations import ConversationFigures
-from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, Remark, expected
-from trcvtui.line.shadows import ShadowPlan, plan_of_project, rows_of_taps
+from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, TimedAction, make_conversation
+from trcvtui.line.shadows import ShadowPlan, make_tap_rows, plan_for_project
 from trcvtui.line.tapped import TapNote
 from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapOrder, TapPlace, format_end, make_route
 from trcvtui.project.project import TapDecl
 
-_MAPPED: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a packet whose other end has IPv6
+_MAPPED_PREFIX: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a packet whose other end has IPv6
 
 
 class TapPlan(LivePlan):
@@ -42,7 +42,7 @@ class TapPlan(LivePlan):
         self.routes = [make_route(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
         super().__init__(project, plc, dialect)
 
-    def _expect(
+    def _plan_expected(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
         routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
@@ -50,16 +50,16 @@ class TapPlan(LivePlan):
         if given is not None and given.port is not None and any(self.calls):
             raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
         end = plc or (format_end(to.address, to.port) if to.kind != "serial" else None)
-        plan_of, loaded = planned(project, end, dialect)
+        plan_of, loaded = plan_maker(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
-        rows = rows_of_taps([known[route.name] for route in routes if route.name in known and not plc])
+        rows = make_tap_rows([known[route.name] for route in routes if route.name in known and not plc])
         watched = replace(loaded, watches=rows) if loaded is not None and rows else None
         others = [TapDecl(r.name, str(r.listen), str(r.to), "") for r in routes if r.name not in known]
         taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
         self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
 
         def named(found: Sequence[Conversation]) -> ShadowPlan:
-            plan = plan_of(found) if watched is None else plan_of_project(found, watched, None)
+            plan = plan_of(found) if watched is None else plan_for_project(found, watched, None)
             return plan._replace(project=replace(plan.project, taps=taps, path=path))
 
         near = [given.address if given is not None and calls else b"" for calls in self.calls]
@@ -67,10 +67,10 @@ class TapPlan(LivePlan):
 
     def _first_of(self, number: int, route: Route, near: bytes) -> Conversation:
         if route.to.kind == "serial":
-            return expected(number, *_line_ends(self.lines[route.name]), "serial", route.name)
+            return make_conversation(number, *_make_line_ends(self.lines[route.name]), "serial", route.name)
         far = ip_address(route.to.address).packed
         caller = (near or bytes(len(far) - 1) + b"\1", ANY_PORT)
-        return expected(number, caller, (far, route.to.port), route.to.kind, route.name)
+        return make_conversation(number, caller, (far, route.to.port), route.to.kind, route.name)
 
 
 def _is_at(place: TapPlace, end: PlcEnd) -> bool:
@@ -79,7 +79,7 @@ def _is_at(place: TapPlace, end: PlcEnd) -> bool:
     return ip_address(place.address).packed == end.address and end.port in (None, place.port)
 
 
-def _line_ends(name: str) -> TwoEnds:
+def _make_line_ends(name: str) -> TwoEnds:
     return (name.encode(), RECEIVED_END), (name.encode(), SENT_END)
 
 
@@ -90,7 +90,7 @@ class TapWatch(LiveWatch):
     A plan that is none of a tap becomes one with the first note, which names the taps.
     """
 
-    look_ns = 0  # no PLC end comes that the plan does not have
+    play_delay_ns = 0  # no PLC end comes that the plan does not have
 
     def __init__(
         self,
@@ -101,12 +101,12 @@ class TapWatch(LiveWatch):
         order: Callable[[bytes], object] | None = None,
     ) -> None:
         super().__init__(plan, begin, left)
-        self.found.noted = self._hear
+        self.found.noted = self._handle_note
         self._tell, self._order = tell, order
         self._talks: dict[int, Conversation] = {}  # that go on
         self._typed = b""
 
-    def _hear(self, ns: int, data: bytes) -> None:
+    def _handle_note(self, ns: int, data: bytes) -> None:
         """Take a note; leave out what is none."""
         wire = None
         try:
@@ -115,52 +115,52 @@ class TapWatch(LiveWatch):
                 self._plan = TapPlan(note.taps, self._plan.path, note.plc, note.dialect)
             first = bytes.fromhex(note.first)
             if note.note == "open" and note.conversation not in self._talks:
-                talk, wire = self._opened(ns, note)
+                talk, wire = self._make_conversation(ns, note)
             tap = self._plan.routes[note.tap].name
         except (MsgspecError, UserError, ValueError, LookupError, OverflowError, RecursionError):
             return
         self.found.is_tapped = True
         if self.player is None:
-            self._started()
+            self._start_player()
         if note.note == "taps":  # of another process than before: it was not there when these ended
             for number in [each for each in self._talks if each not in note.open]:
-                self._end(ns, replace(note, note="end", conversation=number))
+                self._end_conversation(ns, replace(note, note="end", conversation=number))
         elif wire is not None and self.found.open_tapped(ns, talk, wire, note.new):
             self._talks[talk.number] = talk
         elif note.note == "end":
-            self._end(ns, note)
+            self._end_conversation(ns, note)
         else:
-            self._put(Remark(ns, partial(self._take_note, ns, note, tap, first)))
+            self._queue_event(TimedAction(ns, partial(self._apply_note, ns, note, tap, first)))
 
-    def _end(self, ns: int, note: TapNote) -> None:
+    def _end_conversation(self, ns: int, note: TapNote) -> None:
         talk = self._talks.pop(note.conversation, None)
         if talk is not None:
             talk.end, talk.last_ns = talk.end or ("fin", talk.there), max(ns, talk.last_ns)
-        self._put(Remark(ns, partial(self._take_note, ns, note, "", b"")))
+        self._queue_event(TimedAction(ns, partial(self._apply_note, ns, note, "", b"")))
 
-    def idle(self, idle_ns: int) -> None:
+    def handle_idle(self, idle_ns: int) -> None:
         """Do nothing: a tap tells the time itself, in its place between what passes."""
 
-    def _opened(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
+    def _make_conversation(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
         """Return a conversation, and its ends as packets have them."""
         name, ((near, near_port), (far, far_port)) = self._plan.routes[note.tap].name, note.ends
         if note.kind == "serial":
-            ends, wire = _line_ends(self._plan.lines[name]), _line_ends(f"{near} - {far}")
+            ends, wire = _make_line_ends(self._plan.lines[name]), _make_line_ends(f"{near} - {far}")
         else:
             one, other = ip_address(near).packed, ip_address(far).packed
             ends, size = ((one, near_port), (other, far_port)), max(len(one), len(other))
-            wire = ((_MAPPED + one)[-size:], near_port), ((_MAPPED + other)[-size:], far_port)
+            wire = ((_MAPPED_PREFIX + one)[-size:], near_port), ((_MAPPED_PREFIX + other)[-size:], far_port)
         talk = Conversation(note.conversation, note.kind, ns, ends)
         talk.tap, talk.listener = name, talk.back if note.kind == "tcp" else None
         return talk, wire
 
-    def _started(self) -> CapturePlayer:
-        player = super()._started()
+    def _start_player(self) -> CapturePlayer:
+        player = super()._start_player()
         player.talks = player.talks or ConversationFigures()
         player.shadows.bench.on_tap = self._intervene if self._order is not None else None
         return player
 
-    def _take_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
+    def _apply_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
         player, number, guess = self.player, note.conversation, self._plan.plan.guesses.get(note.conversation)
         assert player is not None and player.talks is not None  # since the first note
         to_plc = guess is not None and note.to_connect is (guess.says is guess.says.conversation.back)
@@ -175,19 +175,19 @@ class TapWatch(LiveWatch):
                 player.shadows.bench.note(tap, "tap", act)
                 player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
             case "open" if not note.new:  # what is held still, is told after it
-                player.talks.let_go(number)
+                player.talks.clear_held(number)
             case "held":
-                player.talks.hold(number, to_plc, note.bytes if note.holds else None, first)
+                player.talks.set_held(number, to_plc, note.bytes if note.holds else None, first)
             case "figures":
                 figures = note.round_trip_us * 1000, note.window, note.again
-                player.talks.measure(number, to_plc, *figures)
+                player.talks.set_figures(number, to_plc, *figures)
             case "end":
-                player.talks.end(number)
-                player.end(number, ns)
+                player.talks.end_conversation(number)
+                player.end_conversation(number, ns)
 
     # -- what the user says --------------------------------------------------------------------------------
 
-    def type(self, data: bytes) -> list[str]:
+    def run_typed_lines(self, data: bytes) -> list[str]:
         """Take what was typed, lines of a bench; return what is wrong in them."""
         assert self.player is not None  # it stands since the first note
         bench, wrong = self.player.shadows.bench, list[str]()
@@ -201,7 +201,7 @@ class TapWatch(LiveWatch):
                 wrong += [] if command is None else filter(None, [bench.do(command)])
             except UserError as mistakes:
                 wrong += mistakes.lines()
-            self.player.shadows.wake()
+            self.player.shadows.run_next_scans()
         return wrong
 
     def _intervene(self, command: words.Intervene) -> str:

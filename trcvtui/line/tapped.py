@@ -34,10 +34,10 @@ from trcvtui.recording.wire import (
 )
 from trcvtui.signals import OF_A_GROUP, leave
 
-READ: Final = 1 << 18
+READ_BYTES: Final = 1 << 18
 WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
-NOTES: Final = 1  # the interface of what the tap itself does
-NOTED: Final[dict[int, str]] = {
+NOTES_ID: Final = 1  # the interface of what the tap itself does
+NOTE_NAMES: Final[dict[int, str]] = {
     TapEventKind.OPEN: "open",
     TapEventKind.OVER: "end",
     TapEventKind.FIGURES: "figures",
@@ -47,12 +47,12 @@ NOTED: Final[dict[int, str]] = {
     TapEventKind.LOST: "lost",
     TapEventKind.LACK: "lack",
 }
-STATES: Final = (TapEventKind.HELD, TapEventKind.FIGURES)  # of which the newest counts
-_V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
-_V6: Final = struct.Struct(">IHBB16s16s").pack
-_TCP: Final = struct.Struct(">HHIIBBHHH").pack
-_UDP: Final = struct.Struct(">HHHH").pack
-_SERIAL: Final = struct.Struct(">IIBBH").pack
+STATE_KINDS: Final = (TapEventKind.HELD, TapEventKind.FIGURES)  # of which the newest counts
+_PACK_IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
+_PACK_IP_V6: Final = struct.Struct(">IHBB16s16s").pack
+_PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack
+_PACK_UDP: Final = struct.Struct(">HHHH").pack
+_PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 Port = Annotated[int, Meta(ge=0, le=65535)]
@@ -103,12 +103,12 @@ class _TappedConversation:
         self.stands = self.is_over = False
         # What the checksum of a segment has in each direction, but for its length and its payload.
         self.sums = [
-            sum(_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)
+            sum(_split_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)
             for a, b in (ends, ends[::-1])
         ]
 
 
-def _words(data: bytes) -> tuple[int, ...]:
+def _split_words(data: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(data) // 2}H", data)
 
 
@@ -121,34 +121,34 @@ class TapPackets:
         self._talks: dict[int, _TappedConversation] = {}
         self._number = 0  # of IP packets
 
-    def of(self, event: TapEvent) -> Iterator[TapPacket]:
+    def make_packets(self, event: TapEvent) -> Iterator[TapPacket]:
         kind, way, ns = event.kind, event.way, event.ns
         if kind == TapEventKind.OPEN:
-            yield from self._open(event)
+            yield from self._handle_open(event)
             return
         if kind == TapEventKind.LOST:
-            yield from self._lost(event)
+            yield from self._handle_lost(event)
             return
         talk = self._talks.get(event.number)
         if talk is None:
             return
         if kind == TapEventKind.BYTES:
-            yield from self._data(talk, event)
+            yield from self._handle_bytes(talk, event)
         elif kind == TapEventKind.OURS:
             talk.remarks[way].append(f"{pcap.OWN_PREFIX}{event.data.decode(errors='replace')}")
         elif kind == TapEventKind.STANDS and talk.kind == "tcp":
             talk.stands = True
-            yield self._segment(talk, WAY_BACK, ns, SYN | ACK)
-            yield self._segment(talk, WAY_TO, ns, ACK)
+            yield self._make_segment(talk, WAY_BACK, ns, SYN | ACK)
+            yield self._make_segment(talk, WAY_TO, ns, ACK)
         elif kind in (TapEventKind.FIN, TapEventKind.RST) and talk.kind == "tcp":
             if talk.stands:
                 talk.next[way] = event.at + 1
-            yield self._segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
+            yield self._make_segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
             talk.is_over |= kind == TapEventKind.RST
         elif kind == TapEventKind.OVER:
-            yield from self._over(event.number, ns)
+            yield from self._handle_over(event.number, ns)
 
-    def _open(self, event: TapEvent) -> Iterator[TapPacket]:
+    def _handle_open(self, event: TapEvent) -> Iterator[TapPacket]:
         if event.number in self._talks:
             return
         kind, near, near_port, far, far_port = event.data.decode().split("|")
@@ -163,31 +163,31 @@ class TapPackets:
         ends = (addresses[0].packed, int(near_port)), (addresses[1].packed, int(far_port))
         talk = self._talks[event.number] = _TappedConversation(kind, ends)
         if kind == "tcp" and not event.at:
-            yield self._segment(talk, WAY_TO, event.ns, SYN)
+            yield self._make_segment(talk, WAY_TO, event.ns, SYN)
         talk.stands = bool(event.at)
 
-    def _over(self, number: int, ns: int) -> Iterator[TapPacket]:
+    def _handle_over(self, number: int, ns: int) -> Iterator[TapPacket]:
         talk = self._talks.pop(number)
         for way in (WAY_TO, WAY_BACK):
             if talk.remarks[way] and talk.kind == "tcp":
-                yield self._segment(talk, way, ns, ACK)
+                yield self._make_segment(talk, way, ns, ACK)
 
-    def _lost(self, event: TapEvent) -> Iterator[TapPacket]:
+    def _handle_lost(self, event: TapEvent) -> Iterator[TapPacket]:
         count, size = LOSS.unpack_from(event.data)
         alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
         text = f"{size} bytes before this are not in the recording ({count} events)"
         for number, talk in tuple(self._talks.items()):
             if number not in alive:
-                yield from self._over(number, event.ns)
+                yield from self._handle_over(number, event.ns)
                 continue
             for remarks in talk.remarks:
                 remarks.append(text)
 
-    def _data(self, talk: _TappedConversation, event: TapEvent) -> Iterator[TapPacket]:
+    def _handle_bytes(self, talk: _TappedConversation, event: TapEvent) -> Iterator[TapPacket]:
         way, data, ns = event.way, event.data, event.ns
         if talk.kind == "serial":
-            head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, _EVENT_OF[way], 0, 0)
-            yield TapPacket(talk.interface, ns, head + data, self._remarks(talk, way))
+            head = _PACK_SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, _EVENT_OF[way], 0, 0)
+            yield TapPacket(talk.interface, ns, head + data, self._take_remarks(talk, way))
             return
         if talk.kind == "udp":
             yield self._datagram(talk, way, ns, data)
@@ -195,15 +195,15 @@ class TapPackets:
         talk.next[way] = event.at + 1
         for at in range(0, len(data), MOST_PAYLOAD):
             part = data[at : at + MOST_PAYLOAD]
-            yield self._segment(talk, way, ns, ACK if at + MOST_PAYLOAD < len(data) else ACK | PSH, part)
+            yield self._make_segment(talk, way, ns, ACK if at + MOST_PAYLOAD < len(data) else ACK | PSH, part)
 
     @staticmethod
-    def _remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
+    def _take_remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
         found = tuple(talk.remarks[way])
         talk.remarks[way].clear()
         return found
 
-    def _segment(
+    def _make_segment(
         self, talk: _TappedConversation, way: int, ns: int, flags: int, data: bytes = b""
     ) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
@@ -211,42 +211,42 @@ class TapPackets:
         ack = talk.next[1 - way] & 0xFFFFFFFF if flags & ACK else 0
         talk.next[way] += len(data) + (1 if flags & (SYN | FIN) else 0)
         size = 20 + len(data)
-        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + FULL_WINDOW + _sum(data)
+        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + FULL_WINDOW + _sum_words(data)
         sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
-        head = _TCP(source[1], target[1], seq, ack, 5 << 4, flags, FULL_WINDOW, sum_of, 0)
-        whole = b"".join((self._ip(source[0], target[0], TCP, size), head, data))
-        return TapPacket(WIRE, ns, whole, self._remarks(talk, way))
+        head = _PACK_TCP(source[1], target[1], seq, ack, 5 << 4, flags, FULL_WINDOW, sum_of, 0)
+        whole = b"".join((self._make_ip_header(source[0], target[0], TCP, size), head, data))
+        return TapPacket(WIRE, ns, whole, self._take_remarks(talk, way))
 
     def _datagram(self, talk: _TappedConversation, way: int, ns: int, data: bytes) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
         size = 8 + len(data)
-        total = talk.sums[way] + 2 * size + _sum(data)
-        head = _UDP(source[1], target[1], size, 0xFFFF - (total % 0xFFFF or 0xFFFF) or 0xFFFF)
-        whole = b"".join((self._ip(source[0], target[0], UDP, size), head, data))
-        return TapPacket(WIRE, ns, whole, self._remarks(talk, way))
+        total = talk.sums[way] + 2 * size + _sum_words(data)
+        head = _PACK_UDP(source[1], target[1], size, 0xFFFF - (total % 0xFFFF or 0xFFFF) or 0xFFFF)
+        whole = b"".join((self._make_ip_header(source[0], target[0], UDP, size), head, data))
+        return TapPacket(WIRE, ns, whole, self._take_remarks(talk, way))
 
-    def _ip(self, source: bytes, target: bytes, protocol: int, size: int) -> bytes:
+    def _make_ip_header(self, source: bytes, target: bytes, protocol: int, size: int) -> bytes:
         if len(source) == 16:
-            return _V6(0x6000_0000, size, protocol, 64, source, target)
+            return _PACK_IP_V6(0x6000_0000, size, protocol, 64, source, target)
         self._number = self._number + 1 & 0xFFFF
         total = 0x4500 + 20 + size + self._number + 0x4000 + (64 << 8) + protocol
         total += int.from_bytes(source, "big") + int.from_bytes(target, "big")
         sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
-        return _V4(0x45, 0, 20 + size, self._number, 0x4000, 64, protocol, sum_of, source, target)
+        return _PACK_IP_V4(0x45, 0, 20 + size, self._number, 0x4000, 64, protocol, sum_of, source, target)
 
 
 _EVENT_OF: Final = (SERIAL_RECEIVED, SERIAL_SENT)  # as the end at LISTEN is on the line that is received from
 
 
-_HALVES: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472, 736)])
+_SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472, 736)])
 
 
-def _sum(data: bytes) -> int:
+def _sum_words(data: bytes) -> int:
     """Return a number that is the sum of the 16-bit words modulo 65535; a whole segment costs half of `%`."""
     if len(data) != MOST_PAYLOAD:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")
-    for bits, mask in _HALVES:
+    for bits, mask in _SUM_FOLDS:
         number = (number >> bits) + (number & mask)
     number %= 0xFFFF
     return (number & 0xFF) << 8 | number >> 8  # the sum of swapped words is the swapped sum
@@ -261,7 +261,7 @@ class TapCapture:
 
     def __init__(self, title: str, told: Mapping[str, object]) -> None:
         self._title, self._told = title, told
-        self._packets = TapPackets(NOTES + 1)
+        self._packets = TapPackets(NOTES_ID + 1)
         # Of each conversation that goes on: with what it has begun, and the newest state of each direction.
         self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
         self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
@@ -271,7 +271,7 @@ class TapCapture:
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _note(ns, {"note": "taps", **self._told, "open": [*self._open]})
+        return made + _encode_note(ns, {"note": "taps", **self._told, "open": [*self._open]})
 
     def encode_lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
@@ -279,29 +279,29 @@ class TapCapture:
     def encode_event(self, event: TapEvent) -> bytes:
         if event.kind == TapEventKind.OPEN:
             self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
-        elif event.kind in STATES and event.number in self._open:
+        elif event.kind in STATE_KINDS and event.number in self._open:
             self._open[event.number][event.kind, event.way] = event
         elif event.kind == TapEventKind.OVER:
             self._open.pop(event.number, None)
-        blocks = [*self._note(event)]
-        blocks += [pcap.packet_block(*packet) for packet in self._packets.of(event)]
+        blocks = [*self._encode_notes(event)]
+        blocks += [pcap.packet_block(*packet) for packet in self._packets.make_packets(event)]
         return b"".join(blocks)
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
         self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
-        return pcap.statistics_block(NOTES, ns, dropped) + _note(ns, told)
+        return pcap.statistics_block(NOTES_ID, ns, dropped) + _encode_note(ns, told)
 
     def encode_open(self) -> bytes:
         """Return which conversations there are, and how they stand."""
         events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
-        return b"".join([block for event in events for block in self._note(event)])
+        return b"".join([block for event in events for block in self._encode_notes(event)])
 
-    def _note(self, event: TapEvent) -> Iterator[bytes]:
+    def _encode_notes(self, event: TapEvent) -> Iterator[bytes]:
         if event.kind in (TapEventKind.LOST, TapEventKind.NOW):
             self._lost += LOSS.unpack_from(event.data)[0] if event.data else 0
             yield pcap.statistics_block(WIRE, event.ns, self._lost)
-        name = NOTED.get(event.kind)
+        name = NOTE_NAMES.get(event.kind)
         if name is None:
             return
         told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
@@ -321,11 +321,11 @@ class TapCapture:
             told |= {"to_connect": event.way == WAY_TO, **dict(figures)}
         elif event.kind != TapEventKind.OVER:
             told |= {"to_connect": event.way == WAY_TO, "text": event.data.decode(errors="replace")}
-        yield _note(event.ns, told)
+        yield _encode_note(event.ns, told)
 
 
-def _note(ns: int, told: Mapping[str, object]) -> bytes:
-    return pcap.packet_block(NOTES, ns, json.dumps(told).encode())
+def _encode_note(ns: int, told: Mapping[str, object]) -> bytes:
+    return pcap.packet_block(NOTES_ID, ns, json.dumps(told).encode())
 
 
 # -- the program that records --------------------------------------------------------------------------------
@@ -339,14 +339,14 @@ def record_tap(asks: int) -> None:
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     way = TapChannel(asks)
     try:
-        while (data := way.feed(os.read(way.fd, READ))) != b"":
-            _write(data or b"")
+        while (data := way.feed(os.read(way.fd, READ_BYTES))) != b"":
+            _write_stdout(data or b"")
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
         sys.exit(2)
 
 
-def _write(data: bytes) -> None:
+def _write_stdout(data: bytes) -> None:
     left = memoryview(data)
     while left:
         left = left[os.write(1, left) :]

@@ -28,9 +28,9 @@ from trcvtui.scenario.report import JsonLines, json_line, outputs_record
 from trcvtui.signals import OF_A_GROUP, leave
 from trcvtui.wording import utc_text
 
-ENDS: Final = (signal.SIGINT, signal.SIGTERM)
-MOST_KNOWN: Final = 4096
-TYPED: Final = 1 << 16  # bytes of one read
+END_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+MOST_KNOWN_LINES: Final = 4096
+TYPED_BYTES: Final = 1 << 16  # bytes of one read
 
 
 class WatchLines:
@@ -47,22 +47,22 @@ class WatchLines:
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         if self._lines is not None and not lacking:
-            head = self._head(scan)
-            self._write("".join([head + self._rest(edge) for edge in changed]))
+            head = self._format_head(scan)
+            self._write("".join([head + self._format_rest(edge) for edge in changed]))
             return
         for edge in changed:
-            self._say(scan, outputs_record(edge) | ({"note": MISSING} if edge.instance in lacking else {}))
+            self._emit(scan, outputs_record(edge) | ({"note": MISSING} if edge.instance in lacking else {}))
 
-    def _head(self, scan: int) -> str:
+    def _format_head(self, scan: int) -> str:
         time = utc_text(self.first_ns + (scan - 1) * self._interval_ns)
         return f'{{"scan":{scan},"t_ms":{(scan - 1) * self._interval_ns / 1e6!r},"time":"{time}",'
 
-    def _rest(self, edge: StatusEdge) -> str:
+    def _format_rest(self, edge: StatusEdge) -> str:
         key = None if edge.outputs.error else (edge.instance, edge.outputs)
         known = self._known.get(key)
         if known is None:
             known = json_line(outputs_record(edge))[1:]
-            if len(self._known) == MOST_KNOWN:
+            if len(self._known) == MOST_KNOWN_LINES:
                 self._known.clear()
             if key is not None:
                 self._known[key] = known
@@ -70,21 +70,21 @@ class WatchLines:
 
     def note(self, ns: int, number: int, text: str) -> None:
         """Write what is said of a conversation; `ns` counts from the first packet."""
-        self._say(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
+        self._emit(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
-    def tell_tap(self, ns: int, record: dict[str, object]) -> None:
+    def write_tap_record(self, ns: int, record: dict[str, object]) -> None:
         """Write a record that is said of a tap; `ns` counts from 1970. Text stands on stderr already."""
         if self._lines is not None:
             self._lines.write_record({"time": utc_text(ns), **record})
 
-    def _say(self, scan: int, record: dict[str, object]) -> None:
+    def _emit(self, scan: int, record: dict[str, object]) -> None:
         ns = self.first_ns + (scan - 1) * self._interval_ns
         if self._lines is not None:
             self._lines.line(scan, {"time": utc_text(ns), **record})
         else:
-            self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_words(record)))}\n")
+            self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_describe_record(record)))}\n")
 
-    def end(self, played: CaptureOutcome) -> None:
+    def write_outcome(self, played: CaptureOutcome) -> None:
         assigned = islice(played.assigned.items(), MOST_LISTED)
         unassigned = islice(played.unassigned.items(), MOST_LISTED)
         if self._lines is None:
@@ -105,7 +105,7 @@ class WatchLines:
         self._lines.write_record(record | ({"not_run": played.not_run} if played.not_run else {}))
 
 
-def _words(record: Mapping[str, object]) -> Iterator[str]:
+def _describe_record(record: Mapping[str, object]) -> Iterator[str]:
     if "conversation" in record:
         yield f"{record['conversation']}: {record['note']}"
         return
@@ -119,7 +119,7 @@ def _words(record: Mapping[str, object]) -> Iterator[str]:
         yield str(record["note"])
 
 
-def watch(
+def watch_captures(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
 ) -> None:
     """Write lines to stdout, JSON where `form` says so, and to stderr what could not be read."""
@@ -128,10 +128,10 @@ def watch(
     interval = min(task.interval_ns for task in plan.project.tasks)
     lines = WatchLines(sys.stdout.write, form, interval, first_ns)
     player = CapturePlayer(plan, found.all, first_ns, lines)
-    player.play(paths)
-    lines.end(player.close())
+    player.play_captures(paths)
+    lines.write_outcome(player.close())
     for line in (*plan.notes, *capture_notes(found, troubles)):
-        _say(line)
+        _write_stderr(line)
 
 
 def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
@@ -142,14 +142,14 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
     """Write lines as packets come through a pipe, until it ends, or Ctrl+C or SIGTERM."""
     plan = LivePlan(project, plc, dialect)
     live = LiveWatch(plan, _maker(plan, form, sys.stdout.write))
-    stream = PacketStream(fd, live, _say, sys.stdout.flush)
-    before = {number: signal.signal(number, lambda *_: stream.pipe.stop()) for number in ENDS}
+    stream = PacketStream(fd, live, _write_stderr, sys.stdout.flush)
+    before = {number: signal.signal(number, lambda *_: stream.pipe.stop()) for number in END_SIGNALS}
     try:
-        said = stream.take()
+        said = stream.read_all()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    _end(live, plan, said)
+    _write_end(live, plan, said)
 
 
 def watch_tap(asks: int, asked: str) -> None:
@@ -162,37 +162,37 @@ def watch_tap(asks: int, asked: str) -> None:
     try:
         plan = TapPlan(places, project and Path(project), plc, dialect)
     except UserError as wrong:
-        _say("\n".join(wrong.lines()))
+        _write_stderr("\n".join(wrong.lines()))
         sys.exit(2)
     way = TapChannel(asks)
 
-    def tell(ns: int, note: TapNote, text: str) -> None:
+    def report(ns: int, note: TapNote, text: str) -> None:
         lines = live.player and live.player.lines
         if note.note != "lack":
-            _say(text)
+            _write_stderr(text)
         elif isinstance(lines, WatchLines):
             name = plan.routes[note.tap].name
-            lines.tell_tap(ns, {"tap": name, "waiting": note.waiting, "note": note.text})
+            lines.write_tap_record(ns, {"tap": name, "waiting": note.waiting, "note": note.text})
 
-    def hear() -> None:
+    def handle_event() -> None:
         nonlocal can_type
         sys.stdout.flush()
         if can_type and live.player is not None and poll_once({0: IN}):  # once: stdin may never be empty
             data = b""
             with suppress(OSError):
-                data = os.read(0, TYPED)
+                data = os.read(0, TYPED_BYTES)
             can_type = bool(data)
-            for line in live.type(data):
-                _say(line)
+            for line in live.run_typed_lines(data):
+                _write_stderr(line)
             if not data:
                 way.send(RELEASE + b"\n")
 
-    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, tell, way.send)
+    live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, report, way.send)
     said: list[str] = []
     try:
         with suppress(UserError):  # the tap has ended before its first word
-            said = PacketStream(way.fd, live, _say, hear, whole=way.feed).take()
-        _end(live, plan, said)
+            said = PacketStream(way.fd, live, _write_stderr, handle_event, whole=way.feed).read_all()
+        _write_end(live, plan, said)
         sys.stdout.flush()
     except OSError:  # the reader of what shadows show is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -206,14 +206,14 @@ def _maker(
     )
 
 
-def _end(live: LiveWatch, plan: LivePlan, said: Sequence[str]) -> None:
+def _write_end(live: LiveWatch, plan: LivePlan, said: Sequence[str]) -> None:
     player = live.finish()
     lines = player.lines
     assert isinstance(lines, WatchLines)
-    lines.end(player.close())
+    lines.write_outcome(player.close())
     for line in (*plan.plan.notes, *said):
-        _say(line)
+        _write_stderr(line)
 
 
-def _say(line: str) -> None:
+def _write_stderr(line: str) -> None:
     sys.stderr.write(f"{line}\n")

@@ -10,8 +10,8 @@ from trcvtui.capture.command import capture_notes, conversation_row
 from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.history.records import ScanStamp
-from trcvtui.line.capture_player import MISSING, CapturePlayer, ShadowLines, plan_capture
-from trcvtui.line.shadows import ShadowChoice, ShadowPlan, known_ends
+from trcvtui.line.capture_player import MISSING, CapturePlayer, ShadowOutput, plan_capture
+from trcvtui.line.shadows import ShadowChoice, ShadowPlan, list_known_ends
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.report.page import ReportSource
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
@@ -20,7 +20,7 @@ from trcvtui.wording import count
 MOST_CONVERSATIONS: Final = 500
 
 
-class _CaptureNotes(ShadowLines):
+class _CaptureNotes(ShadowOutput):
     def __init__(self, interval_ns: int) -> None:
         self.notes: RunNotes | None = None  # from the first scan on
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
@@ -28,7 +28,7 @@ class _CaptureNotes(ShadowLines):
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert self.notes is not None
-        self.notes.scanned()
+        self.notes.add_scan()
         at = ScanStamp(scan, (scan - 1) * self._interval_ns)
         for instance in lacking:
             self.events.add(EventNote(at, instance, MISSING))
@@ -37,7 +37,7 @@ class _CaptureNotes(ShadowLines):
         self.events.add(EventNote(ScanStamp(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
 
 
-def capture_page(
+def read_capture_notes(
     path: Path, shadows: ShadowChoice, has_payload: bool, file: str, digest: str
 ) -> tuple[ReportSource, RunNotes, list[str]]:
     """Put a capture through shadow instances; return what the page says of it, and what to tell beside."""
@@ -45,11 +45,11 @@ def capture_page(
     lines = _CaptureNotes(min(task.interval_ns for task in plan.project.tasks))
     player = CapturePlayer(plan, found.all, found.first_ns or 0, lines)
     notes = lines.notes = RunNotes(player.shadows.bench, lines.events, has_payload)
-    player.play([str(path)])
-    notes.end()
+    player.play_captures([str(path)])
+    notes.note_end()
     player.close()
     project, plc, _ = shadows
-    known = NO_KNOWN_ENDS if project is None else known_ends(plan.project)
+    known = NO_KNOWN_ENDS if project is None else list_known_ends(plan.project)
     given = None if plc is None else parse_plc(plc)
     source = ReportSource(
         path.name,

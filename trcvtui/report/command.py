@@ -24,7 +24,7 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import collect_recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun, guard_state
-from trcvtui.report.page import MARK, ReportSource, page
+from trcvtui.report.page import REPORT_MARK, ReportSource, generate_page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import ScenarioRunner, Verdict
 from trcvtui.scenario.scenario import load_bench
@@ -34,10 +34,10 @@ from trcvtui.wording import count, last_part
 if TYPE_CHECKING:  # a recording needs none of it
     from trcvtui.line.shadows import ShadowChoice
 
-WHOLE, ENDS_EARLY = 0, 1
+EXIT_WHOLE, EXIT_ENDS_EARLY = 0, 1
 
 
-class _NotedScans:
+class _ReplayPace:
     """The scans that a scenario asks for; raise UserError where the journal has no more of them."""
 
     def __init__(self, run: ReplayRun, notes: RunNotes) -> None:
@@ -47,7 +47,7 @@ class _NotedScans:
         if self._run.replay.peek_call() is None:
             raise self._run.make_end_error()
         bench.step()
-        self._notes.scanned()
+        self._notes.add_scan()
 
 
 class _CommandNotes:
@@ -67,14 +67,14 @@ class _CommandNotes:
                     self.events.add(EventNote(self._at, "", str(entry.args[0])))
             yield entry
 
-    def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
+    def note_rest(self, notes: RunNotes, front: Entry | None) -> None:
         for entry in chain((front,), self):
             if isinstance(entry, CallRecord) and entry.call == SHOWS:
-                notes.shown(self._at, entry.owner, entry.args)
-        notes.end_of_rest(self._at)
+                notes.add_outputs(self._at, entry.owner, entry.args)
+        notes.finish_rest(self._at)
 
 
-def look_at(
+def replay_with_notes(
     journal: Journal, where: str, has_payload: bool
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
@@ -88,25 +88,25 @@ def look_at(
             heard = _CommandNotes(journal.read_entries())
             run = ReplayRun(iter(heard), where)
         notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
-        run.before_close = notes.end
+        run.before_close = notes.note_end
         try:
             if run.scenario is not None and not keyframes.first:
                 steps = (*run.scenario.start, *run.scenario.steps)
-                scans = _NotedScans(run, notes)
+                scans = _ReplayPace(run, notes)
                 verdict = ScenarioRunner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
-                notes.end()
+                notes.note_end()
                 run.bench.close()
                 run.replay.check_end()
             else:
                 while run.scan():
-                    notes.scanned()
+                    notes.add_scan()
                 if not run.is_whole:
                     raise run.make_end_error()
         except UserError as told:
             stopped = str(told)
             run.replay.is_busy = False  # the last look is one in a gap
-            notes.end()
-            heard.tell_rest(notes, run.replay.peek_call())
+            notes.note_end()
+            heard.note_rest(notes, run.replay.peek_call())
         return run, notes, verdict, stopped
 
 
@@ -133,7 +133,7 @@ def _folders(files: FilesRead, path: str) -> list[str]:
     return sorted([str(escape(one_line(each))) for each in before if len(each) > 1], key=len, reverse=True)
 
 
-def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice) -> int:
+def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice) -> int:
     """Write the page of a file; return 0, or 1 where a recording ends before its run does.
 
     What is no recording of ours is a capture; so is a recording where `shadows` (project, PLC end, dialect)
@@ -151,14 +151,14 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
         raise mistake(str(path), reason_of(failed), "a recording or a capture that can be read") from None
     named = f"{path.name}, {size} bytes"
     recording, folders = None if any(shadows) else _recording(path), list[str]()
-    findings, verdict = _findings(path, shadows[0], shadows[1]), None
+    findings, verdict = _judge_file(path, shadows[0], shadows[1]), None
     gc.collect()  # the conversations of a large capture stand once in the memory, not twice
     if recording is None:
-        from trcvtui.report.capture_page import capture_page  # a recording needs none of it
+        from trcvtui.report.capture_page import read_capture_notes  # a recording needs none of it
 
-        source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
+        source, notes, lines = read_capture_notes(path, shadows, has_payload, named, digest.hexdigest())
     else:
-        run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
+        run, notes, verdict, stopped = replay_with_notes(recording, path.name, has_payload)
         lines, folders = [recording.find_damage() or stopped], _folders(run.replay.files, run.begins.path)
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
@@ -166,15 +166,15 @@ def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice)
     source = source._replace(findings=findings)
     is_restored = recording is not None and run.is_restored
     with guard_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
-        for part in page(source, notes, verdict):
+        for part in generate_page(source, notes, verdict):
             for folder in folders:
                 part = part.replace(folder, "")
             file.write(part.encode())
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))
-    return ENDS_EARLY if source.stopped else WHOLE
+    return EXIT_ENDS_EARLY if source.stopped else EXIT_WHOLE
 
 
-def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
+def _judge_file(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
     receivers = () if project is None else list_receivers(load_bench(project))
     answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, collect_recorded_facts))
     if isinstance(answer, UserError):
@@ -194,7 +194,7 @@ def _refuse_other(out: Path, where: str) -> None:
     """Raise UserError for a file that is there already and is no report of ours."""
     try:
         with open_to_read(out) as file:
-            if file.read(len(MARK)) != MARK:
+            if file.read(len(REPORT_MARK)) != REPORT_MARK:
                 raise mistake(where, f"{out}, which is no report", "a new name, or that of a report")
     except FileNotFoundError:
         return

@@ -27,21 +27,21 @@ from trcvtui.udt.report import json_members, json_value, own_bytes
 from trcvtui.udt.types import Elementary, StringType, ValueKind
 from trcvtui.wording import SECOND, in_columns, json_text, utc_text
 
-OF_AN_INSTANCE: Final = ("instance",)
-OF_A_CONVERSATION: Final = ("conversation", "direction")
+INSTANCE_COLUMNS: Final = ("instance",)
+CONVERSATION_COLUMNS: Final = ("conversation", "direction")
 FIRST: Final = ("n", "time", "t_s", "scan", "gap_ms")
 LAST: Final = ("length", "status", "reason", "hex")
-_TAKEN: Final = frozenset((*FIRST, *OF_AN_INSTANCE, *OF_A_CONVERSATION, *LAST, "marks", "escaped"))
+_RESERVED: Final = frozenset((*FIRST, *INSTANCE_COLUMNS, *CONVERSATION_COLUMNS, *LAST, "marks", "escaped"))
 MOST_MEMBERS: Final = 1024  # columns
-FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r")
 HEX_SHOWN: Final = 16  # bytes in text
-SPACED: Final = 43_690  # bytes as hex with blanks, so that no program takes them for a number, and
+MOST_SPACED_HEX: Final = 43_690  # bytes as hex with blanks, so that no program takes them for a number, and
 MOST_HEX: Final = 65_535  # without: Python's csv reads no cell of more than 131,072 characters
-LOOKED_AT: Final = 256  # rows, for the width of the columns of text: a wider cell moves the rest of its line
+WIDTH_ROWS: Final = 256  # rows, for the width of the columns of text: a wider cell moves the rest of its line
 
-_MEMBER: Final = re.compile(r'(?:"[^"]*"|\[[^]]*\]|[^,])+')  # of `a, b.c[1,2], "a,b"`
+_MEMBER_PATTERN: Final = re.compile(r'(?:"[^"]*"|\[[^]]*\]|[^,])+')  # of `a, b.c[1,2], "a,b"`
 
-Cell = Callable[[Any, bytes], object]  # a value, and the bytes of its message
+CellFormatter = Callable[[Any, bytes], object]  # a value, and the bytes of its message
 
 
 class MessageType(NamedTuple):
@@ -63,21 +63,21 @@ class MessageTable:
         out: TextIO,
         form: str,
         types: Sequence[MessageType],
-        labels: Sequence[str] = OF_AN_INSTANCE,
+        labels: Sequence[str] = INSTANCE_COLUMNS,
         members: str = "",
         begun_ns: int | None = None,
     ) -> None:
-        chosen = _chosen(types, members)
+        chosen = _choose_members(types, members)
         is_one = len({_key(one.data) for one in types}) == 1
         if is_one:
             chosen = [tuple(dict.fromkeys(chain.from_iterable(chosen)))]
         self.left_out = max(0, sum(map(len, chosen)) - MOST_MEMBERS)
         if members and self.left_out:
             raise mistake("--members", f"{MOST_MEMBERS + self.left_out} of them", f"at most {MOST_MEMBERS}")
-        parts, self._names = list[_Part](), list[str]()
+        parts, self._names = list[_Fields](), list[str]()
         for one, numbers in zip(types, chosen, strict=not is_one):
             numbers = numbers[: MOST_MEMBERS - len(self._names)]
-            parts.append(_Part(one.layout, numbers, "" if is_one else one.instance, len(self._names), form))
+            parts.append(_Fields(one.layout, numbers, "" if is_one else one.instance, len(self._names), form))
             self._names += parts[-1].names
         parts *= len(types) if is_one else 1
         self._parts = {one.instance: part for one, part in zip(types, parts, strict=True)}
@@ -90,7 +90,7 @@ class MessageTable:
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
         """Write a row; `of`: whose type it has, without it that of its instance, its label."""
         if not self.rows and self._form != "jsonl":
-            self._put([*self._columns, *self._names])
+            self._write_cells([*self._columns, *self._names])
         self.rows += 1
         number, scan, t_ns, gap_ns, size, status, _, _, reason, have, content, _ = row
         content = (content or b"")[:have]
@@ -102,13 +102,13 @@ class MessageTable:
             size, f"{status:04X}" if status >= 0 else "", reason, self._hex(content),
         ]  # fmt: skip
         if self._form == "jsonl":
-            self._put_json(cells, row, part, content)
+            self._write_json(cells, row, part, content)
             return
         members = part.cells(content) if part is not None and content else []
         if len(members) < len(self._names):
             before = part.first if part is not None and members else 0
             members = [*[""] * before, *members, *[""] * (len(self._names) - before - len(members))]
-        self._put(cells + members)
+        self._write_cells(cells + members)
 
     def finish(self) -> None:
         if self._held:
@@ -117,17 +117,17 @@ class MessageTable:
             self._out.write("".join(f"{line}\n" for line in lines))
             self._held = []
 
-    def _put(self, cells: list[Any]) -> None:
+    def _write_cells(self, cells: list[Any]) -> None:
         if self._form == "csv":
             self._put_csv(cells)
         elif self._widths:
             self._out.write("  ".join(map(str.rjust, map(str, cells), self._widths)).rstrip() + "\n")
         else:
             self._held.append([*map(str, cells)])
-            if len(self._held) > LOOKED_AT:
+            if len(self._held) > WIDTH_ROWS:
                 self.finish()
 
-    def _put_json(self, cells: list[Any], row: MessageRow, part: _Part | None, content: bytes) -> None:
+    def _write_json(self, cells: list[Any], row: MessageRow, part: _Fields | None, content: bytes) -> None:
         cells[2], cells[4] = row.t_ns / SECOND, None if row.gap_ns is None else row.gap_ns / 1e6
         record = {name: None if cell == "" else cell for name, cell in zip(self._columns, cells, strict=True)}
         record["hex"] = None if row.content is None else cells[-1]
@@ -139,7 +139,7 @@ class MessageTable:
     def _hex(self, content: bytes) -> str:
         if self._form == "text":
             return content[:HEX_SHOWN].hex(" ") + " .." * (len(content) > HEX_SHOWN)
-        return content.hex(" ") if len(content) <= SPACED else content[:MOST_HEX].hex()
+        return content.hex(" ") if len(content) <= MOST_SPACED_HEX else content[:MOST_HEX].hex()
 
     def _time(self, t_ns: int) -> str:
         if self._begun_ns is None:
@@ -150,7 +150,7 @@ class MessageTable:
         return f"{self._date}.{ns:09d}Z"
 
 
-def csv_of(
+def format_csv(
     messages: Iterable[MessageRow], type_: MessageType | None, instance: str, begun_ns: int | None
 ) -> str:
     """Return the messages of an instance as a whole file of csv."""
@@ -161,9 +161,9 @@ def csv_of(
     return text.getvalue()
 
 
-def _chosen(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
+def _choose_members(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
     """Return the leaves of each type that become columns; raise UserError for a name that is no member."""
-    names = [name.strip() for name in _MEMBER.findall(members) if name.strip()]
+    names = [name.strip() for name in _MEMBER_PATTERN.findall(members) if name.strip()]
     if not names:
         return [range(one.layout.leaf_count) for one in types]
     chosen = [dict[int, None]() for _ in types]
@@ -192,14 +192,14 @@ def _paths(layout: Layout) -> list[str]:
     return [leaf.path or layout.name for leaf in layout.leaves(0, MOST_MEMBERS)]
 
 
-class _Part:
+class _Fields:
     """The columns of one type, from column `first` of all members on."""
 
     def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first
         leaves = [layout.leaf(number) for number in numbers]
         self._numbers = None if [*numbers] == [*range(layout.leaf_count)] else numbers
-        taken = _TAKEN.union(map(str.casefold, _paths(layout)))
+        taken = _RESERVED.union(map(str.casefold, _paths(layout)))
         self.names = [_column_name(leaf.path or layout.name, taken, instance) for leaf in leaves]
         self.named = [*zip(self.names, leaves, strict=True)]
         cells = enumerate(map(_text_cell if form == "text" else _csv_cell, leaves))
@@ -223,7 +223,7 @@ def _column_name(path: str, taken: frozenset[str], instance: str) -> str:
     name = one_line(path)
     if instance:
         return f"{instance}.{name}"
-    if name.casefold() in _TAKEN:
+    if name.casefold() in _RESERVED:
         name = f"data.{name}"
         while name.casefold() in taken:
             name = f"data.{name}"
@@ -233,18 +233,18 @@ def _column_name(path: str, taken: frozenset[str], instance: str) -> str:
 # -- how a value becomes a cell; None: as it is ------------------------------------------------------------
 
 
-def _csv_cell(leaf: Leaf) -> Cell | None:
+def _csv_cell(leaf: Leaf) -> CellFormatter | None:
     kind = leaf.type.kind if isinstance(leaf.type, Elementary) else None
     if isinstance(leaf.type, StringType) or kind is ValueKind.CHARACTER:
-        return _guarded
+        return _guard_formula
     if kind is ValueKind.REAL:
         return lambda value, _: real_text(value, leaf.size)
     return partial(_marked, leaf) if kind is ValueKind.BOOL or leaf.coding.odd is not None else None
 
 
-def _guarded(value: str, _: bytes) -> str:
+def _guard_formula(value: str, _: bytes) -> str:
     text = one_line(str(json_value(value)))
-    return f"'{text}" if value.startswith(FORMULA) else text
+    return f"'{text}" if value.startswith(FORMULA_STARTS) else text
 
 
 def _marked(leaf: Leaf, value: Value, content: bytes) -> str:
@@ -253,5 +253,5 @@ def _marked(leaf: Leaf, value: Value, content: bytes) -> str:
     return f"{text} ({mark})" if mark else text
 
 
-def _text_cell(leaf: Leaf) -> Cell:
+def _text_cell(leaf: Leaf) -> CellFormatter:
     return lambda value, content: value_text(leaf, value, own_bytes(leaf, content))

@@ -29,18 +29,18 @@ from trcvtui.project.tables import expected_name, quote
 from trcvtui.recording.journal import SIM_WALL_NS
 from trcvtui.recording.recording import Recording, read_run_header
 from trcvtui.report.message_table import (
-    OF_A_CONVERSATION,
-    OF_AN_INSTANCE,
+    CONVERSATION_COLUMNS,
+    INSTANCE_COLUMNS,
     MessageTable,
     MessageType,
     is_same_type,
 )
 from trcvtui.udt.layout.layout import Layout
 
-GOOD, NO_ROW = 0, 1
+EXIT_GOOD, EXIT_NO_ROW = 0, 1
 TO_PLC, FROM_PLC = "to PLC", "from PLC"
-UNSURE: Final = 0.5  # a guess of the PLC end that is told
-READ_AT_ONCE: Final = 1000  # packets between two scans
+UNSURE_CONFIDENCE: Final = 0.5  # a guess of the PLC end that is told
+PACKETS_PER_READ: Final = 1000  # packets between two scans
 
 
 class MessagesQuestion(NamedTuple):
@@ -63,7 +63,7 @@ class _NoRow(Exception):
     """Nothing is written, and no file made."""
 
 
-def messages(asked: MessagesQuestion) -> int:
+def write_messages(asked: MessagesQuestion) -> int:
     """Write the messages; return 0, or 1 where there is none; raise UserError."""
     first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
     if is_project and (len(asked.files) > 1 or asked.time_ns is None):
@@ -75,20 +75,20 @@ def messages(asked: MessagesQuestion) -> int:
         raise mistake("--udt", "a project beside it, which has the types", "one of both")
     try:
         with _output(asked.out) as out:
-            rows = _Rows(asked, out)
+            rows = _FilteredRows(asked, out)
             if asked.time_ns is not None:
                 _run(rows, asked.kernel, asked.time_ns)
             elif asked.project is not None:
                 _play(rows, asked.project)
             elif asked.layout is None and asked.plc is None and all(map(read_run_header, asked.files)):
                 for path in asked.files:
-                    _run_again(rows, path)
+                    _replay_recording(rows, path)
             else:
-                _CaptureMessages(rows).take_all()
+                _CaptureMessages(rows).read_all()
             rows.finish()
     except _NoRow:
-        return NO_ROW
-    return GOOD
+        return EXIT_NO_ROW
+    return EXIT_GOOD
 
 
 @contextmanager
@@ -103,11 +103,11 @@ def _output(path: Path | None) -> Iterator[TextIO]:
         text.detach()
 
 
-def _say(line: object) -> None:
+def _warn(line: object) -> None:
     sys.stderr.write(f"{one_line(str(line))}\n")
 
 
-class _Rows:
+class _FilteredRows:
     """Puts the rows that are let through into the table; they are of an instance, or of a way to or from."""
 
     def __init__(self, asked: MessagesQuestion, out: TextIO) -> None:
@@ -117,12 +117,12 @@ class _Rows:
         self.project: Project | None = None  # that of the columns
         self.begun_ns = 0
 
-    def begin(self, project: Project | None, begun_ns: int) -> None:
+    def begin_table(self, project: Project | None, begun_ns: int) -> None:
         """Begin the table: of a project's instances, or without one of the two ways of a capture."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
-        types = self._types(project)
+        types = self._list_types(project)
         if asked.instance is not None and not types:
             names = [each.name for each in project.instances] if project is not None else ()
             expected = expected_name(asked.instance, names, "instance")
@@ -131,12 +131,12 @@ class _Rows:
         if wrong and len(wrong) == len(self._filters):
             raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone
         some = [MessageType(name, type_) for name, type_ in types.items() if type_ is not None]
-        labels = OF_A_CONVERSATION if project is None else OF_AN_INSTANCE
+        labels = CONVERSATION_COLUMNS if project is None else INSTANCE_COLUMNS
         self.table = MessageTable(self._out, asked.form, some, labels, asked.members, begun_ns)
         if self.table.left_out:
-            _say(f"{self.table.left_out} members have no column: --members names those that shall")
+            _warn(f"{self.table.left_out} members have no column: --members names those that shall")
 
-    def _types(self, project: Project | None) -> dict[str, DataDecl | Layout | None]:
+    def _list_types(self, project: Project | None) -> dict[str, DataDecl | Layout | None]:
         if project is None:
             return {TO_PLC: self.asked.layout, FROM_PLC: None}
         names = [each.name for each in project.instances if self.asked.instance in (None, each.name)]
@@ -159,13 +159,13 @@ class _Rows:
                 wrong.append(refused)
         return wrong
 
-    def change(self, project: Project) -> frozenset[str]:
+    def change_project(self, project: Project) -> frozenset[str]:
         """Read filters anew for another project; return the instances whose type has no columns."""
-        types, first = self._types(project), self._types(self.project)
+        types, first = self._list_types(project), self._list_types(self.project)
         self._read_filters(types, project)
         return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
 
-    def take(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
+    def add_row(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
             lets_through = self._filters[key]
             if lets_through is None or lets_through(row):
@@ -183,7 +183,7 @@ class _Rows:
 class _BenchMessages:
     """The rows of a bench, taken after each scan; `add_ns`: from its time to that of the rows."""
 
-    def __init__(self, bench: Bench, rows: _Rows, add_ns: int = 0, after: int = 0) -> None:
+    def __init__(self, bench: Bench, rows: _FilteredRows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
         self._streams = StreamReader(bench, self.reader).streams
         self._messages = MessageRows(bench, self.reader, self._streams, after)
@@ -192,42 +192,42 @@ class _BenchMessages:
         self._changed = frozenset[str]()  # instances whose messages have another type than the columns
         self._warned = set[str]()
 
-    def take(self, is_last: bool = False) -> None:
+    def add_new_rows(self, is_last: bool = False) -> None:
         new = [*self._messages.take_rows()]
         if self._rows.table is None and (new or is_last):  # columns are of the types that the first row has
             self._project = self._bench.project
-            self._rows.begin(self._project, self._rows.begun_ns)
+            self._rows.begin_table(self._project, self._rows.begun_ns)
         if self._bench.project is not self._project and self._rows.table is not None:
             self._project = self._bench.project
-            self._changed = self._rows.change(self._project)
+            self._changed = self._rows.change_project(self._project)
         for name, row in new:
             row = row._replace(t_ns=row.t_ns + self._add_ns)
-            self._rows.take(name, (name,), row, name not in self._changed)
+            self._rows.add_row(name, (name,), row, name not in self._changed)
         for name in {name for name, _ in new} & self._changed - self._warned:
             self._warned.add(name)
-            _say(f"{name}: its DATA has another type than in the first row; later rows have no members")
+            _warn(f"{name}: its DATA has another type than in the first row; later rows have no members")
         for stream in self._streams.streams.values():
             stream.forget_oldest(LEAST_SPANS_KEPT, 0)  # what has become rows
 
 
-def _run(rows: _Rows, kernel: str, time_ns: int) -> None:
+def _run(rows: _FilteredRows, kernel: str, time_ns: int) -> None:
     from trcvtui.scenario.command import LivePace
     from trcvtui.scenario.runner import VirtualPace
     from trcvtui.scenario.scenario import load_bench
 
     project = load_bench(Path(rows.asked.files[0]))
-    rows.begin(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
+    rows.begin_table(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
     bench = fresh_bench(project, kernel)
     found, pace = _BenchMessages(bench, rows), LivePace() if kernel == "live" else VirtualPace()
     try:
         while bench.now + bench.runtime.interval_ns < time_ns:
             pace.next_scan(bench)
-            found.take()
+            found.add_new_rows()
     finally:
         bench.close()
 
 
-def _run_again(rows: _Rows, path: str) -> None:
+def _replay_recording(rows: _FilteredRows, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
     from trcvtui.replay.packet_times import PacketTimes
     from trcvtui.replay.run_again import guard_state
@@ -239,7 +239,7 @@ def _run_again(rows: _Rows, path: str) -> None:
     rows.begun_ns = rows.begun_ns or begun_ns
     found = _BenchMessages(run.bench, rows, begun_ns - rows.begun_ns, keyframes.offset)
     found.reader.index.packet_times = PacketTimes(path, begun_ns, lambda: begun_ns + run.bench.now).find_time
-    run.before_close = found.take
+    run.before_close = found.add_new_rows
     stopped: UserError | None = None
 
     def scan() -> bool:
@@ -255,11 +255,11 @@ def _run_again(rows: _Rows, path: str) -> None:
         return False
 
     while scan():
-        found.take()  # what it refuses is of the command line, and ends it
+        found.add_new_rows()  # what it refuses is of the command line, and ends it
     if stopped is not None:
-        found.take()
-        _say(recording.stopped or stopped)
-    found.take(is_last=True)
+        found.add_new_rows()
+        _warn(recording.stopped or stopped)
+    found.add_new_rows(is_last=True)
 
 
 # -- captures ------------------------------------------------------------------------------------------------
@@ -280,66 +280,66 @@ class _NoLines:
     note = scan
 
 
-def _play(rows: _Rows, project: Path) -> None:
+def _play(rows: _FilteredRows, project: Path) -> None:
     from trcvtui.line.capture_player import CapturePlayer, plan_capture
 
     paths = rows.asked.files
     plan, found, troubles = plan_capture(paths, project, rows.asked.plc, None)
     first_ns = found.first_ns or 0
     zero_ns = _zero_ns(paths, first_ns)
-    rows.begin(plan.project, zero_ns)
+    rows.begin_table(plan.project, zero_ns)
     player = CapturePlayer(plan, found.all, first_ns, _NoLines())
     bench = player.shadows.bench
     messages, ledger = _BenchMessages(bench, rows, first_ns - zero_ns), bench.runtime.ledger
 
     def sent(packet: PeerSent, ns: int) -> None:
         ledger.write_at(ns, packet)
-        if ledger.last_seq % READ_AT_ONCE == 0:
+        if ledger.last_seq % PACKETS_PER_READ == 0:
             messages.reader.catch_up()
 
-    player.shadows.sent, player.shadows.after_scan = sent, messages.take
-    player.play(paths)
+    player.shadows.sent, player.shadows.after_scan = sent, messages.add_new_rows
+    player.play_captures(paths)
     played = player.close()
-    messages.take()
+    messages.add_new_rows()
     for number, why in played.unassigned.items():
-        _say(f"C{number} is unassigned: {why}")
+        _warn(f"C{number} is unassigned: {why}")
     for number, size in played.left_out.items():
-        _say(f"C{number}: {size} bytes never reached an instance")
-    _end_capture(found, troubles)
+        _warn(f"C{number}: {size} bytes never reached an instance")
+    _warn_about_capture(found, troubles)
 
 
-def _end_capture(found: Conversations, troubles: Sequence[Problem]) -> None:
+def _warn_about_capture(found: Conversations, troubles: Sequence[Problem]) -> None:
     for trouble in troubles:
-        _say(f"{trouble}; read up to there")
+        _warn(f"{trouble}; read up to there")
     if not found.all:
-        _say(f"no conversation in {found.packets} packets")
+        _warn(f"no conversation in {found.packets} packets")
 
 
 class _CaptureMessages:
     """Cuts what both directions of each conversation say; of the type are messages to the PLC."""
 
-    def __init__(self, rows: _Rows) -> None:
-        self._found, self._rows, self._zero_ns = Conversations(self._take), rows, 0
+    def __init__(self, rows: _FilteredRows) -> None:
+        self._found, self._rows, self._zero_ns = Conversations(self._add_event), rows, 0
         self._given = parse_plc(rows.asked.plc) if rows.asked.plc is not None else None
-        self._cutters = MessageCutters(self._made)
+        self._cutters = MessageCutters(self._make_cutter)
 
-    def take_all(self) -> None:
+    def read_all(self) -> None:
         found, rows, troubles = self._found, self._rows, list[Problem]()
         read_captures(rows.asked.files, found, troubles)
         if troubles and not found.packets:
             raise UserError(troubles)
         if rows.table is None:
-            rows.begin(None, 0)
+            rows.begin_table(None, 0)
         self._cutters.end_all(max([each.last_ns for each in found.all], default=0))
         if self._given is not None and found.all and not self._cutters.has_cutters:
             raise make_no_match_error("--plc", f"'{rows.asked.plc}', which no conversation has", found.all)
         for each in found.all if rows.asked.layout is not None else ():
             guess = guess_plc(each, self._given, NO_KNOWN_ENDS)
-            if guess.confidence < UNSURE:
-                _say(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
-        _end_capture(found, troubles)
+            if guess.confidence < UNSURE_CONFIDENCE:
+                _warn(f"C{each.number}: PLC end {guess.confidence:.0%} sure ({guess.why}): --plc names it")
+        _warn_about_capture(found, troubles)
 
-    def _made(self, direction: WireDirection) -> MessageCutter | None:
+    def _make_cutter(self, direction: WireDirection) -> MessageCutter | None:
         """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
         guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
@@ -349,17 +349,17 @@ class _CaptureMessages:
         labels = f"C{direction.conversation.number}", way
         number, last_ns = 0, None
 
-        def take(ns: int, content: bytes, size: int, reason: str, begins: bool) -> None:
+        def add_message(ns: int, content: bytes, size: int, reason: str, begins: bool) -> None:
             nonlocal number, last_ns
             gap_ns = None if last_ns is None else ns - last_ns
             number, last_ns, have = number + 1, ns, len(content)
             row = MessageRow(number, 0, ns - zero_ns, gap_ns, size, -1, "", -1, reason, have, content)
-            rows.take(way, labels, row, begins)
+            rows.add_row(way, labels, row, begins)
 
-        return MessageCutter(layout.size if layout is not None and way is TO_PLC else 0, take)
+        return MessageCutter(layout.size if layout is not None and way is TO_PLC else 0, add_message)
 
-    def _take(self, event: ConversationEvent) -> None:
+    def _add_event(self, event: ConversationEvent) -> None:
         if self._rows.table is None:
             self._zero_ns = _zero_ns(self._rows.asked.files, self._found.first_ns or event.ns)
-            self._rows.begin(None, self._zero_ns)
+            self._rows.begin_table(None, self._zero_ns)
         self._cutters.add_event(event)

@@ -43,17 +43,17 @@ from trcvtui.wording import count, last_part, stamp, times, utc_text
 
 T = TypeVar("T")
 Row = TypeVar("Row")
-MARK: Final = b"<!doctype html>\n<!-- a report of trcvtui -->\n"
+REPORT_MARK: Final = b"<!doctype html>\n<!-- a report of trcvtui -->\n"
 MOST_FINDINGS: Final = 20
 MOST_INSTANCES: Final = 200
 MOST_MEMBERS: Final = 100
 MOST_HEX: Final = 512  # bytes of a frame
 MOST_TEXT: Final = 20_000  # characters of `start` and `program`
 PLAIN: Final = frozenset({"set", "pulse", "run", "wait", "fault", "plc", "hold", "go", "create", "delete"})
-PATHS: Final = frozenset({"file", "key"})  # keys whose value is one
-SPOKEN: Final = frozenset({"says", "replies", "message", "steps"})  # keys that hold what is sent
-LEFT, WIDTH, ROW = 150, 1000, 20  # of the time line: names, columns, height of a lane
-SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
+PATH_KEYS: Final = frozenset({"file", "key"})  # keys whose value is one
+PAYLOAD_KEYS: Final = frozenset({"says", "replies", "message", "steps"})  # keys that hold what is sent
+LANES_LEFT, LANES_WIDTH, ROW = 150, 1000, 20  # of the time line: names, columns, height of a lane
+LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
     (UP, "up", 6, 6),
     (BUSY, "busy", 8, 3),
     (DONE, "done", 5, 9),
@@ -101,7 +101,7 @@ class _DrawnLane(NamedTuple):
     paths: list[tuple[str, str]]  # class and data of each
 
 
-def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
+def generate_page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
     templates = Environment(
         loader=FileSystemLoader(Path(__file__).with_name("templates")),
         autoescape=True,
@@ -112,7 +112,7 @@ def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) 
         keep_trailing_newline=True,
     )
     templates.filters.update(counted=count, seconds=stamp)
-    yield MARK.decode()
+    yield REPORT_MARK.decode()
     yield from templates.get_template("page.html").generate(page=_PageParts(source, notes, verdict))
 
 
@@ -121,7 +121,7 @@ def _plain(value: object) -> object:
 
 
 class _PageParts:
-    left, width, row, most_members = LEFT, WIDTH, ROW, MOST_MEMBERS
+    left, width, row, most_members = LANES_LEFT, LANES_WIDTH, ROW, MOST_MEMBERS
 
     def __init__(self, source: ReportSource, notes: RunNotes, verdict: Verdict | None) -> None:
         self.source, self.notes, self._verdict = source, notes, verdict
@@ -164,7 +164,7 @@ class _PageParts:
         """Yield the expectations that did not hold, then what the doctor has found."""
         for failure in self._verdict.failures if self._verdict is not None else ():
             found = f"found: {failure.found}" if self._has_payload else ""
-            yield _Card(f"step {failure.step}: {self._line(failure.line)}", Advice(found, ()), True)
+            yield _Card(f"step {failure.step}: {self._format_command(failure.line)}", Advice(found, ()), True)
         for one in self.source.findings[:MOST_FINDINGS]:
             evidence = one.evidence if self._has_payload else ()  # it may show bytes and values
             head = f"{one.cause}, {one.confidence:.0%} sure"
@@ -201,18 +201,18 @@ class _PageParts:
         while self.end_ns > step * 10:
             step = step * 5 // 2 if str(step)[0] == "2" else step * 2
         for ns in range(0, self.end_ns, step):
-            yield f"{LEFT + round(WIDTH * ns / self.end_ns, 1):g}", f"{ns / 1e9:g} s"
+            yield f"{LANES_LEFT + round(LANES_WIDTH * ns / self.end_ns, 1):g}", f"{ns / 1e9:g} s"
 
     def lanes(self) -> list[_DrawnLane]:
         links = sorted(self.notes.links.items())[:MOST_INSTANCES]
         lanes = [*links, *((name, self.notes.instances[name].lane) for name in self.names)]
-        return [self._drawn(name, lane, number * ROW) for number, (name, lane) in enumerate(lanes)]
+        return [self._draw_lane(name, lane, number * ROW) for number, (name, lane) in enumerate(lanes)]
 
-    def _drawn(self, name: str, lane: TimeLane, y: int) -> _DrawnLane:
-        wide = WIDTH * lane.width_ns / self.end_ns
+    def _draw_lane(self, name: str, lane: TimeLane, y: int) -> _DrawnLane:
+        wide = LANES_WIDTH * lane.width_ns / self.end_ns
         paths = [
             (shape, "".join(_bars(lane.columns, bit, wide, y + top, high)))
-            for bit, shape, top, high in SHAPES
+            for bit, shape, top, high in LANE_SHAPES
         ]
         return _DrawnLane(name, y, [(shape, path) for shape, path in paths if path])
 
@@ -220,7 +220,7 @@ class _PageParts:
 
     def overview(self) -> Iterator[Sequence[str]]:
         for name in self.names:
-            notes, last = self.notes.instances[name], self.notes.last(name)
+            notes, last = self.notes.instances[name], self.notes.last_snapshot(name)
             *_, (_, told) = notes.edges
             status, since = self._status(told.edge.outputs.status, told.edge.block), f"scan {told.at.scan}"
             works_on, jobs = (last.connect, str(last.jobs_done)) if last is not None else ("", "gone")
@@ -232,7 +232,7 @@ class _PageParts:
         return f"16#{status:04X}" + (f" {row.title}" if row is not None else "")
 
     def cards(self, name: str) -> Iterator[_Card]:
-        notes, last = self.notes.instances[name], self.notes.last(name)
+        notes, last = self.notes.instances[name], self.notes.last_snapshot(name)
         if last is not None and self.notes.seen.scan and name in self.notes.advice:
             is_end = self.notes.seen == self.notes.until
             when = "At the end" if is_end else f"In scan {self.notes.seen.scan}"
@@ -248,7 +248,7 @@ class _PageParts:
 
     def edges(self, notes: InstanceNotes) -> Iterator[Sequence[str]]:
         errors = (told for _, told in notes.error_edges)
-        return _with_gaps(sorted(dict((*notes.edges, *errors)).items()), self._edge, "edge")
+        return _mark_gaps(sorted(dict((*notes.edges, *errors)).items()), self._edge, "edge")
 
     def _edge(self, told: EdgeNote) -> Sequence[str]:
         edge, shown = told.edge, told.edge.outputs
@@ -262,7 +262,7 @@ class _PageParts:
         decl = self._project.instance(name)
         data = self._project.data_decl(decl.data) if decl is not None and decl.data else None
         frames = self.notes.instances[name].frames
-        return _with_gaps(frames, lambda frame: self._frame(frame, data), "frame")
+        return _mark_gaps(frames, lambda frame: self._frame(frame, data), "frame")
 
     def _frame(self, frame: FrameNote, data: DataDecl | None) -> _FrameView:
         job, way = f"job {frame.job}, " if frame.job else "", "sent" if frame.is_sent else "received"
@@ -281,13 +281,13 @@ class _PageParts:
     def events(self) -> Iterator[Sequence[str]]:
         told = sorted((each for _, each in self.notes.events), key=lambda e: (e.at.scan, not e.subject))
         numbers = (number for number, _ in self.notes.events)
-        return _with_gaps(zip(numbers, told, strict=True), self._event, "event")
+        return _mark_gaps(zip(numbers, told, strict=True), self._event, "event")
 
     def _event(self, told: EventNote) -> Sequence[str]:
-        what = told.what if told.subject else self._line(told.what)
+        what = told.what if told.subject else self._format_command(told.what)
         return str(told.at.scan), stamp(told.at.t_ns), told.subject or "command", what, told.detail
 
-    def _line(self, line: str) -> str:
+    def _format_command(self, line: str) -> str:
         """Return a command; without payload as much of it as holds no bytes."""
         said = line.split()
         if self._has_payload or not said or said[0] in PLAIN:
@@ -312,8 +312,8 @@ class _PageParts:
                 yield ""
                 yield f"[[{kind_name(decl)}]]"
                 for key, value in entry_of(decl):
-                    if self._has_payload or key not in SPOKEN:
-                        shown = last_part(str(value)) if key in PATHS else value
+                    if self._has_payload or key not in PAYLOAD_KEYS:
+                        shown = last_part(str(value)) if key in PATH_KEYS else value
                         yield f"{key} = {json.dumps(shown, ensure_ascii=False)}"
         for word, text in (("start", project.start), ("program", project.program)):
             if text and self._has_payload:
@@ -325,7 +325,7 @@ class _PageParts:
 # -- pieces --------------------------------------------------------------------------------------------------
 
 
-def _with_gaps(
+def _mark_gaps(
     rows: Iterable[tuple[int, T]], make: Callable[[T], Row], word: str
 ) -> Iterator[Row | tuple[str]]:
     before = 0
@@ -348,7 +348,7 @@ def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> I
         if seen & bit and begin is None:
             begin = number
         elif begin is not None and not seen & bit:
-            x = LEFT + min(begin * wide, WIDTH - 2)
-            width = max(2, min((number - begin) * wide, LEFT + WIDTH - x))
+            x = LANES_LEFT + min(begin * wide, LANES_WIDTH - 2)
+            width = max(2, min((number - begin) * wide, LANES_LEFT + LANES_WIDTH - x))
             yield f"M{x:.1f} {y}h{width:.1f}v{high}h-{width:.1f}z"
             begin = None

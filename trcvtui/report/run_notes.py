@@ -29,17 +29,17 @@ from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 T = TypeVar("T")
 K = TypeVar("K")
 MOST_EVENTS: Final = 150  # at each end of the list
-EDGES, FRAMES = 1600, 400  # in a report, of all instances together
-MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
+MOST_EDGES, MOST_FRAMES = 1600, 400  # in a report, of all instances together
+MOST_INSTANCE_EDGES: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
 MOST_LATE: Final = 5  # scans at each end
 MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance
-EACH: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
+FRAMES_PER_CHECK: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
 MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
-_NUMBERS: Final = re.compile(r"[\d.]+")
-COLUMNS: Final = 1000  # of the time line, at most
+_NUMBER_PATTERN: Final = re.compile(r"[\d.]+")
+MOST_COLUMNS: Final = 1000  # of the time line, at most
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
-NOT_SEEN: Final = Cause(CauseKind.SEQUENCE, "")
-LIT: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
+UNKNOWN_CAUSE: Final = Cause(CauseKind.SEQUENCE, "")
+LAMP_BITS: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
 
 
 class FirstAndLast(Generic[T]):
@@ -70,13 +70,13 @@ class TimeLane:
         self._now = 0
 
     def mark(self, t_ns: int, now: int) -> None:
-        self.go_on(max(0, t_ns - 1))
+        self.extend_to(max(0, t_ns - 1))
         self._now = now
-        self.go_on(t_ns)
+        self.extend_to(t_ns)
         self.columns[-1] |= now
 
-    def go_on(self, t_ns: int) -> None:
-        while t_ns // self.width_ns >= COLUMNS:
+    def extend_to(self, t_ns: int) -> None:
+        while t_ns // self.width_ns >= MOST_COLUMNS:
             ends = self.columns[1::2] + [0] * (len(self.columns) % 2)
             self.columns = [one | other for one, other in zip(self.columns[::2], ends, strict=True)]
             self.width_ns *= 2
@@ -150,10 +150,10 @@ class RunNotes:
         self._fresh: list[EdgeNote] = []  # ERRORs of this scan
         self._receiving: set[str] = set()  # instances that have got a part in this scan
         share = max(1, len(bench.project.instances))
-        self._edges = max(2, min(MOST_OF_ONE, EDGES // 4 // share))
-        self._frames = max(1, min(MOST_OF_ONE // 4, FRAMES // 2 // share))
+        self._edges = max(2, min(MOST_INSTANCE_EDGES, MOST_EDGES // 4 // share))
+        self._frames = max(1, min(MOST_INSTANCE_EDGES // 4, MOST_FRAMES // 2 // share))
 
-    def scanned(self) -> None:
+    def add_scan(self) -> None:
         ledger = self.bench.runtime.ledger
         if self.bench.late_scans > self._late_scans:
             self._late_scans += 1
@@ -168,47 +168,47 @@ class RunNotes:
             self._statistics.forget_all(self._seq, ledger.scan, ledger.t_ns)
         self._index.add_lines(news)
         for scan, t_ns, event in news:
-            self._take(ScanStamp(scan, t_ns), event)
+            self._add_event(ScanStamp(scan, t_ns), event)
         for name in self._receiving:
-            self._of(name).part = self.bench.runtime.job_bytes(name)[:MOST_BYTES]
+            self._get(name).part = self.bench.runtime.job_bytes(name)[:MOST_BYTES]
         self._receiving.clear()
         for told in self._fresh:
             self._explain(told)
         self._fresh.clear()
 
-    def end(self) -> None:
+    def note_end(self) -> None:
         """Take the bench as it is now: the run is over, or can be seen no further."""
-        self.scanned()
+        self.add_scan()
         if self.snapshot is not None:
             return
         picture = self._picture(*(each.name for each in self.bench.project.instances))
         self.snapshot = picture.snapshot
         for instance in self.snapshot.instances:
-            self.advice[instance.name] = self._card_of(instance.name, picture)
+            self.advice[instance.name] = self._make_advice(instance.name, picture)
         self.seen = self.until = ScanStamp(self.snapshot.scan, self.snapshot.t_ns)
         for lane in (*self.links.values(), *(each.lane for each in self.instances.values())):
-            lane.go_on(self.seen.t_ns)
+            lane.extend_to(self.seen.t_ns)
 
-    def shown(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
+    def add_outputs(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
         """Take outputs that a journal tells after the last scan that could be seen; why is not known."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return
         if all(isinstance(each, int | None) for each in args[2:]):
             outputs = Outputs._make(cast(tuple[int, ...], args[1:]))
-            self._edge(EdgeNote(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
+            self._add_edge(EdgeNote(at, StatusEdge(instance, decl.block, outputs, "", UNKNOWN_CAUSE)))
             self._fresh.clear()
 
-    def end_of_rest(self, at: ScanStamp) -> None:
+    def finish_rest(self, at: ScanStamp) -> None:
         """Let instances show what they show up to here, the end of the journal."""
         self.until = max(self.until, at, key=lambda moment: moment.scan)
         for each in self.instances.values():
-            each.lane.go_on(self.until.t_ns)
+            each.lane.extend_to(self.until.t_ns)
 
-    def last(self, name: str) -> InstanceSnapshot | None:
+    def last_snapshot(self, name: str) -> InstanceSnapshot | None:
         return self.snapshot.instance(name) if self.snapshot is not None else None
 
-    def _of(self, name: str) -> InstanceNotes:
+    def _get(self, name: str) -> InstanceNotes:
         notes = self.instances.get(name)
         if notes is None:
             notes = InstanceNotes(self.bench.runtime.interval_ns, self._edges, self._frames)
@@ -217,47 +217,47 @@ class RunNotes:
 
     # -- what a line tells ------------------------------------------------------------------------------
 
-    def _take(self, at: ScanStamp, event: Event) -> None:
+    def _add_event(self, at: ScanStamp, event: Event) -> None:
         match event:
             case StatusEdge():
-                self._edge(EdgeNote(at, event))
+                self._add_edge(EdgeNote(at, event))
             case BytesReceived():
                 self._receiving.add(event.instance)
             case JobEnded() | PartialFrameDropped() | FrameEnded():
-                self._received(at, event)
+                self._add_received(at, event)
             case SendStarted():
-                self._of(event.instance).sends = event.job, self._data(event.instance, event.length)
+                self._get(event.instance).sends = event.job, self._read_data(event.instance, event.length)
             case SendEnded():
-                job, content = self._of(event.instance).sends
+                job, content = self._get(event.instance).sends
                 reason = "" if event.done else event.reason
                 told = FrameNote(at, True, event.job, event.size, content * (job == event.job), reason)
-                self._of(event.instance).frames.add(told)
+                self._get(event.instance).frames.add(told)
             case ConnectionChanged():
-                self._connection(at, event)
+                self._add_connection(at, event)
             case BenchNote():
                 self.events.add(EventNote(at, event.subject, event.what, event.detail or event.end))
 
-    def _edge(self, told: EdgeNote) -> None:
-        notes = self._of(told.edge.instance)
+    def _add_edge(self, told: EdgeNote) -> None:
+        notes = self._get(told.edge.instance)
         notes.edges.add(told)
-        notes.lane.mark(told.at.t_ns, LIT[told.edge.outputs.lit_lamp])
+        notes.lane.mark(told.at.t_ns, LAMP_BITS[told.edge.outputs.lit_lamp])
         if told.edge.outputs.error:
             notes.error_edges.add((notes.edges.count, told))
             self._fresh.append(told)
         elif told.edge.condition == Condition.RECEIVED:
             notes.delivered += 1
-            if notes.delivered <= notes.looked_until or notes.delivered % EACH == 1:
+            if notes.delivered <= notes.looked_until or notes.delivered % FRAMES_PER_CHECK == 1:
                 self._fresh.append(told)
 
-    def _received(self, at: ScanStamp, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
-        notes = self._of(event.instance)
+    def _add_received(self, at: ScanStamp, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
+        notes = self._get(event.instance)
         self._receiving.discard(event.instance)
         job, done, reason = 0, isinstance(event, FrameEnded), ""
         if isinstance(event, JobEnded):
             job, done, reason = event.job, event.done, event.reason
         elif isinstance(event, PartialFrameDropped):
             reason = event.reason
-        content, notes.part = self._data(event.instance, event.size) if done else notes.part, b""
+        content, notes.part = self._read_data(event.instance, event.size) if done else notes.part, b""
         if not done and event.size:
             notes.dropped += 1
             notes.looked_until = notes.delivered + 2
@@ -265,12 +265,12 @@ class RunNotes:
             told = FrameNote(at, False, job, event.size, content[: event.size], "" if done else reason)
             notes.frames.add(told)
 
-    def _data(self, instance: str, size: int) -> bytes:
+    def _read_data(self, instance: str, size: int) -> bytes:
         decl = self.bench.project.instance(instance)
         name = decl.data if decl is not None else None
         return b"" if name is None else self.bench.runtime.data(name, min(size, MOST_BYTES))
 
-    def _connection(self, at: ScanStamp, event: ConnectionChanged) -> None:
+    def _add_connection(self, at: ScanStamp, event: ConnectionChanged) -> None:
         if event.detail != "UDP":
             lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
             if event.what is EventKind.CONNECTED or event.what in ENDING_EVENTS:
@@ -282,17 +282,17 @@ class RunNotes:
     # -- why --------------------------------------------------------------------------------------------
 
     def _explain(self, told: EdgeNote) -> None:
-        notes, edge = self._of(told.edge.instance), told.edge
+        notes, edge = self._get(told.edge.instance), told.edge
         if edge.outputs.error:
             key = edge.outputs.status, describe_cause(edge.cause, edge.block)
-            _keep(notes.errors, key, told, lambda: self._card_of(edge.instance), MOST_ERRORS)
+            _keep(notes.errors, key, told, lambda: self._make_advice(edge.instance), MOST_ERRORS)
             return
-        advice = self._card_of(edge.instance)
+        advice = self._make_advice(edge.instance)
         if advice.checks:
-            words = _NUMBERS.sub("", advice.checks[0])
+            words = _NUMBER_PATTERN.sub("", advice.checks[0])
             _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
 
-    def _card_of(self, name: str, picture: BenchUpdate | None = None) -> Advice:
+    def _make_advice(self, name: str, picture: BenchUpdate | None = None) -> Advice:
         picture = picture or self._picture(name)
         project, runtime = self.bench.project, self.bench.runtime
         instance, evidence = picture.snapshot.instance(name), make_current_evidence(picture, project, name)

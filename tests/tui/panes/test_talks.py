@@ -9,7 +9,7 @@ from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
-from trcvtui.line.conversations import SECONDS, ConversationFigures
+from trcvtui.line.conversations import SHOWN_SECONDS, ConversationFigures
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP, ConversationSnapshot
 from trcvtui.tui.prompt import PromptInput
@@ -29,11 +29,11 @@ class TapStory:
     ) -> None:
         says = self.talk.back if from_plc else self.talk.there
         event = ConversationEvent(NS + int(s * SECOND), self.talk, says, kind, 0, size or len(data), data)
-        self.talks.take(event, from_plc)
+        self.talks.add_event(event, from_plc)
 
     @property
     def shown(self) -> ConversationSnapshot:
-        return self.talks.snapshot()[0]
+        return self.talks.make_snapshots()[0]
 
 
 def connected() -> TapStory:
@@ -51,7 +51,7 @@ def test_bytes_are_counted_by_direction_and_by_second() -> None:
     assert (shown.plc, shown.partner, shown.state) == ("10.0.0.5:2000", "10.0.0.9:51000", "open")
     assert (shown.to_plc.size, shown.from_plc.size, shown.to_plc.segments) == (5, 2, 1)
     assert shown.handshake_ns == 2_000_000
-    assert shown.seconds[-1] == 7 and len(shown.seconds) == SECONDS
+    assert shown.seconds[-1] == 7 and len(shown.seconds) == SHOWN_SECONDS
 
 
 def test_a_rate_is_that_of_the_newest_second_and_falls_to_none() -> None:
@@ -75,12 +75,12 @@ def test_what_is_not_as_it_should_be_is_counted() -> None:
 
 def test_what_the_stack_of_a_tap_says_is_shown_beside_each_direction() -> None:
     told = connected()
-    told.talks.measure(1, True, 250_000, 64240, 0)
-    told.talks.measure(1, False, 90_000_000, 0, 12)
+    told.talks.set_figures(1, True, 250_000, 64240, 0)
+    told.talks.set_figures(1, False, 90_000_000, 0, 12)
     shown = told.shown
     assert (shown.to_plc.round_trip_ns, shown.to_plc.window) == (250_000, 64240)
     assert (shown.from_plc.is_closed, shown.from_plc.again) == (True, 12)
-    told.talks.end(1)
+    told.talks.end_conversation(1)
     assert told.shown.state == "ended"
 
 
@@ -90,12 +90,14 @@ def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
         told.talk = Conversation(number, "tcp", NS, ((bytes(4), number), (bytes(4), 1)))
         told.tell(SegmentKind.BYTES, 2, data=b"x")
         told.tell(SegmentKind.FIN, 2)
-    listed = told.talks.snapshot()
+    listed = told.talks.make_snapshots()
     assert listed[0].number == 1 and len(listed) == 64
 
 
 def of_a_tap(told: TapStory, kernel: str = TAP) -> BenchUpdate:
-    return replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"}), kernel=kernel)
+    return replace(
+        picture(), talks=told.talks.make_snapshots(), shadows=frozenset({"TRCV_C_1"}), kernel=kernel
+    )
 
 
 async def test_a_key_asks_with_its_command_and_enter_sends_it_but_hold_and_go_act() -> None:
@@ -103,7 +105,7 @@ async def test_a_key_asks_with_its_command_and_enter_sends_it_but_hold_and_go_ac
     async with looking(WIDE, of_a_tap(told)) as looker:
         assert "open 10.0.0.9:51000 → 10.0.0.5:2000 round trip 2 ms" in looker.pane("talks")
         await looker.press("7", "h")
-        told.talks.hold(1, True, 3, b"\x01\x02\x03")
+        told.talks.set_held(1, True, 3, b"\x01\x02\x03")
         await looker.show(of_a_tap(told))
         assert "3 B held" in looker.pane("talks")
         await looker.press("h")
@@ -141,16 +143,16 @@ async def test_the_header_says_that_it_is_in_the_line_and_since_when_it_holds(si
     told.talks.now_ns = 5 * SECOND
     async with looking(size, of_a_tap(told)) as looker:
         assert "IN THE LINE" in looker.text and "HELD" not in looker.text
-        told.talks.hold(1, False, 0, b"")
+        told.talks.set_held(1, False, 0, b"")
         told.talks.now_ns = 7 * SECOND
-        told.talks.hold(1, True, 3, b"\x01\x02\x03")
+        told.talks.set_held(1, True, 3, b"\x01\x02\x03")
         told.talks.now_ns = 17 * SECOND
-        told.talks.hold(1, False, 9, b"\x01")
+        told.talks.set_held(1, False, 9, b"\x01")
         await looker.press("F")
         await looker.show(of_a_tap(told))
         header = looker.pane("header")
         assert "IN THE LINE" in header and "HELD 12 s" in header and "FROZEN" in header
-        told.talks.end(1)
+        told.talks.end_conversation(1)
         await looker.show(of_a_tap(told))
         assert "HELD" not in looker.pane("header")
         looker.app.main.header.ended = True

@@ -77,12 +77,12 @@ class TableFace(Face):
 
     async def csv(self) -> str:
         """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
-        from trcvtui.report.message_table import MessageType, csv_of  # read when first asked for
+        from trcvtui.report.message_table import MessageType, format_csv  # read when first asked for
 
         name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None
         begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
-        return await asyncio.to_thread(csv_of, self.messages.rows(), type_, name, begun_ns)
+        return await asyncio.to_thread(format_csv, self.messages.rows(), type_, name, begun_ns)
 
     # -- the chosen message ----------------------------------------------------------------------------
 

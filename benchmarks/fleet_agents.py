@@ -20,7 +20,7 @@ from typing import Final
 from paho.mqtt.client import Client, MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
 
-from trcvtui.fleet.broker import Broker, BrokerConnection
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenInstance, SeenLine
 from trcvtui.fleet.publisher import Publisher
@@ -139,13 +139,13 @@ def agents(port: int, count: int, lines: int) -> None:
 
 def publish(port: int, lines: int, seconds: float) -> float:
     """Return the share of a core that an agent's publishing takes: each line has a DONE a second."""
-    connection = BrokerConnection(Broker("127.0.0.1", port, False), "publisher")
+    connection = BrokerConnection(BrokerAccess("127.0.0.1", port, False), "publisher")
     publisher = Publisher(connection, DiskQueue(None, print), lambda said: None)
     connection.open()
     names = [f"L{line:02}" for line in range(lines)]
     seen = [(SeenLine(name), SeenInstance(name, "TRCV_C_1")) for name in names]
     while not publisher.is_up:
-        publisher.turn(time.perf_counter_ns())
+        publisher.advance(time.perf_counter_ns())
         connection.wait(0.1)
     used, began = time.process_time(), time.perf_counter()
     for turn in _turns(seconds):
@@ -158,9 +158,9 @@ def publish(port: int, lines: int, seconds: float) -> float:
         if turn % 9 == 0:  # an ERROR edge a second
             instance = seen[turn % lines][1]
             event = instance.event("b00", at, "error", "80A6", CAUSE)
-            publisher.event(_topic("event", instance), event.to_json())
+            publisher.send_event(_topic("event", instance), event.to_json())
             publisher.retain(_topic("recent", instance), instance.recent_message(at).to_json())
-        publisher.turn(time.perf_counter_ns())
+        publisher.advance(time.perf_counter_ns())
     share = (time.process_time() - used) / (time.perf_counter() - began)
     connection.close()
     return share

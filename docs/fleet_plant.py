@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, cast
 
 from trcvtui import clock
-from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, News, Subscribed
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, BrokerEvent, ConnAck, IncomingMessage, SubAck
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
 from trcvtui.fleet.topics import (
@@ -38,10 +38,10 @@ class PlantBroker:
     """Brings everything at once, and takes each subscription."""
 
     def __init__(self) -> None:
-        self._news: list[News] = [Connected(), *_messages()]
+        self._news: list[BrokerEvent] = [ConnAck(), *_messages()]
         self._taken = self.dropped = 0
 
-    def news(self) -> Iterator[News]:
+    def news(self) -> Iterator[BrokerEvent]:
         """Return what has come."""
         news, self._news = self._news, []
         return iter(news)
@@ -49,7 +49,7 @@ class PlantBroker:
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         """Take it: all is there."""
         self._taken += 1
-        self._news.append(Subscribed(self._taken))
+        self._news.append(SubAck(self._taken))
         return self._taken
 
 
@@ -90,7 +90,7 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     clock.wall_ns = lambda: int(NOW) * fleet_app.NS
     fleet_app.ORDER_NS, fleet_app.FRAME_S = 0, 3600.0
     reader = FleetReader(cast(BrokerConnection, PlantBroker()), SeenFleet(), "*")
-    app = fleet_app.FleetApp(Broker("broker.example", 8883, True), "*", reader)
+    app = fleet_app.FleetApp(BrokerAccess("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:
         while not reader.is_complete:
             reader.turn(0, NOW, 1 << 62)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from trcvtui.cli.main import COMMANDS, GROUPS, parser_of
+from trcvtui.cli.main import COMMAND_GROUPS, COMMANDS, parser_of
 from trcvtui.cli.options import CommandParser
 
 PAGE: Final = Path(__file__).parent / "commands.md"
@@ -83,13 +83,13 @@ def commands_of(parser: CommandParser) -> dict[str, CommandParser]:
 
 
 def _lines(whole: dict[str, CommandParser]) -> Iterator[str]:
-    for title, group in GROUPS.items():
+    for title, group in COMMAND_GROUPS.items():
         yield from ("", f"## {title}", "", "| command | does | example |", "| --- | --- | --- |")
         for name, (about, example, *_) in group.items():
             yield f"| [`{name}`](#{name}) | {about} | `{f'trcvtui {name} {example}'.strip()}` |"
         for name in group:
             yield from _command(name, whole[name])
-    assert sorted(name for group in GROUPS.values() for name in group) == sorted(COMMANDS)
+    assert sorted(name for group in COMMAND_GROUPS.values() for name in group) == sorted(COMMANDS)
 
 
 def _command(name: str, parser: CommandParser) -> Iterator[str]:

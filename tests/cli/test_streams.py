@@ -82,8 +82,8 @@ def test_a_closed_stdout_is_one_line(closed: str, tmp_path: Path) -> None:
 
 OPENS = """
 import os, socket, subprocess, sys
-from trcvtui.cli.streams import take_streams
-take_streams()
+from trcvtui.cli.streams import prepare_streams
+prepare_streams()
 sys.stderr.write("a message")
 links = "import os; print(*(os.readlink(f'/proc/self/fd/{number}') for number in (0, 2)), flush=True)"
 subprocess.run([sys.executable, "-c", links])

@@ -7,7 +7,7 @@ from typing import cast
 
 from msgspec.structs import replace
 
-from trcvtui.fleet.broker import BrokerConnection, IncomingMessage, News, Subscribed
+from trcvtui.fleet.broker import BrokerConnection, BrokerEvent, IncomingMessage, SubAck
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
 from trcvtui.fleet.topics import (
@@ -55,12 +55,12 @@ class FakeBroker:
     def __init__(self, pattern: str = "*") -> None:
         self.dropped = 0
         self.asked: list[tuple[str, ...]] = []
-        self.waiting: list[News] = []
+        self.waiting: list[BrokerEvent] = []
         self._taken = 0
         self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
         self.now, self.wall = 0, NOW
 
-    def news(self) -> Iterator[News]:
+    def news(self) -> Iterator[BrokerEvent]:
         while self.waiting:
             yield self.waiting.pop(0)
 
@@ -68,10 +68,10 @@ class FakeBroker:
         self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
         return len(self.asked)
 
-    def tell(self, *news: News, seconds: float = 0.0) -> None:
+    def tell(self, *news: BrokerEvent, seconds: float = 0.0) -> None:
         self.waiting += news
         self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
-        self.reader.turn(self.now, self.wall, 1 << 62)
+        self.reader.advance(self.now, self.wall, 1 << 62)
 
     def message(self, topic: str, message: FleetMessage) -> IncomingMessage:
         return IncomingMessage(f"trcvtui/v1/{topic}", message.to_json(), True)
@@ -79,8 +79,8 @@ class FakeBroker:
     def take_subscriptions(self) -> None:
         while self._taken < len(self.asked):
             self._taken += 1
-            self.tell(Subscribed(self._taken))
+            self.tell(SubAck(self._taken))
 
     @property
     def names(self) -> list[str]:
-        return [line.name for line in self.reader.fleet.ordered(self.wall)]
+        return [line.name for line in self.reader.fleet.sort_lines(self.wall)]

@@ -21,11 +21,11 @@ from tests.waiting import children_of, until
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
-from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, ConnAck, IncomingMessage
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.publisher import Publisher
-from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
+from trcvtui.fleet.topics import StateMessage, StatusMessage, parse_message, parse_topic
 from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import UpdateRequest
@@ -50,7 +50,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
         driver.scan(2000)
     update = driver.shown(UpdateRequest(most_lines=20_000))
     errors = update.snapshot.instances[0].errors
-    changed, events, moved = seen.take(update, 1000.0)
+    changed, events, moved = seen.handle_update(update, 1000.0)
     told = [event for _, event in events]
     assert errors > 0 and len(told) == errors
     assert [event.id for event in told] == [f"b00-{n}" for n in range(1, errors + 1)]
@@ -77,7 +77,9 @@ def started(broker: Mosquitto, folder: Path) -> subprocess.Popen[bytes]:
 
 def reader_of(broker: Mosquitto) -> tuple[BrokerConnection, dict[str, bytes]]:
     """Return a reader, and what it will have heard last of each topic."""
-    connection = BrokerConnection(Broker("127.0.0.1", broker.port, False), "reader", topics=("trcvtui/v1/#",))
+    connection = BrokerConnection(
+        BrokerAccess("127.0.0.1", broker.port, False), "reader", topics=("trcvtui/v1/#",)
+    )
     connection.open()
     return connection, {}
 
@@ -87,7 +89,7 @@ def state_is(connection: BrokerConnection, heard: dict[str, bytes], wanted: str)
         if isinstance(news, IncomingMessage):
             heard[news.topic] = news.payload
     payload = heard.get("trcvtui/v1/s/n/state", b"")
-    message = read(topic_of("trcvtui/v1/s/n/state"), payload)
+    message = parse_message(parse_topic("trcvtui/v1/s/n/state"), payload)
     return isinstance(message, StateMessage) and message.state == wanted
 
 
@@ -110,7 +112,7 @@ def test_an_agent_comes_back_with_its_broker_starts_its_engine_anew_and_its_deat
     status = "trcvtui/v1/s/n/C1/TRCV_C_1/status"
     try:
         until(lambda: state_is(connection, heard, "online") and status in heard)
-        message = read(topic_of(status), heard[status])
+        message = parse_message(parse_topic(status), heard[status])
         assert isinstance(message, StatusMessage) and message.text
         broker.kill()
         heard.clear()
@@ -168,7 +170,7 @@ def test_an_engine_that_hangs_is_told_as_stale_and_started_anew(monkeypatch: pyt
         opened.callback(agent._end_engine)
 
         def turned() -> bool:
-            agent._turn(opened)
+            agent._run_once(opened)
             return agent.is_running and bool(agent.seen.instances)
 
         until(turned)
@@ -184,19 +186,19 @@ def test_an_engine_that_hangs_is_told_as_stale_and_started_anew(monkeypatch: pyt
 def test_a_page_whose_place_is_taken_is_tried_again_and_ends_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(fleet_agent, "PAGE_NS", 0)
+    monkeypatch.setattr(fleet_agent, "PAGE_RETRY_NS", 0)
     with socket.create_server(("127.0.0.1", 0)) as rival:
         place = rival.getsockname()[:2]
         agent = agent_without_a_broker(place)
         with ExitStack() as opened:
             opened.callback(agent._end_engine)
-            agent._turn(opened)
+            agent._run_once(opened)
             assert (
                 agent.is_running
                 and f"Address already in use at 127.0.0.1:{place[1]}" in capsys.readouterr().err
             )
             rival.close()
-            agent._turn(opened)
+            agent._run_once(opened)
             assert urlopen(f"http://127.0.0.1:{place[1]}/metrics").status == 200
 
 
@@ -215,7 +217,7 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
     """EMFILE at the first engine, the page, the broker and the recordings; a queue whose file is gone."""
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(fleet_agent, "FIRST_PAUSE_NS", 0)
-    monkeypatch.setattr(fleet_agent, "PAGE_NS", 0)
+    monkeypatch.setattr(fleet_agent, "PAGE_RETRY_NS", 0)
     monkeypatch.setattr(fleet_agent, "FIRST_LOOK_NS", 0)
 
     def fails(*_: object, **__: object) -> NoReturn:
@@ -228,19 +230,19 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
     agent = Agent(settings, load_bench(PROJECT))
     queue = DiskQueue(tmp_path / "queue.sqlite", write_or_drop_line)
     queue._base.close()  # every call of it is an error from now on
-    connection = DeadEnd(Broker("127.0.0.1", 1, False), "x")
-    connection._append(Connected())
+    connection = DeadEnd(BrokerAccess("127.0.0.1", 1, False), "x")
+    connection._add_event(ConnAck())
     agent._publisher = Publisher(connection, queue, write_or_drop_line)
     with ExitStack() as opened, monkeypatch.context() as broken:
         opened.callback(agent._end_engine)
         broken.setattr(fleet_agent, "EngineDriver", fails)
-        agent._turn(opened)
+        agent._run_once(opened)
         assert agent.restarts == 1
         broken.undo()
         agent._pause = agent._start_at = 0
 
         def has_scanned(scans: int) -> bool:
-            agent._turn(opened)
+            agent._run_once(opened)
             return agent._scan > scans
 
         until(lambda: has_scanned(0))

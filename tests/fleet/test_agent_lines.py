@@ -44,10 +44,10 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
     project = load_bench(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
     seen = SeenBench("b00", project.dialect.label)
-    seen.take(driver.shown(), 1000.0)
+    seen.handle_update(driver.shown(), 1000.0)
 
     def told(looks: int, *findings: Finding, with_payload: bool = False) -> list[dict[str, object]]:
-        some = seen.findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
+        some = seen.report_findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
         return [{"kind": event.kind, **event.cause} for _, event in some]
 
     first = {"kind": "finding", "cause": "frame-short", "confidence": 0.9, "text": "90% sure; LEN 8"}
@@ -68,9 +68,9 @@ def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) ->
     of_rows = Agent(AgentSettings(tmp_path, "sim", "s", "n", None, None, None), watched).seen
     assert of_rows._names == {"C1": "press, mill"}  # one CONNECT is one line
     seen = SeenBench("b00", project.dialect.label, names={"C1": "press"})
-    seen.take(driver.shown(), 1000.0)
+    seen.handle_update(driver.shown(), 1000.0)
     assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"
-    [(instance, _)] = seen.findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
+    [(instance, _)] = seen.report_findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
     assert instance.line == "press" and instance.finding == "loss"
 
 

@@ -12,11 +12,11 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
 from trcvtui import clock
 from trcvtui.fleet import publisher, reader
-from trcvtui.fleet.broker import Broker, BrokerConnection, LastWill
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, LastWill
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenInstance
 from trcvtui.fleet.publisher import Publisher
-from trcvtui.fleet.reader import FleetReader, topics_of
+from trcvtui.fleet.reader import FleetReader, state_topics
 from trcvtui.fleet.seen_fleet import FleetLine, SeenFleet
 from trcvtui.fleet.topics import StateMessage, Topic
 
@@ -27,22 +27,22 @@ SECOND = 1_000_000_000
 @pytest.fixture(autouse=True)
 def short_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait for tenths where the programs wait for seconds."""
-    monkeypatch.setattr(publisher, "HOLD_NS", SECOND // 5)
+    monkeypatch.setattr(publisher, "QUEUE_DELAY_NS", SECOND // 5)
     monkeypatch.setattr(publisher, "LEAST_GAP_NS", SECOND // 20)
-    monkeypatch.setattr(reader, "SETTLED_NS", SECOND // 10)
+    monkeypatch.setattr(reader, "SETTLE_NS", SECOND // 10)
 
 
 class OneLine:
     """An agent with one instance, its own code from the event to the broker; and a reader of the fleet."""
 
     def __init__(self, broker: Mosquitto) -> None:
-        place = Broker("127.0.0.1", broker.port, False)
+        place = BrokerAccess("127.0.0.1", broker.port, False)
         self.connection = BrokerConnection(place, "s/a", LastWill(self.topic("state"), self.state("offline")))
         self.publisher = Publisher(self.connection, DiskQueue(None, print), print)
         self.instance = SeenInstance("L", "T")
         self.publisher.retain(self.topic("state"), self.state("online"))
         self.publisher.retain(self.topic("status", "L", "T"), status().to_json())
-        self.heard = BrokerConnection(place, "fleet", topics=topics_of("*"))
+        self.heard = BrokerConnection(place, "fleet", topics=state_topics("*"))
         self.reader = FleetReader(self.heard, SeenFleet(), "*")
         self.connection.open()
         self.heard.open()
@@ -56,18 +56,18 @@ class OneLine:
     def fail(self, times: int) -> None:
         for _ in range(times):
             event = self.instance.event("b0", time.time(), "error", "80A6", {"text": "reset"})
-            self.publisher.event(self.topic("event", "L", "T"), event.to_json())
+            self.publisher.send_event(self.topic("event", "L", "T"), event.to_json())
             message = self.instance.recent_message(time.time())
             self.publisher.retain(self.topic("recent", "L", "T"), message.to_json())
 
     def turn(self) -> None:
-        self.publisher.turn(clock.now_ns())
-        self.reader.turn(clock.now_ns(), time.time(), SECOND)
+        self.publisher.advance(clock.now_ns())
+        self.reader.advance(clock.now_ns(), time.time(), SECOND)
 
     @property
     def line(self) -> FleetLine | None:
         self.turn()
-        return next(iter(self.reader.fleet.ordered(time.time())), None)
+        return next(iter(self.reader.fleet.sort_lines(time.time())), None)
 
     @property
     def seqs(self) -> list[int]:
@@ -118,5 +118,5 @@ def test_an_agent_that_dies_without_a_word_makes_its_line_offline_at_once(
 ) -> None:
     until(line.has_settled)
     line.connection._ends.set()
-    line.connection._shut()  # as the system does for a process that was killed
+    line.connection._close_socket()  # as the system does for a process that was killed
     until(lambda: (found := line.line) is not None and found.agent.is_offline)

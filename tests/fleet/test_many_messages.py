@@ -11,7 +11,7 @@ from tests.certificates import Certificates
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, tls_lines
 from trcvtui import clock
 from trcvtui.fleet import publisher
-from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, ConnAck, ConnectionLost, IncomingMessage
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.publisher import Publisher
 
@@ -23,7 +23,7 @@ AHEAD = 500  # messages of a line that wait at most
 class SoakLine:
     """One line with a connection of its own: the agent's way from an event to the broker, and back."""
 
-    def __init__(self, broker: Broker, folder: Path, number: int) -> None:
+    def __init__(self, broker: BrokerAccess, folder: Path, number: int) -> None:
         self.topic = f"soak/{number}"
         self.said: list[str] = []
         self.connection = BrokerConnection(broker, f"line{number}")
@@ -42,14 +42,14 @@ class SoakLine:
             match news:
                 case IncomingMessage(_, payload, _):
                     self.came.append(int(payload))
-                case Lost():
+                case ConnectionLost():
                     self.ended += 1
-                case Connected():
+                case ConnAck():
                     self.is_heard = True
         while self.is_heard and self.put < EACH and self.publisher.queue.size < AHEAD:
             self.put += 1
-            self.publisher.event(self.topic, b"%d" % self.put)
-        self.publisher.turn(clock.now_ns())
+            self.publisher.send_event(self.topic, b"%d" % self.put)
+        self.publisher.advance(clock.now_ns())
 
     @property
     def is_over(self) -> bool:
@@ -68,9 +68,9 @@ class SoakLine:
 def test_a_thousand_events_of_eight_lines_over_tls_come_once_and_no_connection_ends(
     certificates: Certificates, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(publisher, "HOLD_NS", 0)
+    monkeypatch.setattr(publisher, "QUEUE_DELAY_NS", 0)
     broker = Mosquitto(tmp_path, f"allow_anonymous true\nmax_queued_messages 0\n{tls_lines(certificates)}")
-    place = Broker("127.0.0.1", broker.port, True, ca=certificates.pem("ca"))
+    place = BrokerAccess("127.0.0.1", broker.port, True, ca=certificates.pem("ca"))
     lines = [SoakLine(place, tmp_path, number) for number in range(LINES)]
     try:
         while not all(line.is_over for line in lines):

@@ -39,7 +39,7 @@ class IdleAgent:
         driver = LocalDriver(fresh_bench(project, "sim"))
         driver.scan(100)
         self.seen = SeenBench("b", project.dialect.label)
-        self.seen.take(driver.shown(), 1.0)
+        self.seen.handle_update(driver.shown(), 1.0)
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,16 @@ from typing import cast
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, PublishRefusal, Taken
+from trcvtui.fleet.broker import (
+    BrokerConnection,
+    BrokerEvent,
+    ConnAck,
+    ConnectionLost,
+    PublishAck,
+    PublishRefusal,
+)
 from trcvtui.fleet.disk_queue import EVENT, DiskQueue
-from trcvtui.fleet.publisher import HOLD_NS, LEAST_GAP_NS, REFUSED_NS, Publisher
+from trcvtui.fleet.publisher import LEAST_GAP_NS, QUEUE_DELAY_NS, RESEND_NS, Publisher
 
 SECOND = 1_000_000_000
 
@@ -21,7 +28,7 @@ class Line:
     def __init__(self) -> None:
         self.got: list[tuple[str, bytes]] = []
         self.said: list[str] = []
-        self._news: list[News] = []
+        self._news: list[BrokerEvent] = []
         self._unacknowledged: list[int] = []
         self._is_there = False
         self.queue = DiskQueue(None, self.said.append, 5)
@@ -30,22 +37,22 @@ class Line:
 
     def come(self) -> None:
         self._is_there = True
-        self._news.append(Connected())
+        self._news.append(ConnAck())
 
     def go(self) -> None:
         self._is_there = False
         self._unacknowledged.clear()
-        self._news.append(Lost("the broker is away"))
+        self._news.append(ConnectionLost("the broker is away"))
 
     def acknowledge(self) -> None:
-        self._news += [Taken(number) for number in self._unacknowledged]
+        self._news += [PublishAck(number) for number in self._unacknowledged]
         self._unacknowledged.clear()
 
     def refuse(self) -> None:
         self._news += [PublishRefusal(number, "Not authorized") for number in self._unacknowledged]
         self._unacknowledged.clear()
 
-    def news(self) -> list[News]:
+    def news(self) -> list[BrokerEvent]:
         news, self._news = self._news, []
         return news
 
@@ -58,7 +65,7 @@ class Line:
 
     def pass_time(self, seconds: float = 1) -> None:
         self.now += int(seconds * SECOND)
-        self.publisher.turn(self.now)
+        self.publisher.advance(self.now)
 
 
 def test_an_event_after_the_queue_was_empty_is_sent_too() -> None:
@@ -67,7 +74,7 @@ def test_an_event_after_the_queue_was_empty_is_sent_too() -> None:
     line.pass_time(3)
     line.pass_time(3)
     for number in range(4):
-        line.publisher.event("e", b"%d" % number)
+        line.publisher.send_event("e", b"%d" % number)
         line.pass_time()
         line.acknowledge()
         line.pass_time()
@@ -80,17 +87,17 @@ def test_after_a_reconnect_retained_topics_go_first_and_no_event_is_lost() -> No
     line.come()
     line.pass_time(3)
     line.publisher.retain("r", b"old")
-    line.publisher.event("e", b"1")
+    line.publisher.send_event("e", b"1")
     line.pass_time(3)
     line.go()  # it has not acknowledged the event
     line.pass_time()
     line.publisher.retain("r", b"new")
-    line.publisher.event("e", b"2")
+    line.publisher.send_event("e", b"2")
     line.got.clear()
     line.come()
     line.pass_time()
     assert line.got == [("r", b"new")]
-    line.pass_time(HOLD_NS / SECOND)
+    line.pass_time(QUEUE_DELAY_NS / SECOND)
     assert line.got[1:] == [("e", b"1"), ("e", b"2")]
     line.acknowledge()
     line.pass_time()
@@ -121,7 +128,7 @@ def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:
     line = Line()
     line.publisher.figures("f", b"figures")
     for number in range(6):
-        line.publisher.event("e", b"%d" % number)
+        line.publisher.send_event("e", b"%d" % number)
     assert line.queue.size == 5
     line.come()
     line.pass_time()
@@ -136,20 +143,20 @@ def test_what_the_broker_refuses_stays_and_is_sent_again_after_a_pause_that_grow
     line.pass_time(3)
     line.pass_time(3)
     line.publisher.retain("state", b"online")
-    line.publisher.event("e", b"1")
+    line.publisher.send_event("e", b"1")
     line.pass_time()
     line.refuse()
-    line.publisher.event("other", b"2")
+    line.publisher.send_event("other", b"2")
     line.pass_time()
     line.acknowledge()
     line.pass_time()
     assert line.got[2:] == [("other", b"2")] and line.queue.size == 1
-    line.pass_time(REFUSED_NS / SECOND)
+    line.pass_time(RESEND_NS / SECOND)
     assert sorted(line.got[3:]) == [("e", b"1"), ("state", b"online")]
     line.refuse()
-    line.pass_time(REFUSED_NS / SECOND + 1)
+    line.pass_time(RESEND_NS / SECOND + 1)
     assert len(line.got) == 5  # the second pause is twice as long
-    line.pass_time(2 * REFUSED_NS / SECOND)
+    line.pass_time(2 * RESEND_NS / SECOND)
     line.acknowledge()
     line.pass_time()
     assert len(line.got) == 7 and not line.queue.size
@@ -172,7 +179,7 @@ def test_a_topic_of_an_instance_that_is_gone_is_cleared_once(tmp_path: Path) -> 
     assert line.got == [("gone", b"")]
     line.acknowledge()
     line.pass_time()
-    assert line.queue.remembered() == ["stays"]
+    assert line.queue.list_topics() == ["stays"]
     line.queue.close()
 
 
@@ -189,7 +196,7 @@ def test_what_waits_is_there_when_the_agent_starts_anew_and_no_other_user_reads_
         DiskQueue(path, print)
     queue.close()
     again = DiskQueue(path, print)
-    assert [(topic, payload) for _, topic, payload in again.after(0, 9)] == [("e", b"kept")]
+    assert [(topic, payload) for _, topic, payload in again.list_after(0, 9)] == [("e", b"kept")]
     again.close()
 
 
@@ -197,7 +204,7 @@ def test_a_damaged_file_is_set_aside_and_a_new_queue_begins(tmp_path: Path) -> N
     path, said = tmp_path / "queue.sqlite", list[str]()
     path.write_bytes(b"no database" * 100)
     queue = DiskQueue(path, said.append)
-    assert queue.put(EVENT, "e", b"1") and len(queue.after(0, 9)) == 1
+    assert queue.put(EVENT, "e", b"1") and len(queue.list_after(0, 9)) == 1
     assert len([*tmp_path.glob("queue.damaged-*")]) == 1 and "damaged" in said[-1]
     queue.close()
 
@@ -212,10 +219,12 @@ def test_a_file_that_is_damaged_while_it_is_used_ends_nothing(tmp_path: Path) ->
     content[4096:] = b"\xaa" * (len(content) - 4096)
     path.write_bytes(content)
     queue = DiskQueue(path, said.append)
-    queue.after(0, 9)
+    queue.list_after(0, 9)
     queue.put(EVENT, "e", b"1")
     assert queue.put(EVENT, "e", b"2") and any("damaged" in line for line in said)
-    assert [payload for _, _, payload in queue.after(200, 9)][-1] == b"2"  # after all that was sent before
+    assert [payload for _, _, payload in queue.list_after(200, 9)][
+        -1
+    ] == b"2"  # after all that was sent before
     queue.close()
 
 
@@ -223,13 +232,13 @@ def test_what_a_full_disk_does_not_delete_waits_no_more_when_there_is_room_again
     queue = DiskQueue(tmp_path / "queue.sqlite", print)
     for payload in (b"1", b"2"):
         queue.put(EVENT, "e", payload)
-    first, last = [number for number, _, _ in queue.after(0, 9)]
+    first, last = [number for number, _, _ in queue.list_after(0, 9)]
     queue._base.execute("PRAGMA query_only=1")  # as a full disk answers
-    queue.take(first)
+    queue.delete(first)
     assert queue.size == 2
     queue._base.execute("PRAGMA query_only=0")
-    queue.take(last)
-    assert queue.size == 0 and queue.after(0, 9) == []
+    queue.delete(last)
+    assert queue.size == 0 and queue.list_after(0, 9) == []
     queue.close()
 
 
@@ -238,11 +247,11 @@ def test_without_room_on_the_disk_an_event_goes_at_once_or_is_counted(tmp_path: 
     line.queue = DiskQueue(tmp_path / "queue.sqlite", line.said.append)
     line.publisher = Publisher(cast(BrokerConnection, line), line.queue, line.said.append)
     line.queue._base.execute("PRAGMA max_page_count=1")  # as a full disk answers
-    line.publisher.event("e", b"0" * 5000)
+    line.publisher.send_event("e", b"0" * 5000)
     assert sum(line.queue.dropped.values()) == 1
     line.come()
     line.pass_time()
-    line.publisher.event("e", b"1" * 5000)
+    line.publisher.send_event("e", b"1" * 5000)
     assert line.got[-1] == ("e", b"1" * 5000) and sum(line.queue.dropped.values()) == 1
     assert len([said for said in line.said if "full" in said]) == 1
     line.queue.close()

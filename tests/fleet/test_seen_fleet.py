@@ -15,20 +15,20 @@ from trcvtui.errors import UserError
 from trcvtui.fleet import seen_fleet
 from trcvtui.fleet.broker import (
     BrokerRefusal,
-    Connected,
+    ConnAck,
+    ConnectionLost,
     IncomingMessage,
-    Lost,
 )
 from trcvtui.fleet.event_log import EventLog
 from trcvtui.fleet.reader import (
-    AGAIN_NS,
-    AT_ONCE,
-    MISS_NS,
-    MOST_ASKED,
-    SETTLED_NS,
-    TELL_NS,
-    TOO_MANY,
-    topics_of,
+    LACK_CHECK_NS,
+    MOST_PENDING_AGENTS,
+    MOST_REQUESTS,
+    REPORT_PAUSE_NS,
+    RETURN_TIMEOUT_NS,
+    SETTLE_NS,
+    TOO_MANY_TEXT,
+    state_topics,
 )
 from trcvtui.fleet.seen_fleet import (
     AWAY,
@@ -52,27 +52,27 @@ from trcvtui.fleet.topics import (
 
 def test_what_was_before_we_looked_is_not_missing_but_a_new_run_of_the_agent_begins_at_1() -> None:
     log = EventLog()
-    log.take(recent(100, 101).events)
+    log.add_events(recent(100, 101).events)
     assert log.missing == 0
-    log.begin()
-    log.take([event(3, "c")])
+    log.begin_counting()
+    log.add_events([event(3, "c")])
     assert log.missing == 2
-    log.take(recent(1, 2, 3, boot="c").events)
+    log.add_events(recent(1, 2, 3, boot="c").events)
     assert log.missing == 0
 
 
 def test_an_instance_without_an_event_so_far_misses_those_that_recent_has_no_more() -> None:
     log = EventLog()
-    log.begin()
-    log.take(recent(*range(37, 101)).events)
+    log.begin_counting()
+    log.add_events(recent(*range(37, 101)).events)
     assert log.missing == 36
 
 
 def test_history_comes_once_even_where_its_numbers_are_known_no_more() -> None:
     log = EventLog()
-    log.take([event(5000)])
-    assert len(log.take([event(seq) for seq in range(1, 3000)])) == 2999
-    assert log.take([event(1), event(5000)]) == []
+    log.add_events([event(5000)])
+    assert len(log.add_events([event(seq) for seq in range(1, 3000)])) == 2999
+    assert log.add_events([event(1), event(5000)]) == []
     assert len(log.kept) == 64 and log.missing == 0
 
 
@@ -82,8 +82,8 @@ def test_whatever_comes_in_whatever_order_nothing_stands_twice_and_the_rest_is_m
 ) -> None:
     log = EventLog()
     if has_begun:
-        log.begin()
-    fresh = [kept.seq for seq in seqs for kept in log.take([event(seq)])]
+        log.begin_counting()
+    fresh = [kept.seq for seq in seqs for kept in log.add_events([event(seq)])]
     assert len(set(fresh)) == len(fresh)
     first = 1 if has_begun else seqs[0]
     wanted = set(range(first, max(seqs) + 1)) - set(seqs)
@@ -103,7 +103,7 @@ class Fleet:
     def tell(self, place: str, message: AnyMessage | None, kind: str = "") -> None:
         site, agent, line, instance = [*place.split("/"), "", "", ""][:4]
         topic = Topic(site, agent, line, instance, kind or (message.KIND if message else ""))
-        self.seen.take(topic, message, NOW)
+        self.seen.apply(topic, message, NOW)
 
     def line(self, place: str, code: str = "7006", error: bool = False, errors: int = 0) -> None:
         site, agent, _ = place.split("/")
@@ -112,7 +112,7 @@ class Fleet:
         self.tell(f"{place}/T", status(code, error))
 
     def names(self, wall: float = NOW) -> list[str]:
-        return [line.name for line in self.seen.ordered(wall)]
+        return [line.name for line in self.seen.sort_lines(wall)]
 
 
 def test_the_worst_stands_first_offline_then_error_then_the_most_errors_an_hour() -> None:
@@ -125,11 +125,11 @@ def test_the_worst_stands_first_offline_then_error_then_the_most_errors_an_hour(
     assert fleet.names() == ["bad", "away", "many", "good", "gone"]
     fleet.tell("s/b", OFF)
     assert fleet.names() == ["gone", "bad", "away", "many", "good"]
-    lines = fleet.seen.ordered(NOW)
+    lines = fleet.seen.sort_lines(NOW)
     assert [line.shows for line in lines] == [OFFLINE, ERROR, AWAY, HAD, GOOD]
-    assert lines[0].since(NOW) == NOW
-    fleet.seen.take(Topic("s", "b", "", "", "state"), OFF, NOW + 9, is_retained=True)
-    assert lines[0].since(NOW + 9) == NOW + 5
+    assert lines[0].shown_since(NOW) == NOW
+    fleet.seen.apply(Topic("s", "b", "", "", "state"), OFF, NOW + 9, is_retained=True)
+    assert lines[0].shown_since(NOW + 9) == NOW + 5
 
 
 def test_a_finding_and_a_stuck_job_are_no_good_lines_and_the_oldest_of_a_kind_comes_first() -> None:
@@ -141,13 +141,13 @@ def test_a_finding_and_a_stuck_job_are_no_good_lines_and_the_oldest_of_a_kind_co
     fleet.line("s/a/good")
     fleet.tell("s/a/good/T", replace(status(), here=0))
     assert fleet.names(NOW + STUCK_S - 1) == ["old", "new", "good", "stuck"]
-    lines = fleet.seen.ordered(NOW + STUCK_S + 11)
+    lines = fleet.seen.sort_lines(NOW + STUCK_S + 11)
     assert [(line.name, line.shows) for line in lines] == [
         ("old", FINDING), ("new", FINDING), ("stuck", STUCK), ("good", GOOD),
     ]  # fmt: skip
-    assert lines[0].cause == "byte order" and lines[2].since(NOW + 21) == NOW - 0.2
+    assert lines[0].cause == "byte order" and lines[2].shown_since(NOW + 21) == NOW - 0.2
     fleet.tell("s/a", replace(ONLINE, state="stale", t=NOW))
-    assert {line.shows for line in fleet.seen.ordered(NOW)} == {STALE}
+    assert {line.shows for line in fleet.seen.sort_lines(NOW)} == {STALE}
 
 
 def test_events_that_waited_for_the_broker_are_dated_when_they_were() -> None:
@@ -155,7 +155,7 @@ def test_events_that_waited_for_the_broker_are_dated_when_they_were() -> None:
     fleet.line("s/a/L")
     for seq in range(1, 91):
         fleet.tell("s/a/L/T", event(seq, t=NOW - 1800 + 20 * seq), "event")
-    [line] = fleet.seen.ordered(NOW)
+    [line] = fleet.seen.sort_lines(NOW)
     assert line.agent.skew_s == 0 and max(line.sparkline(NOW)) <= 16
 
 
@@ -163,28 +163,28 @@ def test_events_that_waited_for_the_broker_are_dated_when_they_were() -> None:
 def test_a_clock_that_is_wrong_hides_no_error_keeps_none_for_ever_and_is_told(wrong: float) -> None:
     fleet = Fleet()
     seen, at = fleet.seen, NOW + wrong
-    seen.take(Topic("s", "a", "", "", "state"), replace(ONLINE, state="online", t=at), NOW)
-    seen.take(Topic("s", "a", "L", "", "figures"), figures(errors=3, t=at), NOW)
-    seen.take(Topic("s", "a", "L", "T", "status"), replace(status(), t=at), NOW)
-    seen.take(Topic("s", "a", "L", "T", "event"), event(1, t=at), NOW)
-    [line] = seen.ordered(NOW)
+    seen.apply(Topic("s", "a", "", "", "state"), replace(ONLINE, state="online", t=at), NOW)
+    seen.apply(Topic("s", "a", "L", "", "figures"), figures(errors=3, t=at), NOW)
+    seen.apply(Topic("s", "a", "L", "T", "status"), replace(status(), t=at), NOW)
+    seen.apply(Topic("s", "a", "L", "T", "event"), event(1, t=at), NOW)
+    [line] = seen.sort_lines(NOW)
     assert line.errors_hour == 3 and sum(line.sparkline(NOW)) == 1
     assert line.agent.skew_s == (0 if wrong > 1e9 else -wrong)
-    assert abs((line.since(NOW) or 0) - (NOW - 60)) < 1
-    assert seen.ordered(NOW + 7300)[0].errors_hour == 0
+    assert abs((line.shown_since(NOW) or 0) - (NOW - 60)) < 1
+    assert seen.sort_lines(NOW + 7300)[0].errors_hour == 0
 
 
 def test_an_agent_has_a_row_without_lines_and_offline_it_makes_all_of_them_offline_at_once() -> None:
     fleet = Fleet()
     fleet.tell("s/a", ONLINE)
-    [line] = fleet.seen.ordered(NOW)
+    [line] = fleet.seen.sort_lines(NOW)
     assert (line.name, line.shows, line.cause) == ("", AWAY, "the agent has told no line")
     for number in range(50):
         fleet.line(f"s/a/L{number}")
     fleet.tell("s/a", OFF)
-    assert [line.shows for line in fleet.seen.ordered(NOW)] == [OFFLINE] * 50
+    assert [line.shows for line in fleet.seen.sort_lines(NOW)] == [OFFLINE] * 50
     fleet.tell("s/a", ONLINE)
-    assert {line.shows for line in fleet.seen.ordered(NOW)} == {GOOD}
+    assert {line.shows for line in fleet.seen.sort_lines(NOW)} == {GOOD}
 
 
 def test_errors_of_an_hour_are_drawn_by_their_times_and_grow_old() -> None:
@@ -193,7 +193,7 @@ def test_errors_of_an_hour_are_drawn_by_their_times_and_grow_old() -> None:
     for seq, ago in ((1, 4000), (2, 1800), (3, 1800), (4, 0)):
         fleet.tell("s/a/L/T", event(seq, t=NOW - ago), "event")
     fleet.tell("s/a/L/T", event(5, kind="note"), "event")
-    [line] = fleet.seen.ordered(NOW)
+    [line] = fleet.seen.sort_lines(NOW)
     assert line.errors_an_hour(NOW) == 3
     assert line.sparkline(NOW)[-1] == 1 and sum(line.sparkline(NOW)) == 3
     assert line.cause == "16#80A6 recv ECONNRESET"
@@ -234,8 +234,8 @@ def test_what_has_no_room_is_refused_and_memory_is_bounded(monkeypatch: pytest.M
 
 def test_agents_are_asked_for_a_few_at_a_time() -> None:
     broker = FakeBroker()
-    broker.tell(Connected(), *(broker.message(f"s/a{n}/state", ONLINE) for n in range(20)))
-    assert len(broker.asked) == AT_ONCE
+    broker.tell(ConnAck(), *(broker.message(f"s/a{n}/state", ONLINE) for n in range(20)))
+    assert len(broker.asked) == MOST_PENDING_AGENTS
     assert broker.asked[0] == ("s/a0/+/figures", "s/a0/+/+/status", "s/a0/+/+/event", "s/a0/+/+/recent")
     assert not broker.reader.is_complete
     broker.take_subscriptions()
@@ -254,24 +254,24 @@ def test_agents_are_asked_for_a_few_at_a_time() -> None:
 )
 def test_only_the_sites_that_fit_are_asked_for(pattern: str, subscribed: str, sites: set[str]) -> None:
     broker = FakeBroker(pattern)
-    assert topics_of(pattern) == (subscribed,)
-    broker.tell(Connected(), *(broker.message(f"{s}/a/state", ONLINE) for s in ("plant1", "plant2", "mill")))
+    assert state_topics(pattern) == (subscribed,)
+    broker.tell(ConnAck(), *(broker.message(f"{s}/a/state", ONLINE) for s in ("plant1", "plant2", "mill")))
     assert {topics[0].partition("/")[0] for topics in broker.asked} == sites
     assert broker.reader.refused == 0
 
 
 def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_missing() -> None:
     broker = FakeBroker()
-    broker.tell(Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/L/T/status", status()))
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), broker.message("s/a/L/T/status", status()))
     broker.take_subscriptions()
-    broker.tell(seconds=SETTLED_NS / SECOND)
+    broker.tell(seconds=SETTLE_NS / SECOND)
     broker.tell(*(broker.message("s/a/L/T/event", event(n)) for n in (1, 2)))
-    broker.tell(Lost("away"))
+    broker.tell(ConnectionLost("away"))
     assert broker.reader.why == "away" and not broker.reader.is_up
-    broker.tell(Connected(), broker.message("s/a/state", ONLINE), seconds=60)
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), seconds=60)
     broker.tell(broker.message("s/a/L/T/recent", recent(*range(1, 51))))
     broker.tell(*(broker.message("s/a/L/T/event", event(n)) for n in range(3, 51)))
-    [line] = broker.reader.fleet.ordered(NOW)
+    [line] = broker.reader.fleet.sort_lines(NOW)
     assert [each.seq for each in line.instances["T"].log.kept] == [*range(1, 51)]
     assert line.missing == 0 and line.errors_an_hour(NOW) == 50
     broker.tell(broker.message("s/a/L/T/recent", recent(*range(87, 151))))
@@ -280,15 +280,15 @@ def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_m
 
 def test_what_a_broker_has_dropped_of_an_agent_is_asked_for_again_but_not_for_ever() -> None:
     broker = FakeBroker()
-    broker.tell(Connected(), broker.message("s/a/state", ONLINE), broker.message("s/b/state", ONLINE))
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), broker.message("s/b/state", ONLINE))
     broker.tell(*(broker.message(f"s/{name}/L/figures", figures()) for name in "ab"))
     broker.tell(broker.message("s/b/L/T/status", status()))
     broker.take_subscriptions()
     assert len(broker.asked) == 2
     for _ in range(10):
-        broker.tell(seconds=AGAIN_NS / SECOND)
+        broker.tell(seconds=LACK_CHECK_NS / SECOND)
         broker.take_subscriptions()
-    assert len(broker.asked) == 1 + MOST_ASKED
+    assert len(broker.asked) == 1 + MOST_REQUESTS
     assert {topics[0] for topics in broker.asked[2:]} == {"s/a/+/figures"}
 
 
@@ -296,26 +296,26 @@ def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:
     broker = FakeBroker()
     both = [broker.message(f"s/{name}/state", ONLINE) for name in "ab"]
     lines = [broker.message(f"s/{name}/{name}/figures", figures()) for name in "ab"]
-    broker.tell(Connected(), *both, *lines)
-    broker.tell(Lost("away"))
-    broker.tell(Connected(), both[1])
-    broker.tell(seconds=MISS_NS / SECOND - 1)
-    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [GOOD, GOOD]
+    broker.tell(ConnAck(), *both, *lines)
+    broker.tell(ConnectionLost("away"))
+    broker.tell(ConnAck(), both[1])
+    broker.tell(seconds=RETURN_TIMEOUT_NS / SECOND - 1)
+    assert [line.shows for line in broker.reader.fleet.sort_lines(NOW)] == [GOOD, GOOD]
     broker.tell(seconds=1)
-    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [OFFLINE, GOOD]
+    assert [line.shows for line in broker.reader.fleet.sort_lines(NOW)] == [OFFLINE, GOOD]
     assert broker.names == ["a", "b"]
     broker.tell(both[0])
-    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [GOOD, GOOD]
+    assert [line.shows for line in broker.reader.fleet.sort_lines(NOW)] == [GOOD, GOOD]
 
 
 def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None:
     broker = FakeBroker()
     wrong = IncomingMessage("trcvtui/v1/s/a/L/figures", b"{", False)
-    broker.tell(Connected(), broker.message("s/a/state", ONLINE), wrong)
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), wrong)
     assert broker.reader.told.startswith("broker, trcvtui/v1/s/a/L/figures: found 'Input data was truncated'")
     broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
     assert broker.reader.refused == 1001 and "truncated" in broker.reader.told
-    broker.tell(BrokerRefusal("it lets us not read"), seconds=TELL_NS / SECOND)
+    broker.tell(BrokerRefusal("it lets us not read"), seconds=REPORT_PAUSE_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
 
 
@@ -323,16 +323,16 @@ def test_what_comes_faster_than_it_is_looked_at_is_counted() -> None:
     broker = FakeBroker()
     broker.dropped = 7  # before the reader had them
     broker.tell(broker.message("s/a/L/figures", figures()))
-    assert broker.reader.refused == 7 and broker.reader.told == TOO_MANY
+    assert broker.reader.refused == 7 and broker.reader.told == TOO_MANY_TEXT
 
 
 def test_what_a_turn_has_no_time_for_waits_for_the_next_one() -> None:
     broker = FakeBroker()
     lines = [broker.message(f"s/a/L{n}/figures", figures()) for n in range(3)]
-    broker.tell(Connected(), broker.message("s/a/state", ONLINE))
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE))
     broker.take_subscriptions()
     broker.waiting += lines
-    broker.reader.turn(0, NOW, -1)
+    broker.reader.advance(0, NOW, -1)
     assert broker.names == ["L0"] and not broker.reader.is_complete
     broker.tell()
     assert broker.names == ["L0", "L1", "L2"] and broker.reader.is_complete
@@ -355,9 +355,7 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
     came: list[tuple[str, str, bytes]],
 ) -> None:
     broker = FakeBroker()
-    broker.tell(
-        Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/good/figures", figures())
-    )
+    broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), broker.message("s/a/good/figures", figures()))
     topics = [f"trcvtui/v1/s/{name}/{kind}" for name, kind, _ in came]
     for names in (topics, [name for name, _, _ in came]):
         some = zip(names, came, strict=True)

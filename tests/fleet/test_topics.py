@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from trcvtui.errors import UserError
 from trcvtui.fleet.metrics import METRICS
 from trcvtui.fleet.topics import (
-    MESSAGES,
+    MESSAGE_TYPES,
     EventMessage,
     FiguresMessage,
     FleetMessage,
@@ -22,8 +22,8 @@ from trcvtui.fleet.topics import (
     StateMessage,
     StatusMessage,
     Topic,
-    read,
-    topic_of,
+    parse_message,
+    parse_topic,
 )
 from trcvtui.line.tapped import NOTE_NAMES, TapNote
 from trcvtui.paths import configs_path
@@ -52,8 +52,8 @@ def place(kind: str) -> Topic:
 @pytest.mark.parametrize("message", ALL, ids=lambda message: message.KIND)
 def test_a_message_comes_out_as_it_went_in(message: FleetMessage) -> None:
     topic = place(message.KIND)
-    assert topic_of(str(topic)) == topic
-    assert read(topic, message.to_json()) == message
+    assert parse_topic(str(topic)) == topic
+    assert parse_message(topic, message.to_json()) == message
 
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: text.encode(errors="replace").decode() == text)
@@ -66,7 +66,7 @@ def test_any_names_make_a_topic_of_five_levels_and_come_back(
     topic = Topic(site, agent, line, instance, "status")
     assert str(topic).count("/") == 6
     assert not set(str(topic)) & set("+#\n\x1b\0")
-    assert topic_of(str(topic)) == topic
+    assert parse_topic(str(topic)) == topic
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_any_names_make_a_topic_of_five_levels_and_come_back(
 )
 def test_a_topic_that_no_agent_writes_is_one_line(text: str) -> None:
     with pytest.raises(UserError) as refused:
-        topic_of(text)
+        parse_topic(text)
     [line] = refused.value.lines()
     assert line.isprintable() and len(line) < 400
 
@@ -115,7 +115,7 @@ def test_a_topic_that_no_agent_writes_is_one_line(text: str) -> None:
 )
 def test_a_payload_that_no_agent_writes_is_one_line(payload: bytes) -> None:
     with pytest.raises(UserError) as refused:
-        read(place("state"), payload)
+        parse_message(place("state"), payload)
     [line] = refused.value.lines()
     assert line.isprintable() and len(line) < 600
 
@@ -123,7 +123,7 @@ def test_a_payload_that_no_agent_writes_is_one_line(payload: bytes) -> None:
 def test_escape_codes_and_length_of_texts_end_here() -> None:
     hostile = {"id": "0-1", "t": 0, "kind": "note", "STATUS": None}
     cause = {"\x1b]0;x\x07": "\x1b[31m" + "a" * 9999, "deep": [[[]]], "big": 10**18}
-    event = read(place("event"), json.dumps(hostile | {"cause": cause}).encode())
+    event = parse_message(place("event"), json.dumps(hostile | {"cause": cause}).encode())
     assert isinstance(event, EventMessage)
     assert all(
         str(each).isprintable() and len(str(each)) < 900 for pair in event.cause.items() for each in pair
@@ -131,15 +131,15 @@ def test_escape_codes_and_length_of_texts_end_here() -> None:
 
 
 def test_an_empty_payload_clears_a_topic() -> None:
-    assert read(place("recent"), b"") is None
+    assert parse_message(place("recent"), b"") is None
 
 
 def test_the_schema_that_comes_along_is_that_of_the_messages_and_the_page_names_each_field() -> None:
     shown = json.loads((configs_path() / "service" / "mqtt-messages.schema.json").read_text(encoding="utf-8"))
-    _, schemas = msgspec.json.schema_components(MESSAGES.values(), ref_template="#/$defs/{name}")
+    _, schemas = msgspec.json.schema_components(MESSAGE_TYPES.values(), ref_template="#/$defs/{name}")
     assert shown["$defs"] == schemas
     page = (DOCS / "fleet-formats.md").read_text(encoding="utf-8")
-    for kind, message in MESSAGES.items():
+    for kind, message in MESSAGE_TYPES.items():
         rows = " ".join(re.findall(rf"^\| `{kind}`.*", page, re.MULTILINE))
         fields = {*message.__struct_encode_fields__} - {"t"}
         assert fields <= set(re.findall(r"`(\w+)`", rows)), kind

@@ -304,7 +304,7 @@ def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
         opened.callback(os.kill, server, signal.SIGCONT)
 
         def turned() -> bool:
-            agent._turn(opened)
+            agent._run_once(opened)
             return agent.is_running and bool(agent.seen.instances)
 
         def sees_bytes() -> bool:

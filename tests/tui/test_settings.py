@@ -11,7 +11,7 @@ from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.test_snapshots import FRAMES, READABLE, contrast
 from trcvtui.cli.main import main
-from trcvtui.cli.options import LOOKS
+from trcvtui.cli.options import THEME_NAMES
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
@@ -159,12 +159,12 @@ async def test_words_and_frames_are_seen_in_every_theme() -> None:
 def test_a_theme_is_named_in_the_config_or_the_command_line(
     config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert {*LOOKS} == {*THEMES}
+    assert {*THEME_NAMES} == {*THEMES}
     (config / "config.toml").write_text('theme = "nord"\n')
     assert (settings().theme, settings("dracula").theme) == ("nord", "dracula")
     assert main(["--theme", "pink"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert all(f"'{name}'" in line for name in LOOKS)
+    assert all(f"'{name}'" in line for name in THEME_NAMES)
 
 
 @BOTH

@@ -20,18 +20,18 @@ from trcvtui.cli.options import (
     add_set,
     add_theme,
     dialect_names,
-    follow,
-    given,
+    find_file,
     load_bench,
     print_lines,
-    record_to,
+    record_target,
+    run_writer,
 )
-from trcvtui.cli.screen import open_screen, show
+from trcvtui.cli.screen import launch, open_screen
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
 from trcvtui.paths import given_path
 
-FORMATS = ("text", "jsonl", "junit")
+SCENARIO_FORMATS = ("text", "jsonl", "junit")
 
 
 def add_run(parser: CommandParser) -> None:
@@ -49,8 +49,8 @@ def _run(args: Args) -> int:
     if args.attach is not None:
         from trcvtui.engine.driver import AttachedDriver
 
-        return show(lambda: AttachedDriver(args.attach), args.theme, args.read_only, is_run=True)
-    return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_to(args))
+        return launch(lambda: AttachedDriver(args.attach), args.theme, args.read_only, is_run=True)
+    return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_target(args))
 
 
 def add_serve(parser: CommandParser) -> None:
@@ -90,7 +90,7 @@ def _examples(args: Args) -> int:
 
 def add_scenario(parser: CommandParser) -> None:
     parser.description = "Runs scenarios without a screen; exit 1: an expectation failed."
-    parser.last_words = lambda: f"formats: {', '.join(FORMATS)}; {dialect_names()}"
+    parser.last_words = lambda: f"formats: {', '.join(SCENARIO_FORMATS)}; {dialect_names()}"
     parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path, help="scenario files")
     add_kernel(parser, "sim")
     parser.add_argument("--format", metavar="NAME", default="text", help="output format; default: text")
@@ -103,13 +103,13 @@ def add_scenario(parser: CommandParser) -> None:
 
 
 def _scenario(args: Args) -> int:
-    if args.format not in FORMATS:
-        raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
+    if args.format not in SCENARIO_FORMATS:
+        raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(SCENARIO_FORMATS))
     gc.disable()  # what is imported stays
     from trcvtui.scenario.command import run_files
 
     gc.enable()
-    out, record = args.out, record_to(args)
+    out, record = args.out, record_target(args)
     return run_files(args.files, args.kernel, args.format, out, args.set, args.netns, record, args.dialect)
 
 
@@ -132,7 +132,7 @@ def _record(args: Args) -> int:
 
     limits = read_limits(args.ring, args.split, args.on, args.before, args.after)
     secrets = not args.no_secrets
-    return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, follow())
+    return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, run_writer())
 
 
 def add_replay(parser: CommandParser) -> None:
@@ -158,7 +158,7 @@ def _replay(args: Args) -> int:
     if not args.check and args.format is None and has_terminal():
         from trcvtui.replay.driver import make_replay_driver
 
-        return show(lambda: make_replay_driver(args.file, args.at), is_replay=True)
+        return launch(lambda: make_replay_driver(args.file, args.at), is_replay=True)
     from trcvtui.replay.command import replay_file
 
     return replay_file(args.file, args.check, args.format)
@@ -174,8 +174,8 @@ def add_recording(parser: CommandParser) -> None:
 
 
 def _add_strip(parser: CommandParser) -> None:
-    parser.add_argument("source", metavar="IN", type=given, help="a recording")
-    parser.add_argument("target", metavar="OUT", type=given, help="a new file")
+    parser.add_argument("source", metavar="IN", type=find_file, help="a recording")
+    parser.add_argument("target", metavar="OUT", type=find_file, help="a new file")
     parser.add_argument("--no-payload", action="store_true", help="zeros for all that was sent, no TLS keys")
     parser.add_argument("--no-secrets", action="store_true", help="no TLS keys: TLS data stays encrypted")
     about = "other addresses, no names, no TLS keys; payload stays"

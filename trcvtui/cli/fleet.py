@@ -14,13 +14,13 @@ from trcvtui.cli.options import (
     add_no_secrets,
     add_project,
     add_theme,
-    follow,
     load_bench,
+    run_writer,
 )
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake, need
 
-BROKER = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
+BROKER_HELP = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
 
 
 def _add_certificates(parser: CommandParser) -> None:
@@ -35,7 +35,7 @@ def add_agent(parser: CommandParser) -> None:
     add_kernel(parser)
     parser.add_argument("--site", default="default", help="site in the MQTT topics; default: default")
     parser.add_argument("--name", help="name in the MQTT topics; default: HOST-PROJECT")
-    parser.add_argument("--mqtt", metavar="mqtts://HOST", help=BROKER)
+    parser.add_argument("--mqtt", metavar="mqtts://HOST", help=BROKER_HELP)
     _add_certificates(parser)
     parser.add_argument("--metrics", metavar="ADDR:PORT", help="address of the metrics page for Prometheus")
     parser.add_argument("--record", metavar="DIR", type=Path, help="record each run in this folder")
@@ -51,8 +51,8 @@ def _agent(args: Args) -> int:
     import shlex
 
     from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
-    from trcvtui.fleet.broker import broker_of
-    from trcvtui.fleet.metrics import place_of_page
+    from trcvtui.fleet.broker import parse_broker
+    from trcvtui.fleet.metrics import parse_page_address
     from trcvtui.recording.files import RecordTarget
     from trcvtui.scenario.record import read_limits
 
@@ -62,12 +62,12 @@ def _agent(args: Args) -> int:
     for option, given in (("--site", args.site), ("--name", args.name)):
         if given == "":
             raise mistake(option, "an empty one", "a name, it is a level of each topic")
-    page = None if args.metrics is None else place_of_page(args.metrics)
+    page = None if args.metrics is None else parse_page_address(args.metrics)
     if page is not None:
         need("prometheus_client", "metrics", "--metrics", "no prometheus-client")
     broker = None
     if args.mqtt is not None:
-        broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
+        broker = parse_broker(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
         need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     project, record = load_bench(path), None
     if args.record is not None:
@@ -76,7 +76,7 @@ def _agent(args: Args) -> int:
         for folder in (args.record, args.record / path.stem):
             make_folder(folder, "--record")
         limits = read_limits(args.ring, None, None, None, None)
-        record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, follow())
+        record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, run_writer())
     name = args.name or default_name(path)
     try:
         packets = tuple(shlex.split(args.packets or ""))
@@ -90,7 +90,7 @@ def _agent(args: Args) -> int:
 
 def add_fleet(parser: CommandParser) -> None:
     parser.description = "Shows the lines of all agents on one screen."
-    parser.add_argument("url", metavar="mqtts://HOST", help=BROKER)
+    parser.add_argument("url", metavar="mqtts://HOST", help=BROKER_HELP)
     parser.add_argument(
         "--site", metavar="PATTERN", default="*", help='sites, such as "plant*"; default: all'
     )
@@ -100,14 +100,14 @@ def add_fleet(parser: CommandParser) -> None:
 
 def _fleet(args: Args) -> int:
     from trcvtui.clock import wall_ns
-    from trcvtui.fleet.broker import OPEN_TO_ALL, broker_of
+    from trcvtui.fleet.broker import NO_TLS_TEXT, parse_broker
 
-    broker = broker_of(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
+    broker = parse_broker(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
     need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     if not has_terminal():
         raise mistake("trcvtui fleet", "no terminal", "a terminal; for scripts: docs/fleet-formats.md")
     if not broker.has_tls:
-        sys.stderr.write(f"{OPEN_TO_ALL}\n")
+        sys.stderr.write(f"{NO_TLS_TEXT}\n")
     gc.disable()  # until the list stands: what is imported on the way to it stays
     os.environ.setdefault("TEXTUAL_FPS", "200")
     from trcvtui.tui.fleet.app import run_fleet

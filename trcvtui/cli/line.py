@@ -18,12 +18,12 @@ from trcvtui.cli.options import (
     add_project,
     add_set,
     dialect_names,
-    follow,
-    given,
+    find_file,
     load_bench,
     print_lines,
+    run_writer,
 )
-from trcvtui.cli.screen import show
+from trcvtui.cli.screen import launch
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import UserError, mistake
 from trcvtui.paths import given_path
@@ -49,7 +49,7 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
 def add_watch(parser: CommandParser) -> None:
     parser.description = "Shows a capture, or packets from stdin, as the blocks of a PLC receive them."
     about = "files of one capture (pcapng or pcap, also .gz), or - for stdin"
-    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     _add_shadows(parser)
     parser.last_words = _capture_programs
     add_format(parser, "jsonl", is_text_default=True)
@@ -64,7 +64,7 @@ def _watch(args: Args) -> int:
         from trcvtui.line.on_screen import watch_main
 
         sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
-        return show(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
+        return launch(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
     from trcvtui.line.watch_command import watch_captures
 
     watch_captures(args.files, *shadows, args.format)
@@ -81,7 +81,7 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
         from trcvtui.line.live_screen import make_live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return show(lambda: make_live_driver(shadows))
+        return launch(lambda: make_live_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)
@@ -129,7 +129,7 @@ def _tap(args: Args) -> int:
     from trcvtui.net.tap import make_route
 
     if args.listen is None:
-        routes = _taps_of(args.project)
+        routes = _routes_of_taps(args.project)
     elif args.connect is None:
         raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
     else:
@@ -153,13 +153,13 @@ def tap_screen(tap: str, asked: str, kernel: str) -> int:
     from trcvtui.line.live_screen import TapDriver
 
     try:
-        return show(lambda: TapDriver(int(tap), json.loads(asked), kernel))
+        return launch(lambda: TapDriver(int(tap), json.loads(asked), kernel))
     except UserError as wrong:
         sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
         return WRONG_INPUT
 
 
-def _taps_of(project: Path | None) -> list[Route]:
+def _routes_of_taps(project: Path | None) -> list[Route]:
     """Return the taps of a project; raise UserError where there is none."""
     taps = () if project is None else load_bench(project).taps
     if not taps:
@@ -175,7 +175,7 @@ def _taps_of(project: Path | None) -> list[Route]:
 def add_conversations(parser: CommandParser) -> None:
     parser.description = "Lists who talked to whom in a capture, and what each end sent."
     about = "files of one capture: pcapng or pcap, also .gz"
-    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     add_project(parser, "project of the PLC: its ports tell which end it is")
     add_plc(parser)
     add_format(parser, "text", "json")
@@ -195,10 +195,10 @@ def _conversations(args: Args) -> int:
 def add_doctor(parser: CommandParser) -> None:
     parser.description = "Finds what is wrong in captures, recordings and projects. Exit 1: findings."
     about = "captures, recordings, projects (.toml)"
-    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     add_plc(parser)
     add_project(parser, "project of the PLC: what its instances expect")
-    parser.add_argument("--udt", metavar="FILE", type=given, help="the type of the messages to the PLC")
+    parser.add_argument("--udt", metavar="FILE", type=find_file, help="the type of the messages to the PLC")
     add_set(parser, "test a changed key of the project, such as instance.TRCV_C_1.LEN=20")
     add_format(parser, "text", "json", "jsonl")
     about = "run the projects for this time and judge the traffic"
@@ -217,7 +217,7 @@ def _doctor(args: Args) -> int:
     from trcvtui.diagnosis.doctor import DoctorQuestion, judge_project, run_doctor
 
     sets = tuple(args.set) if args.project is None else ()
-    asked = DoctorQuestion(args.plc, _receivers(args), partial(_recorded, sets))
+    asked = DoctorQuestion(args.plc, _receivers(args), partial(_read_recorded_facts, sets))
     projects = [Path(file) for file in args.files if file.endswith(".toml")]
     lints = [judge_project(load_bench(path, args.set)) for path in projects]
     files = [file for file in args.files if not file.endswith(".toml")]
@@ -231,7 +231,7 @@ def _doctor(args: Args) -> int:
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
-        runs = {run: str(path) for path in projects for run in _run_for(path, args, folder)}
+        runs = {run: str(path) for path in projects for run in _record_run(path, args, folder)}
         return run_doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
 
 
@@ -252,7 +252,7 @@ def _receivers(args: Args) -> tuple[Receiver, ...]:
     return (*receivers, make_type_receiver(layout, sender.layout))
 
 
-def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
+def _read_recorded_facts(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
     from trcvtui.recording.recording import Recording
 
     try:
@@ -266,12 +266,12 @@ def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
     return collect_recorded_facts(path, sets)
 
 
-def _run_for(path: Path, args: Args, folder: str) -> list[str]:
+def _record_run(path: Path, args: Args, folder: str) -> list[str]:
     from trcvtui.scenario.record import read_limits, record
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))
     limits = read_limits(None, None, None, None, None)
-    record(path, out, args.kernel, limits, None, args.time, True, follow(), is_kept=False)
+    record(path, out, args.kernel, limits, None, args.time, True, run_writer(), is_kept=False)
     return [str(file) for file in sorted(out.iterdir())]
 
 
@@ -301,11 +301,11 @@ def _report(args: Args) -> int:
 def add_messages(parser: CommandParser) -> None:
     parser.description = "Prints each message of a recording, a capture or a run as a row with its members."
     about = "recordings, files of one capture, or a project (.toml) with --for"
-    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     add_project(parser, "project whose instances receive a capture as shadows")
     add_plc(parser)
     about = "type of the messages to the PLC, for a capture without a project"
-    parser.add_argument("--udt", metavar="FILE", type=given, help=about)
+    parser.add_argument("--udt", metavar="FILE", type=find_file, help=about)
     parser.add_argument("--type", metavar="NAME", help="may be left out when FILE holds one type")
     parser.add_argument(
         "--layout", metavar="NAME", help="layout of the type; default: as `trcvtui udt decode`"

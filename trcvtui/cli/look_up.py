@@ -87,11 +87,11 @@ def _completion(args: Args) -> int:
     import shtab
 
     parser = args.whole()
-    _prepare(parser)
+    _prepare_completion(parser)
     return print_text(shtab.complete(parser, args.shell))
 
 
-def _prepare(parser: CommandParser) -> None:
+def _prepare_completion(parser: CommandParser) -> None:
     """Show the commands, which help leaves out, and let what names a file be completed by files."""
     from argparse import _SubParsersAction
 
@@ -101,7 +101,7 @@ def _prepare(parser: CommandParser) -> None:
         if isinstance(action, _SubParsersAction):
             action.help = None
             for each in action.choices.values():
-                _prepare(each)
+                _prepare_completion(each)
         elif {*str(action.metavar).replace(".", "|").split("|")} & {"FILE", "DIR", "toml", "IN", "OUT"}:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
 

@@ -16,24 +16,24 @@ from trcvtui import __version__
 from trcvtui.cli import bench, fleet, line, look_up
 from trcvtui.cli.options import GOOD, WRONG_INPUT, Add, Args, CommandParser, Run, add_commands, add_theme
 from trcvtui.cli.screen import open_screen
-from trcvtui.cli.streams import take_streams
+from trcvtui.cli.streams import prepare_streams
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
-GROUPS: Final[Mapping[str, Mapping[str, tuple[str, str, Add, Run]]]] = {
+COMMAND_GROUPS: Final[Mapping[str, Mapping[str, tuple[str, str, Add, Run]]]] = {
     "Bench: a PLC with its partners, on this machine": bench.COMMANDS,
     "Line: the traffic of real devices": line.COMMANDS,
     "Look up": look_up.COMMANDS,
     "Many lines": fleet.COMMANDS,
 }
-COMMANDS: Final = {name: row for group in GROUPS.values() for name, row in group.items()}
+COMMANDS: Final = {name: row for group in COMMAND_GROUPS.values() for name, row in group.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line; return 0 good, 1 an expectation failed, 2 the user's mistake, 130, 141."""
-    take_streams()
+    prepare_streams()
     if sys.stdout is None:  # the shell's >&-
         sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")
         return WRONG_INPUT
@@ -92,7 +92,7 @@ def _overview() -> str:
     """Return the commands of `trcvtui --help`, in groups, each as a line to copy."""
     lines = ["A soft PLC on a test bench: TRCV_C on real sockets, scan by scan."]
     lines += ["Without a command: the built-in demo."]
-    for title, group in GROUPS.items():
+    for title, group in COMMAND_GROUPS.items():
         lines += ["", title]
         lines += [f"  {f'{name} {example}':38}  {about}" for name, (about, example, *_) in group.items()]
     lines += ["", "Each line is an example: type `trcvtui` before it."]

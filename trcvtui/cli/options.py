@@ -20,7 +20,7 @@ GOOD: Final = 0
 FAILED: Final = 1
 WRONG_INPUT: Final = 2
 KERNELS: Final = ("sim", "live")
-LOOKS: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
+THEME_NAMES: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
     "dark", "light", "ansi", "textual-dark", "textual-light", "nord", "gruvbox", "dracula", "monokai",
     "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe",
     "catppuccin-macchiato",
@@ -31,7 +31,7 @@ LOOKS: Final = (  # ours, then Textual's: to ask it for their names takes a tent
 Args = SimpleNamespace
 
 
-class _Help(argparse.HelpFormatter):
+class _WideHelpFormatter(argparse.HelpFormatter):
     """Help for 80 columns; text with line breaks keeps them."""
 
     def __init__(self, prog: str) -> None:
@@ -45,7 +45,7 @@ class CommandParser(argparse.ArgumentParser):
     """One line for a mistake; the last lines of the help are made when they are asked for."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
+        super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
         self.last_words: Callable[[], str] | None = None
         self.given: Sequence[str] = ()  # what stands after the command's name
 
@@ -62,11 +62,11 @@ class CommandParser(argparse.ArgumentParser):
 
 Add = Callable[[CommandParser], None]  # its arguments
 Run = Callable[[Args], int] | None  # None: one of the commands below it
-Row = tuple[str, Add, Run]  # what a command does, in a few words
-Rows = Mapping[str, Row]
+CommandRow = tuple[str, Add, Run]  # what a command does, in a few words
+CommandRows = Mapping[str, CommandRow]
 
 
-def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **settings: Any) -> None:
+def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
     """Let the first word be a command; where it was given, it is made alone: each takes a millisecond."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
@@ -109,7 +109,7 @@ def add_set(parser: CommandParser, help: str) -> None:
 def add_theme(parser: CommandParser, default: str | None = argparse.SUPPRESS) -> None:
     about = "colours: dark, light, ansi or a theme of Textual such as nord; default: dark, or "
     about += "ansi on a terminal of 16 colours or fewer"
-    parser.add_argument("--theme", choices=LOOKS, metavar="NAME", default=default, help=about)
+    parser.add_argument("--theme", choices=THEME_NAMES, metavar="NAME", default=default, help=about)
 
 
 def add_netns(parser: CommandParser) -> None:
@@ -130,16 +130,16 @@ def add_record(parser: CommandParser, places: str) -> None:
     add_no_secrets(parser)
 
 
-def record_to(args: Args) -> RecordTarget | None:
+def record_target(args: Args) -> RecordTarget | None:
     """Return what `--record` asks for; None: nothing."""
     if args.record is None:
         return None
     from trcvtui.recording.files import RecordTarget
 
-    return RecordTarget(Path(args.record), args.overwrite, not args.no_secrets, follow=follow())
+    return RecordTarget(Path(args.record), args.overwrite, not args.no_secrets, follow=run_writer())
 
 
-def follow() -> Callable[[FileSink, str], EntrySink]:
+def run_writer() -> Callable[[FileSink, str], EntrySink]:
     from trcvtui.replay.follower import RecordedRunWriter
 
     return RecordedRunWriter
@@ -151,7 +151,7 @@ def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
     return load_bench(path, sets)
 
 
-def given(text: str) -> str:
+def find_file(text: str) -> str:
     """Return the name of a file as it was given, or of the example that it means."""
     return str(given_path(text)) if text != "-" else text
 

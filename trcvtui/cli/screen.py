@@ -36,14 +36,14 @@ def open_screen(
     if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
-    if not read_only and not _is_there(path):
+    if not read_only and not _ensure_project(path):
         return WRONG_INPUT
     from trcvtui.engine.driver import EngineDriver
 
-    return show(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only, is_run=True)
+    return launch(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only, is_run=True)
 
 
-def show(
+def launch(
     start: Callable[[], ProcessDriver],
     theme: str | None = None,
     read_only: bool = False,
@@ -67,7 +67,7 @@ def show(
         driver.close()
 
 
-def _is_there(path: Path) -> bool:
+def _ensure_project(path: Path) -> bool:
     if "TEXTUAL_DRIVER" in os.environ:
         return True  # in a browser nobody can be asked
     try:

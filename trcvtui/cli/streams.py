@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 
-class _Messages(io.FileIO):
+class _MessageStream(io.FileIO):
     """stderr: what it does not take is left out, and ends no command."""
 
     def write(self, text: Any, /) -> int:
@@ -18,7 +18,7 @@ class _Messages(io.FileIO):
             return memoryview(text).nbytes
 
 
-def take_streams() -> None:
+def prepare_streams() -> None:
     """Make stdin, stdout and stderr fit to be used; `sys.stdin` and `sys.stdout` stay None where closed."""
     for number in range(3):
         try:
@@ -27,7 +27,7 @@ def take_streams() -> None:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it gets the lowest number, this one
     if sys.stderr is sys.__stderr__ and not os.isatty(2):  # both are None where it was closed
         encoding = getattr(sys.stderr, "encoding", "utf-8")
-        lines = io.BufferedWriter(_Messages(2, "w", closefd=False))
+        lines = io.BufferedWriter(_MessageStream(2, "w", closefd=False))
         made = io.TextIOWrapper(lines, encoding, "backslashreplace", line_buffering=True)
         sys.stderr = sys.__stderr__ = made  # type: ignore[misc]
 

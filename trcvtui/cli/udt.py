@@ -13,7 +13,7 @@ from trcvtui.cli.options import (
     CommandParser,
     add_commands,
     add_format,
-    given,
+    find_file,
     print_text,
 )
 
@@ -49,9 +49,9 @@ def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = 
 
 
 def _add_files(parser: CommandParser) -> None:
-    parser.last_words = _last_words
+    parser.last_words = _list_formats
     about = "file that declares the type, a folder of such files, or - for stdin"
-    parser.add_argument("file", metavar="FILE", type=given, help=about)
+    parser.add_argument("file", metavar="FILE", type=find_file, help=about)
     many: dict[str, Any] = {"action": "append", "default": []}
     parser.add_argument(
         "--constant",
@@ -60,19 +60,19 @@ def _add_files(parser: CommandParser) -> None:
         **many,
     )
     about = "file or folder with types and constants that FILE uses; repeatable"
-    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
+    parser.add_argument("--with", metavar="FILE", dest="others", type=find_file, help=about, **many)
     about = "bytes of long in a C header; needed for a type that has one"
     parser.add_argument("--long-size", type=int, choices=(4, 8), help=about)
 
 
-def _last_words() -> str:
+def _list_formats() -> str:
     from trcvtui.udt.layout.rules import layout_names
     from trcvtui.udt.sources import formats_text
 
     return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
-def _printing(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
+def _printer(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
     """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
 
     Some answers say whether all is well, too, which the exit code tells; None stands in a file.
@@ -104,7 +104,7 @@ def _add_encode(parser: CommandParser) -> None:
 
     _add_type(parser, tuple(BYTE_FORMS))
     about = "JSON object of member path: value, a file or stdin"
-    parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
+    parser.add_argument("values", metavar="VALUES.json|-", type=find_file, help=about)
 
 
 def _add_export(parser: CommandParser) -> None:
@@ -155,16 +155,16 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
-    "types": ("list all types of a file", _add_plain, _printing("list_types", bad=WRONG_INPUT)),
-    "show": ("show members with offset, size and type, and padding", _add_plain, _printing("show")),
-    "decode": ("turn bytes into values, as far as they go", _add_decode, _printing("decode")),
-    "encode": ("turn values into bytes, as hex on stdout", _add_encode, _printing("encode")),
-    "export": ("write a dissector of the type for Wireshark", _add_export, _printing("export")),
-    "compare": ("show two layouts side by side; exit 1: they differ", _add_compare, _printing("compare")),
+    "types": ("list all types of a file", _add_plain, _printer("list_types", bad=WRONG_INPUT)),
+    "show": ("show members with offset, size and type, and padding", _add_plain, _printer("show")),
+    "decode": ("turn bytes into values, as far as they go", _add_decode, _printer("decode")),
+    "encode": ("turn values into bytes, as hex on stdout", _add_encode, _printer("encode")),
+    "export": ("write a dissector of the type for Wireshark", _add_export, _printer("export")),
+    "compare": ("show two layouts side by side; exit 1: they differ", _add_compare, _printer("compare")),
     "fit": (
         "find the layout, byte order or other cause that fits bytes; exit 1: not sure",
         _add_fit,
-        _printing("fit"),
+        _printer("fit"),
     ),
     "cure": ("print the type or the swap code that cures a mismatch", _add_cure, _cure),
 }

@@ -15,11 +15,11 @@ from trcvtui import __version__, clock, paths
 from trcvtui.engine.driver import EngineDriver, ProcessDriver
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
-from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
+from trcvtui.fleet.broker import NO_TLS_TEXT, BrokerAccess, BrokerConnection, LastWill
 from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import Publisher
-from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
+from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, parse_topic
 from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
@@ -28,18 +28,18 @@ from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
 from trcvtui.recording.files import RecordTarget, find_newest_file
 
-TURN_S: Final = 0.1  # between two pictures
-FIGURES_NS: Final = 60 * NS  # of an idle line
-MOVING_NS: Final = 10 * NS  # of a line on which bytes move
+TURN_PAUSE_S: Final = 0.1  # between two pictures
+IDLE_FIGURES_NS: Final = 60 * NS  # of an idle line
+MOVING_FIGURES_NS: Final = 10 * NS  # of a line on which bytes move
 FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is started anew
 HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one again
 MOST_LINES: Final = 20_000
-DOCTOR_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
+DOCTOR_PAUSE_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
 FIRST_LOOK_NS: Final = 10 * NS
-RESTS: Final = 50  # times as long as it looked: a long recording takes it long
-RECENT_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
-PAGE_NS: Final = 10 * NS  # before the place of the page is tried again
-BEGINS_NS: Final = 30 * NS  # an engine that has not told its project by then hangs
+REST_FACTOR: Final = 50  # times as long as it looked: a long recording takes it long
+RECENT_GAP_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
+PAGE_RETRY_NS: Final = 10 * NS  # before the place of the page is tried again
+START_TIMEOUT_NS: Final = 30 * NS  # an engine that has not told its project by then hangs
 STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: it is told, the engine is started anew
 STALE_SCANS: Final = 10  # but so many intervals at least
 
@@ -52,7 +52,7 @@ class AgentSettings:
     kernel: str
     site: str
     name: str
-    broker: Broker | None
+    broker: BrokerAccess | None
     page: tuple[str, int] | None
     record: RecordTarget | None
     with_payload: bool = False
@@ -93,7 +93,7 @@ class Agent:
                 names[connect] = f"{names[connect]}, {name}" if connect in names else name
         names.pop("", None)
         boot = f"{clock.wall_ns():x}"
-        self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
+        self.seen = SeenBench(boot, project.dialect.label, self._recording_file, names)
         self._engine: ProcessDriver | None = None
         self._has_taps = bool(project.taps)
         self._has_shadows = self._has_taps or bool(settings.packets)
@@ -153,15 +153,15 @@ class Agent:
             opened.callback(self._end_engine)
             notify("READY=1")
             while not ended:
-                self._turn(opened)
+                self._run_once(opened)
                 notify("WATCHDOG=1")
                 if not ended:
-                    clock.sleep_until(clock.now_ns() + int(TURN_S * NS))
+                    clock.sleep_until(clock.now_ns() + int(TURN_PAUSE_S * NS))
         return 0
 
-    def _connect(self, broker: Broker, opened: ExitStack) -> None:
+    def _connect(self, broker: BrokerAccess, opened: ExitStack) -> None:
         if not broker.has_tls:
-            write_or_drop_line(OPEN_TO_ALL)
+            write_or_drop_line(NO_TLS_TEXT)
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
@@ -169,11 +169,11 @@ class Agent:
         queue = DiskQueue(queue_path(settings.site, settings.name), write_or_drop_line)
         opened.callback(queue.close)
         self._publisher = Publisher(connection, queue, write_or_drop_line)
-        self._tell_state()
+        self._publish_state()
         connection.open()
         opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
 
-    def _turn(self, opened: ExitStack) -> None:
+    def _run_once(self, opened: ExitStack) -> None:
         now = clock.now_ns()
         if self._settings.page is not None and now >= self._page_at >= 0:
             self._open_page(*self._settings.page, opened, now)
@@ -181,18 +181,18 @@ class Agent:
             if self._engine is None and now >= self._start_at:
                 self._start(now)
             if self._engine is not None:
-                self._look(self._engine, now)
+                self._poll_engine(self._engine, now)
         except (EngineStopped, UserError, OSError) as stopped:  # OSError: no process or file more for it
-            self._failed(stopped, now)
-        with self._going_on():
+            self._handle_failure(stopped, now)
+        with self._contain_failures():
             if self._publisher is not None:
-                self._tell_state()
+                self._publish_state()
                 if not self.is_stale:
-                    self._tell_figures(now)
-                self._publisher.turn(now)
+                    self._publish_figures(now)
+                self._publisher.advance(now)
 
     @contextmanager
-    def _going_on(self) -> Iterator[None]:
+    def _contain_failures(self) -> Iterator[None]:
         """Tell what goes wrong beside the bench: nothing of it ends the bench."""
         try:
             yield
@@ -210,9 +210,9 @@ class Agent:
             server = serve_page(address, port, self)
         except OSError as failed:
             if not self._page_at:
-                why = f"{failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s"
+                why = f"{failed.strerror} at {address}:{port}; tried again each {PAGE_RETRY_NS // NS} s"
                 write_or_drop_line(f"--metrics: {why}")
-            self._page_at = now + PAGE_NS
+            self._page_at = now + PAGE_RETRY_NS
             return
         self._page_at = -1
         opened.callback(server.server_close)
@@ -237,7 +237,7 @@ class Agent:
             return TapSocketDriver(settings.project)
         return ProcessDriver(capture_main, settings.packets, (settings.project, None, None))
 
-    def _failed(self, stopped: Exception, now: int) -> None:
+    def _handle_failure(self, stopped: Exception, now: int) -> None:
         self._end_engine()
         if now > self._started_at + HEALTHY_NS:
             self._pause = FIRST_PAUSE_NS
@@ -247,7 +247,7 @@ class Agent:
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
         write_or_drop_line(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
-        with self._going_on():
+        with self._contain_failures():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
                 self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
@@ -260,24 +260,24 @@ class Agent:
         if engine is not None:
             engine.close()
 
-    def _look(self, engine: ProcessDriver, now: int) -> None:
+    def _poll_engine(self, engine: ProcessDriver, now: int) -> None:
         if not self._has_asked and (self._has_shadows or engine.has_begun()):
             self._has_asked, self._started_at = True, now
             engine.request(UpdateRequest(most_lines=MOST_LINES))
         update = engine.poll_picture() if self._has_asked else None
         if update is not None:
-            self._heard(update.snapshot, now)
+            self._note_scan(update.snapshot, now)
         elif self._scan < 0 and self._has_shadows:
             self._scanned_at = now  # shadows begin with the first packet
         silence = now - max(self._scanned_at, self._started_at)
-        if silence > (max(HUNG_NS, 2 * self._patience) if self._has_asked else BEGINS_NS):
+        if silence > (max(HUNG_NS, 2 * self._patience) if self._has_asked else START_TIMEOUT_NS):
             raise EngineStopped(f"no scan for {silence // NS} s")
         if update is None:
             return
         if update.over:
             raise EngineStopped(update.over)
-        with self._going_on():
-            self._tell_update(update, now)
+        with self._contain_failures():
+            self._publish_update(update, now)
         known = UpdateRequest(
             since_seq=self.seen.seq,
             most_lines=MOST_LINES,
@@ -287,8 +287,8 @@ class Agent:
         )
         engine.request(known)
 
-    def _tell_update(self, update: BenchUpdate, now: int) -> None:
-        changed, events, moved = self.seen.take(update, _wall())
+    def _publish_update(self, update: BenchUpdate, now: int) -> None:
+        changed, events, moved = self.seen.handle_update(update, _wall())
         for instance in changed:
             if instance.status is not None:
                 self._retain(instance.status, instance.line, instance.name)
@@ -296,28 +296,28 @@ class Agent:
             self._publish_event(instance, event)
         for line in moved:
             self._figures_at.pop(line.name, None)
-        for instance, event in self.seen.findings(update.doctor, _wall(), self._settings.with_payload):
+        for instance, event in self.seen.report_findings(update.doctor, _wall(), self._settings.with_payload):
             self._publish_event(instance, event)
         if update.doctor.looks != self._looks:
             self._looks = update.doctor.looks
-            self._doctor_at = max(self._doctor_at, now + RESTS * (now - self._asked_at))
+            self._doctor_at = max(self._doctor_at, now + REST_FACTOR * (now - self._asked_at))
         if self._publisher is not None and not self._has_cleared:
             self._has_cleared = True
             self._publisher.clear_all_but(self._is_used)
 
-    def _heard(self, snapshot: Snapshot, now: int) -> None:
+    def _note_scan(self, snapshot: Snapshot, now: int) -> None:
         """Take when the last scan was: a picture without a new one is no sign of life."""
         if snapshot.scan != self._scan or self._has_shadows:
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
 
     def _is_used(self, topic: str) -> bool:
-        of = topic_of(topic)
+        of = parse_topic(topic)
         instance = self.seen.instances.get(of.instance)
         is_its = not of.instance or (instance is not None and instance.line == of.line)
         return of.kind == "state" or (of.line in self.seen.lines and is_its)
 
-    def _recorded_in(self) -> str:
+    def _recording_file(self) -> str:
         record = self._settings.record
         if record is None:
             return ""
@@ -329,21 +329,21 @@ class Agent:
     def _is_doctor_due(self, now: int) -> bool:
         if now < self._doctor_at:
             return False
-        self._doctor_at, self._asked_at = now + DOCTOR_NS, now
-        came = self.seen.came()
+        self._doctor_at, self._asked_at = now + DOCTOR_PAUSE_NS, now
+        came = self.seen.activity_key()
         is_due, self._judged_at = came != self._judged_at, came
         return is_due
 
     def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
         if self._publisher is not None:
-            self._publisher.event(self._topic("event", instance.line, instance.name), event.to_json())
+            self._publisher.send_event(self._topic("event", instance.line, instance.name), event.to_json())
             recent = self._topic("recent", instance.line, instance.name)
-            self._publisher.retain(recent, lambda: instance.recent_message(_wall()).to_json(), RECENT_NS)
+            self._publisher.retain(recent, lambda: instance.recent_message(_wall()).to_json(), RECENT_GAP_NS)
 
-    def _tell_figures(self, now: int) -> None:
+    def _publish_figures(self, now: int) -> None:
         assert self._publisher is not None
         for line in self.seen.lines.values():
-            gap = MOVING_NS if line.has_moved else FIGURES_NS
+            gap = MOVING_FIGURES_NS if line.has_moved else IDLE_FIGURES_NS
             last = self._figures_at.get(line.name)
             if last is None or now >= last + gap:
                 self._figures_at[line.name] = now
@@ -356,7 +356,7 @@ class Agent:
     def _topic(self, kind: str, line: str = "", instance: str = "") -> str:
         return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
 
-    def _tell_state(self) -> None:
+    def _publish_state(self) -> None:
         state = "stale" if self.is_stale else "online"
         if state != self._state and self._publisher is not None:
             self._state = state

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from trcvtui import clock
 from trcvtui.errors import UserError, mistake, need, one_line
-from trcvtui.fleet.topics import MOST_BYTES
+from trcvtui.fleet.topics import MOST_MESSAGE_BYTES
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "TRCVTUI_MQTT_PASSWORD_FILE"
 KEEP_ALIVE_S: Final = 30
-CONNECT_S: Final = 5.0
+CONNECT_TIMEOUT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
 RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # where another program has our name
 SHORT_NS, MOST_SHORT = 30_000_000_000, 3  # connections that end so soon, in a row: perhaps for that reason
-CLOSE_S: Final = 1.5  # at most, for the last message
-TAKEN_OVER: Final = 0x8E  # MQTT 5, 3.14.2.1: another connection has our client id
-NOT_HEARD: Final = 0x10  # MQTT 5, 3.4.2.1: taken, nobody has subscribed
-LOOP_S: Final = 0.2
+CLOSE_WAIT_S: Final = 1.5  # at most, for the last message
+SESSION_TAKEN_OVER: Final = 0x8E  # MQTT 5, 3.14.2.1: another connection has our client id
+NO_SUBSCRIBERS: Final = 0x10  # MQTT 5, 3.4.2.1: taken, nobody has subscribed
+LOOP_TIMEOUT_S: Final = 0.2
 MOST_WAITING_BYTES: Final = 1 << 26  # of messages that were not taken yet
-MESSAGE_BYTES: Final = 500  # that a message takes beside its payload
-MOST_PASSWORD: Final = 65_536
-OPEN_TO_ALL: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
+MESSAGE_OVERHEAD: Final = 500  # that a message takes beside its payload
+MOST_PASSWORD_CHARS: Final = 65_536
+NO_TLS_TEXT: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
 
 
 @dataclass(frozen=True, slots=True)
-class Broker:
+class BrokerAccess:
     """Where a broker is and how it is entered. The password is in no text of this record."""
 
     host: str
@@ -60,11 +60,11 @@ class Broker:
         return f"{'mqtts' if self.has_tls else 'mqtt'}://{host}:{self.port}"
 
 
-class Connected(NamedTuple):
+class ConnAck(NamedTuple):
     """The broker has taken us."""
 
 
-class Lost(NamedTuple):
+class ConnectionLost(NamedTuple):
     """There is no connection, or no longer; `why` is one line. The next try follows by itself."""
 
     why: str
@@ -78,7 +78,7 @@ class IncomingMessage(NamedTuple):
     is_retained: bool
 
 
-class Taken(NamedTuple):
+class PublishAck(NamedTuple):
     """The broker has acknowledged our message of this number."""
 
     number: int
@@ -91,7 +91,7 @@ class PublishRefusal(NamedTuple):
     why: str
 
 
-class Subscribed(NamedTuple):
+class SubAck(NamedTuple):
     """The broker has taken our later subscription of this number."""
 
     number: int
@@ -103,7 +103,9 @@ class BrokerRefusal(NamedTuple):
     why: str
 
 
-News = Connected | Lost | IncomingMessage | Taken | PublishRefusal | Subscribed | BrokerRefusal
+BrokerEvent = (
+    ConnAck | ConnectionLost | IncomingMessage | PublishAck | PublishRefusal | SubAck | BrokerRefusal
+)
 
 
 class LastWill(NamedTuple):
@@ -113,14 +115,14 @@ class LastWill(NamedTuple):
     payload: bytes
 
 
-def broker_of(
+def parse_broker(
     url: str,
     ca: str | None = None,
     cert: str | None = None,
     key: str | None = None,
     environment: Mapping[str, str] = os.environ,
     where: str = "--mqtt",
-) -> Broker:
+) -> BrokerAccess:
     """Return the broker of a URL; raise UserError for what cannot be one. `where`: the URL was given."""
     wanted = "mqtts://HOST[:8883] or mqtt://HOST[:1883]"
     try:
@@ -141,7 +143,7 @@ def broker_of(
     for option, path in (("--mqtt-ca", ca), ("--mqtt-cert", cert), ("--mqtt-key", key)):
         if path is not None and not os.path.isfile(path):
             raise mistake(option, f"no file '{path}'", "a PEM file")
-    made = Broker(
+    made = BrokerAccess(
         parts.hostname,
         port or PORTS[parts.scheme],
         has_tls,
@@ -164,13 +166,13 @@ def _password(environment: Mapping[str, str]) -> str | None:
         return given or None
     try:
         with open(path, encoding="utf-8") as file:
-            return file.read(MOST_PASSWORD).rstrip("\r\n")
+            return file.read(MOST_PASSWORD_CHARS).rstrip("\r\n")
     except (OSError, ValueError) as failed:
         why = failed.strerror if isinstance(failed, OSError) else "no UTF-8"
         raise mistake(PASSWORD_FILE, f"'{why}' at '{path}'", "a file with the password") from None
 
 
-def _context(broker: Broker) -> ssl.SSLContext:
+def _context(broker: BrokerAccess) -> ssl.SSLContext:
     try:
         made = ssl.create_default_context(cafile=broker.ca)
         if broker.cert is not None:
@@ -184,11 +186,11 @@ class BrokerConnection:
     """A connection to a broker that comes back by itself; `news` tells what happened, in order."""
 
     def __init__(
-        self, broker: Broker, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
+        self, broker: BrokerAccess, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
     ) -> None:
         need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
-        self._news: deque[News] = deque()
+        self._news: deque[BrokerEvent] = deque()
         self._waiting_bytes = 0
         self.dropped = 0  # messages that came faster than they were taken
         self._client: Client | None = None
@@ -203,13 +205,13 @@ class BrokerConnection:
     def open(self) -> None:
         self._thread.start()
 
-    def news(self) -> Iterator[News]:
+    def news(self) -> Iterator[BrokerEvent]:
         """Yield what has happened; what is not taken is there next time."""
         self._something.clear()
         while self._news:
             news = self._news.popleft()
             if isinstance(news, IncomingMessage):
-                self._waiting_bytes -= len(news.payload) + MESSAGE_BYTES
+                self._waiting_bytes -= len(news.payload) + MESSAGE_OVERHEAD
             yield news
 
     def wait(self, seconds: float) -> None:
@@ -239,28 +241,31 @@ class BrokerConnection:
         return number if code == 0 else None
 
     def close(self, last: LastWill | None = None) -> None:
-        """End the connection; `last` is published before, retained, and waited for CLOSE_S at most."""
+        """End the connection; `last` is published before, retained, and waited for CLOSE_WAIT_S at most."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
-        until = clock.now_ns() + int(CLOSE_S * 1e9)
+        until = clock.now_ns() + int(CLOSE_WAIT_S * 1e9)
         while number is not None and self._is_up and clock.now_ns() < until:
-            self.wait(LOOP_S)
-            if any(isinstance(news, Lost | PublishRefusal) or news == Taken(number) for news in self.news()):
+            self.wait(LOOP_TIMEOUT_S)
+            if any(
+                isinstance(news, ConnectionLost | PublishRefusal) or news == PublishAck(number)
+                for news in self.news()
+            ):
                 break
         self._ends.set()
         client = self._client
         if client is not None:
             client.disconnect()
         if self._thread.is_alive():
-            self._thread.join(LOOP_S * 2)
+            self._thread.join(LOOP_TIMEOUT_S * 2)
 
     # -- the thread --------------------------------------------------------------------------------------
 
-    def _append(self, news: News) -> None:
+    def _add_event(self, news: BrokerEvent) -> None:
         if isinstance(news, IncomingMessage):
             if self._waiting_bytes > MOST_WAITING_BYTES:
                 self.dropped += 1
                 return
-            self._waiting_bytes += len(news.payload) + MESSAGE_BYTES
+            self._waiting_bytes += len(news.payload) + MESSAGE_OVERHEAD
         self._news.append(news)
         self._something.set()
 
@@ -273,17 +278,17 @@ class BrokerConnection:
                 client.connect(
                     self._broker.host, self._broker.port, KEEP_ALIVE_S, properties=_connect_properties()
                 )
-                client.loop_forever(LOOP_S)
+                client.loop_forever(LOOP_TIMEOUT_S)
             except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
-                self._why = self._why or _in_a_line(failed)
+                self._why = self._why or _describe_failure(failed)
             was_up, self._is_up = self._is_up, False
-            self._shut()
+            self._close_socket()
             if not self._ends.is_set():
-                self._append(Lost(f"{self._broker}: {self._why or 'the connection ended'}"))
+                self._add_event(ConnectionLost(f"{self._broker}: {self._why or 'the connection ended'}"))
                 pause = LEAST_PAUSE_S if was_up else min(MOST_PAUSE_S, pause * 1.5)
                 self._ends.wait(max(pause, self._rival_pause))
 
-    def _shut(self) -> None:
+    def _close_socket(self) -> None:
         client, self._client = self._client, None
         held = client.socket() if client is not None else None
         if held is not None:
@@ -295,7 +300,7 @@ class BrokerConnection:
 
         api = CallbackAPIVersion.VERSION2
         client = Client(api, self._id, protocol=MQTTv5, reconnect_on_failure=False)
-        client.connect_timeout = CONNECT_S
+        client.connect_timeout = CONNECT_TIMEOUT_S
         if self._broker.has_tls:
             client.tls_set_context(_context(self._broker))
         if self._broker.user is not None:
@@ -304,7 +309,7 @@ class BrokerConnection:
             client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
         client.on_connect = self._on_connect
         client.on_disconnect = self._on_disconnect
-        client.on_message = lambda _, __, message: self._append(
+        client.on_message = lambda _, __, message: self._add_event(
             IncomingMessage(message.topic, bytes(message.payload), message.retain)
         )
         client.on_publish = self._on_publish
@@ -320,23 +325,23 @@ class BrokerConnection:
         elif self._topics:
             client.subscribe([(topic, 1) for topic in self._topics])
         else:
-            self._begin()
+            self._become_connected()
 
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
         refused = [reason for reason in reasons if reason.is_failure]
         if refused:
-            self._append(BrokerRefusal(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
+            self._add_event(BrokerRefusal(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
         if self._is_up:
-            self._append(Subscribed(number))
+            self._add_event(SubAck(number))
         else:
-            self._begin()
+            self._become_connected()
 
-    def _begin(self) -> None:
+    def _become_connected(self) -> None:
         self._is_up, self._up_at = True, clock.now_ns()
-        self._append(Connected())
+        self._add_event(ConnAck())
 
     def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
-        is_told = reason.value == TAKEN_OVER
+        is_told = reason.value == SESSION_TAKEN_OVER
         is_short = self._is_up and not flags.is_disconnect_packet_from_server
         self._short = self._short + 1 if is_short and clock.now_ns() < self._up_at + SHORT_NS else 0
         if is_told or self._short >= MOST_SHORT:  # not every broker says why
@@ -348,10 +353,10 @@ class BrokerConnection:
             self._rival_pause = 0.0
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
-        if reason is not None and reason.is_failure and reason.value != NOT_HEARD:
-            self._append(PublishRefusal(number, one_line(str(reason))))
+        if reason is not None and reason.is_failure and reason.value != NO_SUBSCRIBERS:
+            self._add_event(PublishRefusal(number, one_line(str(reason))))
         else:
-            self._append(Taken(number))
+            self._add_event(PublishAck(number))
 
 
 def _connect_properties() -> Properties:
@@ -359,11 +364,11 @@ def _connect_properties() -> Properties:
     from paho.mqtt.properties import Properties
 
     limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-    limits.MaximumPacketSize = MOST_BYTES + 4096
+    limits.MaximumPacketSize = MOST_MESSAGE_BYTES + 4096
     return limits
 
 
-def _in_a_line(failed: Exception) -> str:
+def _describe_failure(failed: Exception) -> str:
     if isinstance(failed, UserError):
         return failed.lines()[0]
     if isinstance(failed, ssl.SSLCertVerificationError):

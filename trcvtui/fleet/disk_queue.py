@@ -19,11 +19,11 @@ from trcvtui.errors import mistake, one_line
 MOST_QUEUED: Final = 20_000
 EVENT, FIGURES = 0, 1  # what stands in the queue
 MEMORY: Final = ":memory:"
-BESIDE: Final = ("", "-wal", "-shm")  # files of one queue
-DAMAGED: Final = frozenset((sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB))
+FILE_SUFFIXES: Final = ("", "-wal", "-shm")  # files of one queue
+DAMAGED_CODES: Final = frozenset((sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB))
 # No number comes twice, also after the queue was empty or its file was damaged: what has been sent is known
 # by its number.
-_TABLES: Final = (
+_SCHEMA: Final = (
     "CREATE TABLE IF NOT EXISTS queue "
     "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)",
     "CREATE INDEX IF NOT EXISTS oldest ON queue (kind DESC, n)",
@@ -41,31 +41,31 @@ class DiskQueue:
         self.dropped = {EVENT: 0, FIGURES: 0}
         self.size = 0
         self._told = ""
-        self._lock = _locked(path, self._tell)
-        self._base = self._opened(path)
+        self._lock = _lock_file(path, self._report)
+        self._base = self._open_or_replace(path)
 
-    def _opened(self, path: Path | None) -> sqlite3.Connection:
+    def _open_or_replace(self, path: Path | None) -> sqlite3.Connection:
         for _ in range(2):
             try:
                 return self._open(path)
             except (sqlite3.Error, OSError) as failed:
-                self._tell(f"{path}: {failed}")
+                self._report(f"{path}: {failed}")
                 if path is None or not _is_damaged(failed) or not self._set_aside(path):
                     break
         if path is not None:
-            self._tell("what waits for the broker is kept in memory alone")
+            self._report("what waits for the broker is kept in memory alone")
         return self._open(None)
 
     def _open(self, path: Path | None) -> sqlite3.Connection:
         if path is not None:
             os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
-            for each in filter(os.path.exists, (f"{path}{end}" for end in BESIDE)):
+            for each in filter(os.path.exists, (f"{path}{end}" for end in FILE_SUFFIXES)):
                 os.chmod(each, 0o600)  # of an older version; what sqlite puts beside it has its mode
         base = sqlite3.connect(path or MEMORY, timeout=1.0, isolation_level=None)
         try:
             base.execute("PRAGMA journal_mode=WAL")
             base.execute("PRAGMA synchronous=NORMAL")  # with a WAL a power cut damages nothing
-            for table in _TABLES:
+            for table in _SCHEMA:
                 base.execute(table)
             [(self.size,)] = base.execute("SELECT count(*) FROM queue")
             self._taken: list[int] = []  # numbers that the disk has refused to delete
@@ -77,75 +77,75 @@ class DiskQueue:
     def _set_aside(self, path: Path) -> bool:
         aside = path.with_suffix(f".damaged-{clock.wall_ns():x}")
         try:
-            for end in BESIDE:
+            for end in FILE_SUFFIXES:
                 if os.path.exists(f"{path}{end}"):
                     os.replace(f"{path}{end}", f"{aside}{end}")
         except OSError as failed:
-            self._tell(f"{path}: {failed.strerror}")
+            self._report(f"{path}: {failed.strerror}")
             return False
-        self._tell(f"{path} is damaged: it is kept as {aside.name}, a new queue begins")
+        self._report(f"{path} is damaged: it is kept as {aside.name}, a new queue begins")
         return True
 
-    def _tell(self, line: str) -> None:
+    def _report(self, line: str) -> None:
         if line != self._told:
             self._told = line
             self._say(one_line(line))
 
-    def _do(self, text: str, values: Iterable[object] = ()) -> sqlite3.Cursor | None:
+    def _execute(self, text: str, values: Iterable[object] = ()) -> sqlite3.Cursor | None:
         """Carry out; return None where the disk refuses it."""
         try:
             return self._base.execute(text, tuple(values))
         except sqlite3.Error as failed:
-            self._tell(f"the queue: {failed}; the bench goes on")
+            self._report(f"the queue: {failed}; the bench goes on")
             if _is_damaged(failed) and self._path is not None:
                 self._base.close()
                 self._set_aside(self._path)
-                self._base = self._opened(self._path)
+                self._base = self._open_or_replace(self._path)
             return None
 
     def put(self, kind: int, topic: str, payload: bytes) -> bool:
         """Append a message; past the bound an old one goes: figures first. Return False without room."""
         values = kind, topic, payload
-        if self._do("INSERT INTO queue (kind, topic, payload) VALUES (?, ?, ?)", values) is None:
+        if self._execute("INSERT INTO queue (kind, topic, payload) VALUES (?, ?, ?)", values) is None:
             return False
         self.size += 1
         if self.size > self._most:
             [(oldest, gone)] = self._rows("SELECT n, kind FROM queue ORDER BY kind DESC, n LIMIT 1") or [
                 (0, kind)
             ]
-            self.take(oldest)
+            self.delete(oldest)
             self.dropped[gone] += 1
         return True
 
     def _rows(self, text: str, values: Iterable[object] = ()) -> list[Any]:
-        cursor = self._do(text, values)
+        cursor = self._execute(text, values)
         try:
             return [] if cursor is None else cursor.fetchall()
         except sqlite3.Error as failed:  # some pages are read only now
-            self._tell(f"the queue: {failed}; the bench goes on")
+            self._report(f"the queue: {failed}; the bench goes on")
             return []
 
-    def after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
+    def list_after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
         """Return the oldest messages after one, with their numbers."""
         return self._rows(
             "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?", (number, most)
         )
 
-    def take(self, number: int) -> None:
+    def delete(self, number: int) -> None:
         self._taken.append(number)
-        while self._taken and (deleted := self._do("DELETE FROM queue WHERE n = ?", self._taken[-1:])):
+        while self._taken and (deleted := self._execute("DELETE FROM queue WHERE n = ?", self._taken[-1:])):
             self._taken.pop()
             self.size -= deleted.rowcount
 
     # -- topics that the broker keeps, also when we are gone ---------------------------------------------
 
-    def remember(self, topic: str) -> None:
-        self._do("INSERT OR IGNORE INTO retained VALUES (?)", (topic,))
+    def remember_topic(self, topic: str) -> None:
+        self._execute("INSERT OR IGNORE INTO retained VALUES (?)", (topic,))
 
-    def forget(self, topic: str) -> None:
-        self._do("DELETE FROM retained WHERE topic = ?", (topic,))
+    def forget_topic(self, topic: str) -> None:
+        self._execute("DELETE FROM retained WHERE topic = ?", (topic,))
 
-    def remembered(self) -> list[str]:
+    def list_topics(self) -> list[str]:
         """Return the topics that this agent has ever retained and not cleared."""
         return [topic for (topic,) in self._rows("SELECT topic FROM retained")]
 
@@ -156,10 +156,10 @@ class DiskQueue:
 
 
 def _is_damaged(failed: Exception) -> bool:
-    return getattr(failed, "sqlite_errorcode", 0) & 0xFF in DAMAGED
+    return getattr(failed, "sqlite_errorcode", 0) & 0xFF in DAMAGED_CODES
 
 
-def _locked(path: Path | None, tell: Callable[[str], None]) -> int | None:
+def _lock_file(path: Path | None, tell: Callable[[str], None]) -> int | None:
     """Return a lock that ends with this process; raise UserError where another agent has it."""
     try:
         import fcntl

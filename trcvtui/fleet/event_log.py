@@ -37,7 +37,7 @@ class _RunSeqs:
         self._floor = self._counted = 0  # up to which all count as known; how many came from `first` on
         self._come: set[int] = set()
 
-    def take(self, seq: int) -> bool:
+    def add(self, seq: int) -> bool:
         if seq <= self._floor or seq in self._come:
             return False
         self._come.add(seq)
@@ -62,7 +62,7 @@ class EventLog:
         self._lost = 0  # in runs that are no longer told apart
         self._has_begun = False
 
-    def begin(self) -> None:
+    def begin_counting(self) -> None:
         """What came before we looked has come: from now on nothing may be missing, a new run begins at 1."""
         self._has_begun = True
 
@@ -71,7 +71,7 @@ class EventLog:
         """Return how many events there were that have not come."""
         return self._lost + sum(run.missing for run in self._runs.values())
 
-    def take(self, events: Iterable[EventMessage]) -> list[KeptEvent]:
+    def add_events(self, events: Iterable[EventMessage]) -> list[KeptEvent]:
         """Take events, the oldest first; return those that are new."""
         fresh = []
         for event in events:
@@ -80,9 +80,9 @@ class EventLog:
             run = self._runs.get(boot)
             if run is None:
                 run = self._begin_run(boot, 1 if self._has_begun else seq)
-            if not run.take(seq):
+            if not run.add(seq):
                 continue
-            kept = _kept(event, boot, seq)
+            kept = _make_kept_event(event, boot, seq)
             insort(self.kept, kept)
             fresh.append(kept)
         del self.kept[: max(0, len(self.kept) - MOST_RECENT)]
@@ -95,7 +95,7 @@ class EventLog:
         return made
 
 
-def _kept(event: EventMessage, boot: str, seq: int) -> KeptEvent:
+def _make_kept_event(event: EventMessage, boot: str, seq: int) -> KeptEvent:
     cause = event.cause
     text = str(cause.get("text") or cause.get("cause") or event.kind)
     names = (f"16#{event.status}" if event.status else "", cause.get("call"), cause.get("errno"))

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable
 from typing import Final, NamedTuple
 
-from trcvtui.fleet.seen_fleet import AWAY, BUCKETS, FleetLine
+from trcvtui.fleet.seen_fleet import AWAY, HOUR_BUCKETS, FleetLine
 
 # What can be grouped by: the name on the screen, and whose lines stand together.
-GROUPS: Final[dict[str, Callable[[FleetLine], str]]] = {
+GROUP_KEYS: Final[dict[str, Callable[[FleetLine], str]]] = {
     "site": lambda line: line.agent.site,
     "cause": lambda line: line.cause,
 }
@@ -28,16 +28,16 @@ class FleetGroup(NamedTuple):
 Entry = FleetLine | FleetGroup
 
 
-def filtered(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
+def filter_lines(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
     """Return the lines that have all of these words: in names, state, STATUS."""
     words = typed.casefold().split()
-    return [line for line in lines if all(word in line.words for word in words)]
+    return [line for line in lines if all(word in line.filter_text for word in words)]
 
 
-def grouped(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: float) -> list[Entry]:
+def group_lines(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: float) -> list[Entry]:
     """Return heads, the one with the worst line first, and below those that are open their lines."""
     groups: dict[str, list[FleetLine]] = {}
-    name_of = GROUPS[by]
+    name_of = GROUP_KEYS[by]
     for line in lines:
         groups.setdefault(name_of(line), []).append(line)
     entries: list[Entry] = []
@@ -49,15 +49,15 @@ def grouped(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: 
 
 
 def _head(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
-    sums = [0] * BUCKETS
+    sums = [0] * HOUR_BUCKETS
     for line in members:
         if line.errors:
             sums = [a + b for a, b in zip(sums, line.sparkline(wall), strict=True)]
     hour = sum(line.errors_hour for line in members)
-    return FleetGroup(name, len(members), sick(members), hour, tuple(sums))
+    return FleetGroup(name, len(members), count_sick(members), hour, tuple(sums))
 
 
-def sick(lines: Iterable[FleetLine]) -> tuple[tuple[int, int], ...]:
+def count_sick(lines: Iterable[FleetLine]) -> tuple[tuple[int, int], ...]:
     """Return what lines show and how many do, the worst first, as far as somebody has to look after them."""
     counted = Counter(line.shows for line in lines)
     return tuple((shows, counted[shows]) for shows in sorted(counted) if shows < AWAY)

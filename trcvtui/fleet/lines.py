@@ -62,7 +62,7 @@ class SeenInstance:
         self._base = self.jobs_done, self.errors
         self._last = False, 0
 
-    def show(self, shown: InstanceSnapshot, text: str, at: float, age_s: float) -> bool:
+    def update(self, shown: InstanceSnapshot, text: str, at: float, age_s: float) -> bool:
         """Take what it shows now; return whether anything has changed but the time."""
         outputs = shown.outputs
         self.jobs_done, self.errors = self._base[0] + shown.jobs_done, self._base[1] + shown.errors
@@ -95,7 +95,7 @@ class SeenLine:
         self.errors: deque[float] = deque(maxlen=MOST_TIMES)
         self.dones: deque[tuple[float, int]] = deque(maxlen=MOST_TIMES)
 
-    def show(self, state: str, incarnation: int, received: int, sent: int) -> bool:
+    def update(self, state: str, incarnation: int, received: int, sent: int) -> bool:
         """Take what a connection counts; return whether its state has changed."""
         last, last_received, last_sent = self._of_connection
         is_same = last == incarnation and received >= last_received and sent >= last_sent
@@ -151,7 +151,7 @@ class SeenBench:
         for instance in self.instances.values():
             instance.begin_run()
 
-    def take(
+    def handle_update(
         self, update: BenchUpdate, wall: float
     ) -> tuple[list[SeenInstance], list[tuple[SeenInstance, EventMessage]], list[SeenLine]]:
         """Take a picture; return instances that have changed, new events, lines whose state has changed."""
@@ -167,7 +167,7 @@ class SeenBench:
         for each in snapshot.instances:
             line_name = self._names.get(each.connect, each.connect)
             self.instances.setdefault(each.name, SeenInstance(line_name, each.name))
-        file = self._file() if update.lines else {}
+        file = self._file_record() if update.lines else {}
         for line in update.lines:
             self.seq = line.seq
             if isinstance(line.event, StatusEdge) and line.event.instance in self.instances:
@@ -177,23 +177,23 @@ class SeenBench:
                 if event is not None:
                     events.append((seen, event))
                     self._line(seen.line).errors.append(at)
-        moved = [line for line in self._lines_of(update) if line is not None]
+        moved = [line for line in self._update_lines(update) if line is not None]
         return (
-            list(self._changed(snapshot.instances, snapshot.scan, snapshot.interval_ns, wall)),
+            list(self._update_instances(snapshot.instances, snapshot.scan, snapshot.interval_ns, wall)),
             events,
             moved,
         )
 
-    def _file(self) -> dict[str, object]:
+    def _file_record(self) -> dict[str, object]:
         file = self._recorded_in()
         return {"file": file} if file else {}
 
-    def came(self) -> tuple[object, ...]:
+    def activity_key(self) -> tuple[object, ...]:
         """Return what changes where there is something new to be judged."""
         counted = tuple((line.received, line.sent, line.state) for line in self.lines.values())
         return (*counted, *(each.errors for each in self.instances.values()))
 
-    def findings(
+    def report_findings(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[SeenInstance, EventMessage]]:
         """Yield an event for each cause that the doctor has found anew, of each instance."""
@@ -209,31 +209,31 @@ class SeenBench:
                 surest.setdefault(seen.name, one.cause)
                 found.add((seen.name, one.cause))
                 if (seen.name, one.cause) not in self._known:
-                    cause = _finding_record(one, with_payload) | self._file()
+                    cause = _finding_record(one, with_payload) | self._file_record()
                     yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
         self._known = found
         for seen in self.instances.values():
             seen.finding = surest.get(seen.name, "")
 
-    def _changed(
+    def _update_instances(
         self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float
     ) -> Iterable[SeenInstance]:
         for each in shown:
             seen = self.instances[each.name]
             done = seen.jobs_done
             age = (scan - each.since_scan) * interval_ns / NS
-            if seen.show(each, self._label(each.condition), round(wall, 3), age):
+            if seen.update(each, self._label(each.condition), round(wall, 3), age):
                 yield seen
             if seen.jobs_done > done:
                 self._line(seen.line).dones.append((wall, seen.jobs_done - done))
 
-    def _lines_of(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
+    def _update_lines(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
         for each in update.snapshot.connections:
             line = self._line(self._names.get(each.name, each.name))
-            yield line if line.show(*_counted(each)) else None
+            yield line if line.update(*_link_counters(each)) else None
         for buffer in update.snapshot.combuffers:
             line = self._line(self._names.get(buffer.name, buffer.name))
-            yield line if line.show("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
+            yield line if line.update("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
 
     def _line(self, name: str) -> SeenLine:
         return self.lines.setdefault(name, SeenLine(name))
@@ -249,5 +249,5 @@ def _finding_record(one: Finding, with_payload: bool) -> dict[str, object]:
     return {"cause": one.cause, "confidence": one.confidence, "text": told, **known}
 
 
-def _counted(link: ConnectionSnapshot) -> tuple[str, int, int, int]:
+def _link_counters(link: ConnectionSnapshot) -> tuple[str, int, int, int]:
     return link.state, link.incarnation, link.bytes_received, link.bytes_sent

@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.fleet.seen_fleet import UP
+from trcvtui.fleet.seen_fleet import UP_STATES
 from trcvtui.net.results import parse_end
 
 MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
@@ -27,7 +27,7 @@ class Metric(NamedTuple):
 _AGENT: Final = ()
 _LINE: Final = ("line",)
 _INSTANCE: Final = ("line", "name")  # `instance` is a label of Prometheus itself
-_UP: Final = "1: the CONNECT is connected, the UDP_CONFIG ready, the port there"
+_UP_TEXT: Final = "1: the CONNECT is connected, the UDP_CONFIG ready, the port there"
 METRICS: Final = (
     Metric("trcvtui_broker_up", "gauge", "1: the broker has taken the agent", _AGENT, lambda a: a.is_up),
     Metric("trcvtui_queued", "gauge", "messages that wait for the broker", _AGENT, lambda a: a.queued),
@@ -35,7 +35,7 @@ METRICS: Final = (
     Metric("trcvtui_restarts", "counter", "engines that were started anew", _AGENT, lambda a: a.restarts),
     Metric("trcvtui_engine_up", "gauge", "1: the engine scans", _AGENT, lambda a: a.is_running),
     Metric("trcvtui_scan_age_seconds", "gauge", "since the last scan", _AGENT, lambda a: a.scan_age_s),
-    Metric("trcvtui_line_up", "gauge", _UP, _LINE, lambda line: line.state in UP),
+    Metric("trcvtui_line_up", "gauge", _UP_TEXT, _LINE, lambda line: line.state in UP_STATES),
     Metric("trcvtui_received_bytes", "counter", "bytes", _LINE, lambda line: line.received),
     Metric("trcvtui_sent_bytes", "counter", "bytes", _LINE, lambda line: line.sent),
     Metric("trcvtui_status", "gauge", "STATUS", _INSTANCE, lambda i: int(i.status.status, 16)),
@@ -55,7 +55,7 @@ def _rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...]
         yield from (((i.line, i.name), i) for i in [*agent.seen.instances.values()] if i.status)
 
 
-def place_of_page(text: str) -> tuple[str, int]:
+def parse_page_address(text: str) -> tuple[str, int]:
     """Return address and port of `--metrics`; raise UserError."""
     found = parse_end(text)
     if found is None or found[1] is None:

@@ -1,6 +1,6 @@
 """What an agent gives the broker, and when: the newest of each retained topic, and a queue of events.
 
-Rule 1: after each connection the retained topics go first, `HOLD_NS` later what is queued, oldest first.
+Rule 1: after each connection the retained topics go first, `QUEUE_DELAY_NS` later what is queued, oldest first.
 Rule 2: an event leaves the queue when the broker has acknowledged it; past the bound old figures go first.
 Rule 3: what the broker refuses stays, and is sent again after a pause that grows; the rest goes on meanwhile.
 """
@@ -11,23 +11,30 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, PublishRefusal, Taken
+from trcvtui.fleet.broker import (
+    BrokerConnection,
+    BrokerRefusal,
+    ConnAck,
+    ConnectionLost,
+    PublishAck,
+    PublishRefusal,
+)
 from trcvtui.fleet.disk_queue import EVENT, FIGURES, DiskQueue
 
-HOLD_NS: Final = 2_000_000_000
+QUEUE_DELAY_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
-REFUSED_NS, MOST_REFUSED_NS = 5_000_000_000, 300_000_000_000  # before what was refused is sent again
+RESEND_NS, MOST_RESEND_NS = 5_000_000_000, 300_000_000_000  # before what was refused is sent again
 MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
-class _Underway(NamedTuple):
+class _PendingMessage(NamedTuple):
     """A message that the broker has not acknowledged; `number` in the queue, 0: it is not in there."""
 
     topic: str
     number: int
 
 
-class _Retained:
+class _RetainedTopic:
     """The newest message of a topic, made when it goes; from `due_at` on it may."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
@@ -41,10 +48,10 @@ class Publisher:
 
     def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
         self._connection, self.queue, self._say = connection, queue, say
-        self._retained: dict[str, _Retained] = {}
-        self._underway: dict[int, _Underway] = {}  # by the number of the connection
+        self._retained: dict[str, _RetainedTopic] = {}
+        self._underway: dict[int, _PendingMessage] = {}  # by the number of the connection
         self._sent_up_to = 0
-        self._again_at, self._pause = 0, REFUSED_NS  # when what was refused is sent again, and the next pause
+        self._again_at, self._pause = 0, RESEND_NS  # when what was refused is sent again, and the next pause
         self._up_at: int | None = None
         self._told = ""
         self.dropped_told = 0
@@ -59,83 +66,83 @@ class Publisher:
         made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:
-            self._retained[topic] = _Retained(made, gap)
-            self.queue.remember(topic)
+            self._retained[topic] = _RetainedTopic(made, gap)
+            self.queue.remember_topic(topic)
         else:
             held.payload, held.is_sent = made, False
 
     def clear_all_but(self, is_used: Callable[[str], bool]) -> None:
         """Clear the topics of earlier runs that are used no more: the broker would keep them for ever."""
-        for topic in self.queue.remembered():
+        for topic in self.queue.list_topics():
             if topic not in self._retained and not is_used(topic):
                 self.retain(topic, b"")
 
-    def event(self, topic: str, payload: bytes) -> None:
+    def send_event(self, topic: str, payload: bytes) -> None:
         """Send an event, now or later."""
-        self._keep(EVENT, topic, payload)
+        self._queue_message(EVENT, topic, payload)
 
     def figures(self, topic: str, payload: bytes) -> None:
         """Retain figures; while the broker is away they are queued, too."""
         self.retain(topic, payload)
         if not self.is_up:
-            self._keep(FIGURES, topic, payload)
+            self._queue_message(FIGURES, topic, payload)
 
-    def _keep(self, kind: int, topic: str, payload: bytes) -> None:
+    def _queue_message(self, kind: int, topic: str, payload: bytes) -> None:
         if self.queue.put(kind, topic, payload):
             return
         number = self._connection.publish(topic, payload)  # without a disk it goes at once, or not at all
         if number is None:
             self.queue.dropped[kind] += 1
         else:
-            self._underway[number] = _Underway(topic, 0)
+            self._underway[number] = _PendingMessage(topic, 0)
 
-    def turn(self, now: int) -> None:
+    def advance(self, now: int) -> None:
         """Hear what the broker says, and send what may be sent."""
         for news in self._connection.news():
             match news:
-                case Connected():
-                    self._begin(now)
-                case Lost(why):
+                case ConnAck():
+                    self._begin_connection(now)
+                case ConnectionLost(why):
                     self._up_at = None
-                    self._tell(f"{why}; what comes is kept, the next try follows")
+                    self._report(f"{why}; what comes is kept, the next try follows")
                 case BrokerRefusal(why):
-                    self._tell(why)
-                case Taken(number) if number in self._underway:
-                    self._take(self._underway.pop(number))
+                    self._report(why)
+                case PublishAck(number) if number in self._underway:
+                    self._handle_ack(self._underway.pop(number))
                 case PublishRefusal(number, why) if number in self._underway:
-                    self._refuse(self._underway.pop(number), why, now)
+                    self._handle_refusal(self._underway.pop(number), why, now)
         if self._up_at is None:
             return
         if self._sent_up_to and now >= self._again_at > 0:
             self._sent_up_to = self._again_at = 0
         self._send_retained(now)
-        if now >= self._up_at + HOLD_NS:
+        if now >= self._up_at + QUEUE_DELAY_NS:
             self._send_queued()
 
-    def _take(self, done: _Underway) -> None:
+    def _handle_ack(self, done: _PendingMessage) -> None:
         if done.number:
-            self.queue.take(done.number)
+            self.queue.delete(done.number)
         held = self._retained.get(done.topic)
         if held is not None and held.is_sent and not held.payload():
-            self.queue.forget(done.topic)  # it is cleared
+            self.queue.forget_topic(done.topic)  # it is cleared
             del self._retained[done.topic]
 
-    def _refuse(self, refused: _Underway, why: str, now: int) -> None:
+    def _handle_refusal(self, refused: _PendingMessage, why: str, now: int) -> None:
         if now >= self._again_at:
-            self._again_at, self._pause = now + self._pause, min(2 * self._pause, MOST_REFUSED_NS)
+            self._again_at, self._pause = now + self._pause, min(2 * self._pause, MOST_RESEND_NS)
             seconds = (self._again_at - now) // 1_000_000_000
             self._say(one_line(f"the broker refuses '{refused.topic}': {why}; tried again in {seconds} s"))
         if refused.topic in self._retained:
             held = self._retained[refused.topic]
             held.is_sent, held.due_at = False, self._again_at
 
-    def _begin(self, now: int) -> None:
+    def _begin_connection(self, now: int) -> None:
         self._up_at, self._sent_up_to = now, 0
-        self._again_at, self._pause = 0, REFUSED_NS
+        self._again_at, self._pause = 0, RESEND_NS
         self._underway.clear()
         for held in self._retained.values():
             held.is_sent, held.due_at = False, 0
-        self._tell("the broker is there")
+        self._report("the broker is there")
         dropped = self.queue.dropped
         if sum(dropped.values()) > self.dropped_told:
             self.dropped_told = sum(dropped.values())
@@ -152,7 +159,7 @@ class Publisher:
             number = self._connection.publish(topic, held.payload(), is_retained=True)
             if number is None:
                 return
-            self._underway[number] = _Underway(topic, 0)
+            self._underway[number] = _PendingMessage(topic, 0)
             held.is_sent, held.due_at = True, now + held.gap
 
     def _send_queued(self) -> None:
@@ -160,15 +167,15 @@ class Publisher:
         if not self.queue.size or room <= 0:
             return
         underway = {each.number for each in self._underway.values()}
-        for n, topic, payload in self.queue.after(self._sent_up_to, room):
+        for n, topic, payload in self.queue.list_after(self._sent_up_to, room):
             if n not in underway:
                 number = self._connection.publish(topic, payload)
                 if number is None:
                     return
-                self._underway[number] = _Underway(topic, n)
+                self._underway[number] = _PendingMessage(topic, n)
             self._sent_up_to = n
 
-    def _tell(self, line: str) -> None:
+    def _report(self, line: str) -> None:
         if line != self._told:
             self._told = line
             self._say(one_line(line))

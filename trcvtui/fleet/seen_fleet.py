@@ -29,19 +29,19 @@ V = TypeVar("V")
 
 MOST_NAMES: Final = 30_000  # of agents, lines and instances together
 HOUR_S: Final = 3600
-BUCKETS: Final = 12  # of the hour, in the sparkline
-BUCKET_S: Final = HOUR_S // BUCKETS
-UP: Final = frozenset(("connected", "created", "up"))  # states of a line
+HOUR_BUCKETS: Final = 12  # of the hour, in the sparkline
+BUCKET_S: Final = HOUR_S // HOUR_BUCKETS
+UP_STATES: Final = frozenset(("connected", "created", "up"))  # states of a line
 STUCK_S: Final = 10  # a job that has some of its bytes has got no more for so long
-CLOCK_S: Final = 2.0  # by so much a clock may be wrong
+CLOCK_TOLERANCE_S: Final = 2.0  # by so much a clock may be wrong
 CLOCK_BUCKET_S: Final = 300  # a clock is judged by the least delay in this and the bucket before
 MOST_DELAY_S: Final = 3e8  # a time that is more wrong is none
 # What a line shows, the worst first. HAD: good, with ERRORs in the last hour.
 OFFLINE, STALE, ERROR, FINDING, STUCK, AWAY, HAD, GOOD = range(8)
-SHOWN: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connected", "good", "good")
+STATES: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connected", "good", "good")
 
 
-CAUSES: Final = {
+CAUSE_TEXTS: Final = {
     STALE: "the agent's engine makes no scan",
     STUCK: "a job has some of its bytes and gets no more",
     AWAY: "the line is not connected",
@@ -67,7 +67,7 @@ class FleetAgent:
         # The least of each bucket: ours less its time.
         self._delays: deque[tuple[int, float]] = deque(maxlen=2)
 
-    def hear(self, t: float, wall: float) -> None:
+    def note_delay(self, t: float, wall: float) -> None:
         """Take that a message that was made when it was sent, at `t`, has come just now."""
         bucket, delay = int(wall // CLOCK_BUCKET_S), wall - t
         while self._delays and not bucket - 1 <= self._delays[0][0] <= bucket:
@@ -81,9 +81,9 @@ class FleetAgent:
     def skew_s(self) -> float:
         """Return how far its clock is behind ours, below 0: ahead; a delay only makes a message older."""
         skew = min((delay for _, delay in self._delays), default=0.0)
-        return skew if abs(skew) > CLOCK_S else 0.0
+        return skew if abs(skew) > CLOCK_TOLERANCE_S else 0.0
 
-    def at(self, t: float, wall: float) -> float:
+    def to_our_time(self, t: float, wall: float) -> float:
         """Return a time of its clock by ours, never in the future."""
         return min(t + self.skew_s, wall)
 
@@ -91,12 +91,12 @@ class FleetAgent:
     def is_offline(self) -> bool:
         return self.state is not None and self.state.state == "offline"
 
-    def begin(self) -> None:
+    def begin_counting(self) -> None:
         """Take that what came before we looked has come."""
         self.has_begun = True
         for line in self.lines.values():
             for instance in line.instances.values():
-                instance.log.begin()
+                instance.log.begin_counting()
 
 
 class FleetLine:
@@ -113,7 +113,7 @@ class FleetLine:
         self.rank: tuple[object, ...] = ()
 
     @property
-    def worst(self) -> FleetInstance | None:
+    def worst_instance(self) -> FleetInstance | None:
         """Return the instance to tell of: with ERROR, a finding, some of its bytes, else the most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
@@ -124,12 +124,12 @@ class FleetLine:
             return "the agent is offline"
         if not self.name and self.shows == AWAY:
             return "the agent has told no line"
-        newest, worst = self.newest_error, self.worst
+        newest, worst = self.newest_error, self.worst_instance
         if self.shows == FINDING and worst is not None and worst.status is not None:
             return worst.status.finding
         if self.shows == ERROR or (self.errors and self.shows > AWAY):
             return newest.title if newest is not None else "an ERROR without a cause"
-        return CAUSES.get(self.shows, "no error in the last hour")
+        return CAUSE_TEXTS.get(self.shows, "no error in the last hour")
 
     @property
     def missing(self) -> int:
@@ -141,52 +141,52 @@ class FleetLine:
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
 
-    def since(self, wall: float) -> float | None:
+    def shown_since(self, wall: float) -> float | None:
         """Return since when it shows what it shows: seconds of UTC since 1970, by our clock."""
-        worst = self.worst
+        worst = self.worst_instance
         status = worst.status if worst is not None else None
-        told = [self.agent.at(each.t, wall) for each in (self.figures, status) if each is not None]
+        told = [self.agent.to_our_time(each.t, wall) for each in (self.figures, status) if each is not None]
         if self.shows in (OFFLINE, STALE):
             return min(max([self.agent.since, *told]), wall)
         if status is None or worst is None:
             return None
         if self.shows == FINDING:
-            return self.agent.at(worst.found_at, wall)
+            return self.agent.to_our_time(worst.found_at, wall)
         age = 0.0 if self.shows == STUCK else status.age_s
-        return self.agent.at(status.t, wall) - max(0.0, age)
+        return self.agent.to_our_time(status.t, wall) - max(0.0, age)
 
     def stuck_s(self, instance: FleetInstance, wall: float) -> float:
         """Return for how long a job of an instance has some of its bytes and gets no more."""
         status = instance.status
         if status is None or not 0 < status.here < status.wanted:
             return 0.0
-        return wall - self.agent.at(status.t, wall)
+        return wall - self.agent.to_our_time(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
         """Return the ERRORs of the last hour: those that came, or as many as its agent counts."""
-        oldest = int(wall // BUCKET_S) - BUCKETS
+        oldest = int(wall // BUCKET_S) - HOUR_BUCKETS
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
         figures = self.figures
-        is_new = figures is not None and self.agent.at(figures.t, wall) > wall - HOUR_S
+        is_new = figures is not None and self.agent.to_our_time(figures.t, wall) > wall - HOUR_S
         told = figures.errors_an_hour if figures is not None and is_new else 0
         return max(sum(self.errors.values()), int(told))
 
     def sparkline(self, wall: float) -> list[int]:
         """Return the ERRORs of each twelfth of the last hour, the oldest first."""
         newest = int(wall // BUCKET_S)
-        return [self.errors.get(bucket, 0) for bucket in range(newest - BUCKETS + 1, newest + 1)]
+        return [self.errors.get(bucket, 0) for bucket in range(newest - HOUR_BUCKETS + 1, newest + 1)]
 
     def judge(self, wall: float) -> None:
         """Find out what it shows, and its rank."""
         self.errors_hour = self.errors_an_hour(wall)
-        self.shows = self._shown(wall)
+        self.shows = self._judge_state(wall)
         is_of_agent = self.shows in (OFFLINE, STALE)  # its lines stand together, by their names
-        since = self.agent.since if is_of_agent else self.since(wall) if self.shows < HAD else None
+        since = self.agent.since if is_of_agent else self.shown_since(wall) if self.shows < HAD else None
         names = self.agent.site, self.agent.name, self.name
         self.rank = (self.shows, wall if since is None else since, -self.errors_hour, *names)
 
-    def _shown(self, wall: float) -> int:
+    def _judge_state(self, wall: float) -> int:
         shown = [each.status for each in self.instances.values() if each.status is not None]
         if self.agent.is_offline:
             return OFFLINE
@@ -198,19 +198,19 @@ class FleetLine:
             return FINDING
         if any(self.stuck_s(each, wall) >= STUCK_S for each in self.instances.values()):
             return STUCK
-        if not self.name or (self.figures is not None and self.figures.state not in UP):
+        if not self.name or (self.figures is not None and self.figures.state not in UP_STATES):
             return AWAY
         return HAD if self.errors_hour else GOOD
 
     @property
-    def words(self) -> str:
+    def filter_text(self) -> str:
         """Return what a filter looks in, small letters."""
         state = self.figures.state if self.figures is not None else ""
         last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
         names = f"{self.agent.site}/{self.agent.name}/{self.name}"
         codes = [each.status.status for each in self.instances.values() if each.status is not None]
         found = [each.status.finding for each in self.instances.values() if each.status is not None]
-        return " ".join((names, SHOWN[self.shows], state, last, *self.instances, *codes, *found)).casefold()
+        return " ".join((names, STATES[self.shows], state, last, *self.instances, *codes, *found)).casefold()
 
 
 def _badness(instance: FleetInstance) -> tuple[bool, bool, bool, int]:
@@ -230,24 +230,24 @@ class SeenFleet:
 
     # -- messages ----------------------------------------------------------------------------------------
 
-    def take(self, topic: Topic, message: AnyMessage | None, wall: float, is_retained: bool = False) -> None:
+    def apply(self, topic: Topic, message: AnyMessage | None, wall: float, is_retained: bool = False) -> None:
         """Take what came on a topic, None: it was cleared; raise UserError for what has no room."""
         self.version += 1
         if message is None:
             self._forget(topic)
             return
         site, name, on = topic.site, topic.agent, topic.line
-        agent = self._known(self.agents, topic[:2], "agent", name, lambda: FleetAgent(site, name))
+        agent = self._get_or_make(self.agents, topic[:2], "agent", name, lambda: FleetAgent(site, name))
         is_will = isinstance(message, StateMessage) and message.state == "offline"  # its time is of the begin
         if not is_retained and isinstance(message, FiguresMessage | RecentMessage):
-            agent.hear(message.t, wall)
+            agent.note_delay(message.t, wall)
         if abs(wall - message.t) > MOST_DELAY_S:
             message = replace(message, t=wall)
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
-            agent.since = wall if is_will and not is_retained else agent.at(message.t, wall)
+            agent.since = wall if is_will and not is_retained else agent.to_our_time(message.t, wall)
             return
-        line = self._known(agent.lines, on, "line", on, lambda: FleetLine(agent, on))
+        line = self._get_or_make(agent.lines, on, "line", on, lambda: FleetLine(agent, on))
         if isinstance(message, FiguresMessage):
             line.figures = message
             return
@@ -257,35 +257,35 @@ class SeenFleet:
                 instance.found_at = message.t
             instance.status = message
         elif isinstance(message, RecentMessage):
-            self._take_events(line, instance, message.events, wall)
+            self._add_events(line, instance, message.events, wall)
         elif isinstance(message, EventMessage):
-            self._take_events(line, instance, (message,), wall)
+            self._add_events(line, instance, (message,), wall)
 
-    def miss(self, wall: float) -> None:
+    def mark_missing(self, wall: float) -> None:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall
                 self.version += 1
 
-    def _take_events(
+    def _add_events(
         self, line: FleetLine, instance: FleetInstance, events: tuple[EventMessage, ...], wall: float
     ) -> None:
-        for event in (each for each in instance.log.take(events) if each.kind == "error"):
+        for event in (each for each in instance.log.add_events(events) if each.kind == "error"):
             if line.newest_error is None or line.newest_error < event:
                 line.newest_error = event
-            at = line.agent.at(event.t, wall)
+            at = line.agent.to_our_time(event.t, wall)
             if at > wall - HOUR_S:
                 bucket = int(at // BUCKET_S)
                 line.errors[bucket] = line.errors.get(bucket, 0) + 1
 
     def _instance(self, line: FleetLine, name: str) -> FleetInstance:
-        found = self._known(line.instances, name, "instance", name, lambda: FleetInstance(name))
+        found = self._get_or_make(line.instances, name, "instance", name, lambda: FleetInstance(name))
         if line.agent.has_begun:
-            found.log.begin()
+            found.log.begin_counting()
         return found
 
-    def _known(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:
+    def _get_or_make(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:
         if key not in of:
             if self.names >= MOST_NAMES:
                 raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
@@ -315,7 +315,7 @@ class SeenFleet:
         agents = self.agents.values()
         return [line for each in agents for line in each.lines.values() or (each.without_lines,)]
 
-    def ordered(self, wall: float) -> list[FleetLine]:
+    def sort_lines(self, wall: float) -> list[FleetLine]:
         """Return the lines, the worst first."""
         lines = self.lines
         for line in lines:

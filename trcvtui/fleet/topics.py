@@ -18,27 +18,27 @@ from msgspec.structs import force_setattr
 from trcvtui.errors import UserError, mistake, one_line
 
 ROOT: Final = "trcvtui/v1"
-MOST_BYTES: Final = 1 << 18  # of one message; a connection tells the broker so, too
-MOST_TEXT: Final = 200  # characters of one text
-MOST_TOPIC: Final = 1024  # characters
+MOST_MESSAGE_BYTES: Final = 1 << 18  # of one message; a connection tells the broker so, too
+MOST_TEXT_CHARS: Final = 200  # characters of one text
+MOST_TOPIC_CHARS: Final = 1024  # characters
 MOST_RECENT: Final = 64  # events that an agent retains of each instance
 MOST_COUNT: Final = 1 << 53  # what every reader of JSON keeps exactly
-KINDS_AT: Final = {1: ("state",), 2: ("figures",), 3: ("status", "event", "recent")}  # by names after SITE
+LEVEL_KINDS: Final = {1: ("state",), 2: ("figures",), 3: ("status", "event", "recent")}  # by names after SITE
 
-SPECIAL: Final = re.compile("[/+#%]")  # what a level of a topic has not, as it is
+SPECIAL_CHARS: Final = re.compile("[/+#%]")  # what a level of a topic has not, as it is
 
 Scalar = str | int | float | bool | None
 
 
-def _like(pattern: str) -> Meta:
+def _pattern_meta(pattern: str) -> Meta:
     """Return what lets only such a text through; `$` alone lets a line end pass."""
     return Meta(pattern=f"^({pattern})(?!\n)$")
 
 
 Count = Annotated[int, Meta(ge=0, le=MOST_COUNT)]
 Number = Annotated[float, Meta(ge=-MOST_COUNT, le=MOST_COUNT)]
-Code = Annotated[str, _like("[0-9A-F]{4}")]
-EventId = Annotated[str, _like("[0-9a-f]{1,32}-[0-9]{1,16}")]
+Code = Annotated[str, _pattern_meta("[0-9A-F]{4}")]
+EventId = Annotated[str, _pattern_meta("[0-9a-f]{1,32}-[0-9]{1,16}")]
 
 
 class Topic(NamedTuple):
@@ -52,26 +52,26 @@ class Topic(NamedTuple):
 
     def __str__(self) -> str:
         names = (self.site, self.agent, self.line, self.instance)
-        return "/".join((ROOT, *(encoded(name) for name in names if name), self.kind))
+        return "/".join((ROOT, *(encode_level(name) for name in names if name), self.kind))
 
 
-def encoded(name: str) -> str:
+def encode_level(name: str) -> str:
     """Return a name as one level of a topic: `/ + # %` and control characters are percent-encoded."""
-    if name.isprintable() and not SPECIAL.search(name):
+    if name.isprintable() and not SPECIAL_CHARS.search(name):
         return name
     return "".join(c if c.isprintable() and c not in "/+#%" else quote(c, safe="") for c in name)
 
 
-def topic_of(text: str) -> Topic:
+def parse_topic(text: str) -> Topic:
     """Return what a topic names; raise UserError for one that no agent writes."""
-    head, _, rest = text[: MOST_TOPIC + 1].partition(f"{ROOT}/")
+    head, _, rest = text[: MOST_TOPIC_CHARS + 1].partition(f"{ROOT}/")
     *names, kind = rest.split("/")
     try:
         plain = [unquote(name, errors="strict") for name in names]
     except UnicodeDecodeError:
         plain = []
-    is_ours = not head and len(text) <= MOST_TOPIC and kind in KINDS_AT.get(len(plain) - 1, ())
-    if not is_ours or not all(plain) or [encoded(name) for name in plain] != names:
+    is_ours = not head and len(text) <= MOST_TOPIC_CHARS and kind in LEVEL_KINDS.get(len(plain) - 1, ())
+    if not is_ours or not all(plain) or [encode_level(name) for name in plain] != names:
         raise mistake("broker", f"the topic '{_cut(text)}'", f"{ROOT}/SITE/AGENT/...")
     site, agent, line, instance = [*plain, "", ""][:4]
     return Topic(site, agent, line, instance, kind)
@@ -99,7 +99,7 @@ class StateMessage(FleetMessage, frozen=True):
 
     KIND = "state"
     TEXTS = ("version", "host")
-    state: Annotated[str, _like("online|stale|offline")]
+    state: Annotated[str, _pattern_meta("online|stale|offline")]
     t: Number
     version: str
     host: str
@@ -134,12 +134,12 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
     KIND = "event"
     id: EventId
     t: Number
-    kind: Annotated[str, _like("error|finding|note")]
+    kind: Annotated[str, _pattern_meta("error|finding|note")]
     status: Code | None
     cause: Annotated[dict[str, Any], Meta(max_length=MOST_RECENT)]  # of Scalars
 
     def __post_init__(self) -> None:
-        force_setattr(self, "cause", {_cut(name): _scalar(each) for name, each in self.cause.items()})
+        force_setattr(self, "cause", {_cut(name): _clean_scalar(each) for name, each in self.cause.items()})
 
 
 class FiguresMessage(
@@ -167,28 +167,28 @@ class RecentMessage(FleetMessage, frozen=True):
 
 
 AnyMessage = StateMessage | StatusMessage | EventMessage | FiguresMessage | RecentMessage
-MESSAGES: Final[Mapping[str, type[AnyMessage]]] = {
+MESSAGE_TYPES: Final[Mapping[str, type[AnyMessage]]] = {
     made.KIND: made for made in (StateMessage, StatusMessage, EventMessage, FiguresMessage, RecentMessage)
 }
 
 
-def read(topic: Topic, payload: bytes) -> AnyMessage | None:
+def parse_message(topic: Topic, payload: bytes) -> AnyMessage | None:
     """Return the message of a topic, None: the topic is cleared; raise UserError for what is no message."""
     if not payload:
         return None
-    if len(payload) > MOST_BYTES:
-        raise _refused(topic, f"{len(payload)} bytes", f"{MOST_BYTES} at most")
+    if len(payload) > MOST_MESSAGE_BYTES:
+        raise _make_refusal(topic, f"{len(payload)} bytes", f"{MOST_MESSAGE_BYTES} at most")
     try:
-        return msgspec.json.decode(payload, type=MESSAGES[topic.kind])
+        return msgspec.json.decode(payload, type=MESSAGE_TYPES[topic.kind])
     except (msgspec.MsgspecError, ValueError, RecursionError) as wrong:
-        raise _refused(topic, f"'{_cut(str(wrong))}'", "a message of an agent") from None
+        raise _make_refusal(topic, f"'{_cut(str(wrong))}'", "a message of an agent") from None
 
 
-def _refused(topic: Topic, found: str, expected: str) -> UserError:
+def _make_refusal(topic: Topic, found: str, expected: str) -> UserError:
     return mistake(f"broker, {_cut(str(topic))}", found, expected)
 
 
-def _scalar(value: object) -> Scalar:
+def _clean_scalar(value: object) -> Scalar:
     """Return a value of a cause; what is none becomes `?`."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"
@@ -198,4 +198,4 @@ def _scalar(value: object) -> Scalar:
 
 
 def _cut(text: str) -> str:
-    return one_line(text[:MOST_TEXT])
+    return one_line(text[:MOST_TEXT_CHARS])

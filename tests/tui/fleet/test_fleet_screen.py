@@ -14,7 +14,7 @@ from textual.pilot import Pilot
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
 from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
 from trcvtui import clock
-from trcvtui.fleet.broker import Broker, Connected, IncomingMessage, Lost
+from trcvtui.fleet.broker import BrokerAccess, ConnAck, ConnectionLost, IncomingMessage
 from trcvtui.fleet.topics import StatusMessage
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
@@ -41,7 +41,7 @@ class OnFleet:
     def __init__(self, app: FleetApp, broker: FakeBroker, pilot: Pilot[None]) -> None:
         self.app, self.broker, self.pilot = app, broker, pilot
 
-    async def tell(self, *news: Connected | Lost | IncomingMessage) -> None:
+    async def tell(self, *news: ConnAck | ConnectionLost | IncomingMessage) -> None:
         self.broker.tell(*news)
         self.app.hear(1 << 62)
         await self.pilot.pause()
@@ -74,10 +74,10 @@ class OnFleet:
 @asynccontextmanager
 async def on_fleet(size: tuple[int, int] = WIDE, is_filled: bool = True) -> AsyncIterator[OnFleet]:
     broker = FakeBroker()
-    app = FleetApp(Broker("broker.example", 8883, True), "*", broker.reader)
+    app = FleetApp(BrokerAccess("broker.example", 8883, True), "*", broker.reader)
     async with app.run_test(size=size) as pilot:
         screen = OnFleet(app, broker, pilot)
-        await screen.tell(Connected(), *(plant(broker) if is_filled else ()))
+        await screen.tell(ConnAck(), *(plant(broker) if is_filled else ()))
         yield screen
 
 
@@ -219,10 +219,12 @@ async def test_a_card_tells_on_which_machine_in_which_file_and_at_which_scan_to_
 async def test_a_broker_that_is_away_stands_in_the_head_and_the_lines_stay() -> None:
     async with on_fleet(SMALL) as screen:
         assert "4 lines" in screen.text and "BROKER AWAY" not in screen.text
-        await screen.tell(Lost("mqtts://broker.example:8883: wrong certificate: self-signed certificate"))
+        await screen.tell(
+            ConnectionLost("mqtts://broker.example:8883: wrong certificate: self-signed certificate")
+        )
         assert "BROKER AWAY" in screen.text.splitlines()[0]
         assert "wrong certificate" in screen.text and screen.names == WORST_FIRST
-        await screen.tell(Connected())
+        await screen.tell(ConnAck())
         assert "BROKER AWAY" not in screen.text
 
 

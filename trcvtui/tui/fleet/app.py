@@ -13,10 +13,10 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui import clock
-from trcvtui.fleet.broker import Broker, BrokerConnection
-from trcvtui.fleet.fleet_list import GROUPS, Entry, FleetGroup, filtered, grouped, sick
-from trcvtui.fleet.reader import FleetReader, topics_of
-from trcvtui.fleet.seen_fleet import ERROR, SHOWN, FleetLine, SeenFleet
+from trcvtui.fleet.broker import BrokerAccess, BrokerConnection
+from trcvtui.fleet.fleet_list import GROUP_KEYS, Entry, FleetGroup, count_sick, filter_lines, group_lines
+from trcvtui.fleet.reader import FleetReader, state_topics
+from trcvtui.fleet.seen_fleet import ERROR, STATES, FleetLine, SeenFleet
 from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
 from trcvtui.tui.formatting import plain
@@ -77,7 +77,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
 class FleetHead(WordLine):
     """Which broker, whether it is there, how many lines, how many of them are bad."""
 
-    def __init__(self, broker: Broker, pattern: str, reader: FleetReader) -> None:
+    def __init__(self, broker: BrokerAccess, pattern: str, reader: FleetReader) -> None:
         super().__init__(id="header")
         self._broker, self._pattern, self._reader = broker, pattern, reader
         self.shown: list[FleetLine] = []
@@ -90,8 +90,8 @@ class FleetHead(WordLine):
         if not self._broker.has_tls:
             pieces.append(HeaderWord("no TLS", "warn", 40))
         pieces.append(HeaderWord(count(len(self.shown), "line"), "", 3))
-        for shows, number in sick(self.shown):
-            pieces.append(HeaderWord(f"{number} {SHOWN[shows]}", "error" if shows <= ERROR else "warn", 4))
+        for shows, number in count_sick(self.shown):
+            pieces.append(HeaderWord(f"{number} {STATES[shows]}", "error" if shows <= ERROR else "warn", 4))
         if missing := sum(line.missing for line in self.shown if line.newest_error is not None):
             pieces.append(HeaderWord(f"{count(missing, 'event')} missing", "warn", 10))
         if reader.refused:
@@ -111,7 +111,7 @@ class FleetScreen(Screen[None]):
     })  # fmt: skip
     CSS_PATH = "fleet.tcss"
 
-    def __init__(self, broker: Broker, pattern: str, reader: FleetReader) -> None:
+    def __init__(self, broker: BrokerAccess, pattern: str, reader: FleetReader) -> None:
         super().__init__()
         self._reader = reader
         self._typed = self._by = ""
@@ -163,10 +163,10 @@ class FleetScreen(Screen[None]):
 
     def order(self) -> None:
         wall = self.wall()
-        ordered = self._reader.fleet.ordered(wall)
+        ordered = self._reader.fleet.sort_lines(wall)
         self.head.shown = ordered
-        lines = filtered(ordered, self._typed) if self._typed else ordered
-        entries: list[Entry] = grouped(lines, self._by, self._opened, wall) if self._by else [*lines]
+        lines = filter_lines(ordered, self._typed) if self._typed else ordered
+        entries: list[Entry] = group_lines(lines, self._by, self._opened, wall) if self._by else [*lines]
         nothing = NOTHING_YET if self._reader.is_up else NOTHING_CAME
         self.table.nothing = NONE_FITS if ordered and not lines else nothing
         self.table.take(entries)
@@ -195,7 +195,7 @@ class FleetScreen(Screen[None]):
         self.filter.open()
 
     def action_group(self) -> None:
-        ways = ["", *GROUPS]
+        ways = ["", *GROUP_KEYS]
         self._by = ways[(ways.index(self._by) + 1) % len(ways)]
         self._opened.clear()
         self.order()
@@ -245,7 +245,7 @@ class FleetApp(TerminalApp):
     BINDINGS: ClassVar = [Binding("q", "quit", show=False), Binding("P", "picture", show=False)]
 
     def __init__(
-        self, broker: Broker, pattern: str, reader: FleetReader, settings: ScreenSettings | None = None
+        self, broker: BrokerAccess, pattern: str, reader: FleetReader, settings: ScreenSettings | None = None
     ) -> None:
         super().__init__(settings or ScreenSettings())
         self._reader = reader
@@ -262,7 +262,7 @@ class FleetApp(TerminalApp):
 
     def hear(self, most_ns: int) -> None:
         now = clock.now_ns()
-        self._reader.turn(now, self.main.wall(), most_ns)
+        self._reader.advance(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
             self.screen.card.draw()
 
@@ -287,8 +287,8 @@ class FleetApp(TerminalApp):
         yield SystemCommand("Quit", "end the screen · key q", self.exit)
 
 
-def run_fleet(broker: Broker, pattern: str, client_id: str, theme: str | None) -> int:
-    connection = BrokerConnection(broker, client_id, topics=topics_of(pattern))
+def run_fleet(broker: BrokerAccess, pattern: str, client_id: str, theme: str | None) -> int:
+    connection = BrokerConnection(broker, client_id, topics=state_topics(pattern))
     reader = FleetReader(connection, SeenFleet(), pattern)
     settings = load_settings((), theme)
     connection.open()

@@ -52,7 +52,7 @@ class FleetCard(CardText):
         line, wall = self._line, self._wall()
         figures, agent = line.figures, line.agent.state
         state = figures.state if figures is not None else "?"
-        since = line.since(wall) if line.shows == OFFLINE else line.agent.since
+        since = line.shown_since(wall) if line.shows == OFFLINE else line.agent.since
         told = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "not heard"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._labelled("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
@@ -72,7 +72,7 @@ class FleetCard(CardText):
                 f"{size_text(figures.received)}/s in",
                 f"{size_text(figures.sent)}/s out",
                 f"{figures.done_a_minute:g} DONE a minute",
-                f"told {since_text(line.agent.at(figures.t, wall), wall)} ago",
+                f"told {since_text(line.agent.to_our_time(figures.t, wall), wall)} ago",
             ]
             yield from self._labelled("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
@@ -94,7 +94,7 @@ class FleetCard(CardText):
         ]
         have = f"{status.here}/{status.wanted} B · " if status.wanted else ""
         wall = self._wall()
-        since = since_text(self._line.agent.at(status.t, wall) - status.age_s, wall)
+        since = since_text(self._line.agent.to_our_time(status.t, wall) - status.age_s, wall)
         if (stuck := self._line.stuck_s(instance, wall)) >= STUCK_S:
             since += f" · stuck for {age(int(stuck * SECOND))}"
         counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
@@ -109,7 +109,7 @@ class FleetCard(CardText):
 
     def _of_events(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
         wall = self._wall()
-        times = [time_text(self._line.agent.at(event.t, wall), wall) for _, event in told]
+        times = [time_text(self._line.agent.to_our_time(event.t, wall), wall) for _, event in told]
         wide = max(map(len, times), default=0) + 2
         for when, (name, event) in zip(times, told, strict=True):
             whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""

@@ -13,7 +13,7 @@ from textual import events
 from textual.binding import BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
-from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, SHOWN, STALE, STUCK, FleetLine
+from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, STALE, STATES, STUCK, FleetLine
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_keys, row
@@ -54,12 +54,12 @@ def state_of(line: FleetLine) -> str:
     """Return one word for what a line shows; where it is good, its state."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
-    return SHOWN[line.shows]
+    return STATES[line.shows]
 
 
 def text_of(line: FleetLine) -> str:
     """Return what there is to say of it: a finding, of what there is too little, the words of the STATUS."""
-    status = line.worst.status if line.worst is not None else None
+    status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""
     if line.shows == FINDING:
@@ -142,7 +142,7 @@ class FleetTable(LineView, inherit_bindings=False):
         return row(mark, *parts, style=self.cursor_style(y == self.cursor))
 
     def _line(self, line: FleetLine, columns: FleetColumns) -> list[Part]:
-        wall, worst = self._wall(), line.worst
+        wall, worst = self._wall(), line.worst_instance
         lamp, lamp_style, style = LOOKS[line.shows]
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
         code = worst.status.status if worst is not None and worst.status is not None else ""
@@ -156,14 +156,14 @@ class FleetTable(LineView, inherit_bindings=False):
             (pad(clip(plain(state_of(line)), STATE - 1), STATE), style),
             (pad(code, CODE), "error" if line.shows == ERROR else style),
             *self._text(plain(text_of(line)), more, columns.text, style),
-            *self._hour(since_text(line.since(wall), wall), line.sparkline(wall), line.errors_hour),
+            *self._hour(since_text(line.shown_since(wall), wall), line.sparkline(wall), line.errors_hour),
         ]
 
     def _text(self, text: str, more: str, width: int, style: str) -> list[Part]:
         return [(pad(clip(text, width - len(more)), width - len(more)) + f"{more} ", style)] if width else []
 
     def _group(self, group: FleetGroup, columns: FleetColumns) -> list[Part]:
-        told = "".join(f" · {number} {SHOWN[shows]}" for shows, number in group.shown)
+        told = "".join(f" · {number} {STATES[shows]}" for shows, number in group.shown)
         style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if told else "dim"
         words = f"  {count(group.lines, 'line')}{told}"
         room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)

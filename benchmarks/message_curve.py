@@ -51,14 +51,14 @@ def _curve(effort: Effort) -> Iterator[Figure]:
         file.write_text('dialect = "baosky"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..2] OF REAL"\n')
         layout = load_project(file).data[0].layout
     known, numbers, took = KnownMessages(), MemberNumbers(layout, layout.leaf(1)), list[float]()
-    known.asked("X")
+    known.make_request("X")
     _bring(known, MOST_INSTANCE_ROWS)
-    numbers.follow(known, known.stop)
+    numbers.update_numbers(known, known.stop)
     for _ in range(effort.rounds * PICTURES):
         _bring(known, 1)
         began = time.perf_counter()
         times = [each.t_ns for each in known.rows]
-        curve(times, numbers.follow(known, known.stop), (times[0], times[-1]), *CELLS)
+        curve(times, numbers.update_numbers(known, known.stop), (times[0], times[-1]), *CELLS)
         took.append(1000 * (time.perf_counter() - began))
     for share in (0.50, 0.99):
         ms = percentile(took, share)
@@ -72,7 +72,7 @@ def _bring(known: KnownMessages, count: int) -> None:
         content = struct.pack("<3f", 0, random.random(), 0)
         row = MessageRow(number, number, number * 10**9, 10**9, MESSAGE, 0x7008, "C", 0, "", MESSAGE, content)
         rows.append(row)
-    known.take(MessagesDelta("X", known.stop, known.stop + count, tuple(rows)), MAX_SCAN)
+    known.accept_rows(MessagesDelta("X", known.stop, known.stop + count, tuple(rows)), MAX_SCAN)
 
 
 def _table(effort: Effort) -> Iterator[Figure]:

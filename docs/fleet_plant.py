@@ -87,14 +87,14 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     """Return the screen after some keys, as SVG."""
     os.environ["TZ"] = "UTC"
     time.tzset()
-    clock.wall_ns = lambda: int(NOW) * fleet_app.NS
-    fleet_app.ORDER_NS, fleet_app.FRAME_S = 0, 3600.0
+    clock.wall_ns = lambda: int(NOW) * fleet_app.NS_PER_S
+    fleet_app.ORDER_INTERVAL_NS, fleet_app.FRAME_S = 0, 3600.0
     reader = FleetReader(cast(BrokerConnection, PlantBroker()), SeenFleet(), "*")
     app = fleet_app.FleetApp(BrokerAccess("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:
         while not reader.is_complete:
             reader.turn(0, NOW, 1 << 62)
-        app.hear(1 << 62)
+        app.read_broker(1 << 62)
         await pilot.press(*keys)
         await pilot.pause()
         return app.export_screenshot(title="trcvtui")

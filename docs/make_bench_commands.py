@@ -13,7 +13,7 @@ from trcvtui.commands.table import COMMANDS
 from trcvtui.commands.tokens import FORMS
 from trcvtui.net.faults import DEFAULT_ERROR
 from trcvtui.project.keys import OFFERED_KINDS, TABLES
-from trcvtui.tui.completion import SCREEN
+from trcvtui.tui.completion import SCREEN_COMMANDS
 
 PAGE: Final = Path(__file__).parent / "bench-commands.md"
 Row = tuple[str, str]  # example lines, each in back ticks, and what they do
@@ -298,7 +298,9 @@ def missing() -> list[str]:
     """Return what the program takes and no example shows."""
     lines = examples()
     of_peers = {line.split()[2] for line in lines if line.startswith("peer ")}
-    lacking = [verb for verb in (*COMMANDS, *SCREEN) if not any(line.startswith(verb) for line in lines)]
+    lacking = [
+        verb for verb in (*COMMANDS, *SCREEN_COMMANDS) if not any(line.startswith(verb) for line in lines)
+    ]
     return [*lacking, *(f"peer P1 {verb}" for verb in PEER_VERBS if verb not in of_peers)]
 
 

@@ -10,7 +10,7 @@ from textual.binding import Binding
 
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.widgets.help import SECTIONS, SIGNS, TIME_LINE, KeyTable
+from trcvtui.tui.widgets.help import HELP_SECTIONS, SIGNS, TIME_LINE_KEYS, KeyTable
 from trcvtui.tui.widgets.theme import OWN_THEMES, THEMES
 
 PAGE: Final = Path(__file__).parent / "keys.md"
@@ -57,7 +57,10 @@ def page() -> str:
 
 
 def _tables() -> Iterator[str]:
-    sections = [*((title, table) for title, _, table in SECTIONS), ("Time line of a recording", TIME_LINE)]
+    sections = [
+        *((title, table) for title, _, table in HELP_SECTIONS),
+        ("Time line of a recording", TIME_LINE_KEYS),
+    ]
     for title, table in sections:
         yield from _table(title, "key", table)
     yield from _table("Signs", "sign", SIGNS)

@@ -60,7 +60,7 @@ class GuideLooker(Looker):
         if isinstance(self.app._engine, LocalDriver):
             self.app._engine.scan(SCANS_A_LOOK)
         for _ in range(3):
-            self.app._frame()
+            self.app._refresh_picture()
             await self.pilot.pause()
 
     async def see(self, words: str) -> None:

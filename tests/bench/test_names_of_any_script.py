@@ -10,7 +10,7 @@ from tests.engine.test_project_save import driven, say
 from trcvtui.cli.main import main
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.file import load_project
-from trcvtui.tui.formatting import cells, pad, squeeze
+from trcvtui.tui.formatting import clip_middle, measure, pad
 
 TYPES = "TYPE Gerät : STRUCT Größe : INT; 重量 : REAL; कि : INT; END_STRUCT END_TYPE\n"
 BENCH = """
@@ -115,5 +115,5 @@ def test_of_more_than_ten_mistakes_the_rest_are_counted() -> None:
     "name", ["设备设备设备设备", "Förderband_der_Halle", "कि_प्राप्ति_कि_प्राप्ति", "TRCV_C_1"]
 )
 def test_a_squeezed_name_fills_its_column(name: str) -> None:
-    assert cells(squeeze(name, 11)) <= 11
-    assert cells(pad(squeeze(name, 11), 11)) == 11
+    assert measure(clip_middle(name, 11)) <= 11
+    assert measure(pad(clip_middle(name, 11), 11)) == 11

@@ -14,8 +14,8 @@ from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
-from trcvtui.tui.forms.fields import line_of
-from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.forms.fields import make_add
+from trcvtui.tui.view_model.validity import find_mistake
 
 
 def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> LocalDriver:
@@ -71,8 +71,8 @@ def test_a_second_instance_has_a_connect_and_data_of_its_own(tmp_path: Path, dia
     project = bench.bench.project
     for block in project.dialect.blocks:
         fields = {each.key: each.first for each in fields_of("instance", project, block)}
-        line = line_of("instance", propose_name("instance", project, block), fields, project)
-        assert fault_of(line, project) == ""
+        line = make_add("instance", propose_name("instance", project, block), fields, project)
+        assert find_mistake(line, project) == ""
         assert fields.get("connect", "new") == ("C1" if block in SHARED else "" if "TU" in block else "new")
         assert {fields.get(key) or "new" for key in ("data", "config", "addr", "RxBuffer", "TxBuffer")} == {
             "new"
@@ -103,7 +103,7 @@ def test_new_makes_that_one_part_and_what_a_block_has_not_is_refused(tmp_path: P
         "TSEND_C connect=C1 data=new LocalPort=2100",
         "USEND_C connect=new",
     ):
-        assert fault_of(f"add instance X block={line}", bench.bench.project)
+        assert find_mistake(f"add instance X block={line}", bench.bench.project)
 
 
 def test_on_real_sockets_a_port_that_somebody_has_is_not_taken(tmp_path: Path) -> None:

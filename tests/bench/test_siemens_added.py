@@ -15,7 +15,7 @@ from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.file import load_project
 from trcvtui.project.keys import OFFERED_KINDS as KINDS
 from trcvtui.project.project import Project
-from trcvtui.tui.forms.fields import line_of
+from trcvtui.tui.forms.fields import make_add
 
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (
@@ -118,7 +118,7 @@ def test_the_form_offers_a_connection_what_its_dialect_takes(dialect: str, tmp_p
     for kind in KINDS:
         if kind in ("connect", "addr", "peer"):
             first = {field.key: field.first for field in fields_of(kind, project)}
-            saved(file, (line_of(kind, propose_name(kind, load_project(file)), first, project),))
+            saved(file, (make_add(kind, propose_name(kind, load_project(file)), first, project),))
 
 
 @pytest.mark.parametrize("written", ["E002", '"E0 02"'])

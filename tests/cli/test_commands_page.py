@@ -17,7 +17,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.widgets.help import SECTIONS
+from trcvtui.tui.widgets.help import HELP_SECTIONS
 from trcvtui.tui.widgets.theme import THEMES
 
 MADE = {
@@ -102,7 +102,7 @@ def test_a_cell_has_at_most_200_characters(name: str) -> None:
 
 def test_every_action_with_its_key_and_every_theme_stands_in_the_page_of_keys() -> None:
     page = written("keys")
-    in_the_help = {key for _, _, table in SECTIONS for shown, _ in table for key in shown.split(" or ")}
+    in_the_help = {key for _, _, table in HELP_SECTIONS for shown, _ in table for key in shown.split(" or ")}
     for binding in (*BenchApp.BINDINGS, *MainScreen.BINDINGS):
         if isinstance(binding, Binding) and binding.id:
             keys = ", ".join(f"`{key}`" for key in binding.key.split(","))

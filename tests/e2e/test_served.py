@@ -30,11 +30,11 @@ from trcvtui.picture.protocol import MOST_TABS
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.served import (
     MOST_CELLS,
-    MOST_TYPED,
-    Entrance,
+    MOST_TYPED_CHARACTERS,
+    AccessControl,
     application,
     command_line,
-    listening,
+    open_listener,
     refuse_root,
 )
 
@@ -141,8 +141,8 @@ async def answering(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Any,
         return started[-1]
 
     monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
-    door = listening(0)
-    entrance = Entrance(door.getsockname()[1])
+    door = open_listener(0)
+    entrance = AccessControl(door.getsockname()[1])
     runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it", lambda: ""))
     await runner.setup()
     try:
@@ -192,7 +192,7 @@ async def test_what_no_page_of_ours_sends_is_left_out_and_no_screen_has_a_sensel
     wrong = ("no JSON", "{}", "[]", "7", "[" * 9999, '["stdin"]', '["stdin", 5]', '["resize", null]', "[[]]")
     async with answering(monkeypatch) as (connect, environments):
         page = await connect("?width=99999999&height=-5")
-        for text in (*wrong, json.dumps(["stdin", "x" * (MOST_TYPED + 1)])):
+        for text in (*wrong, json.dumps(["stdin", "x" * (MOST_TYPED_CHARACTERS + 1)])):
             await page.send_str(text)
         await page.send_bytes(b"\xff")
         for width, height in ((120, 30), (10**9, "x"), (0, float("nan"))):

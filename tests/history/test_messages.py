@@ -25,7 +25,7 @@ def talking() -> tuple[Generator, MessageRows]:
 def crossed(rows: NewestRows, known: KnownMessages, until: int = MAX_SCAN) -> int:
     """Let the screen ask until nothing is new; return how many pictures that took."""
     for pictures in range(1, 1000):
-        known.take(rows.make_delta(*known.asked("X"), until), until)
+        known.accept_rows(rows.make_delta(*known.make_request("X"), until), until)
         if not known.is_behind:
             return pictures
     raise AssertionError("never here")
@@ -155,7 +155,7 @@ def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in
     for _ in range(100):
         for number in islice(numbers, 2 * messages.ROWS_A_PICTURE):
             rows.add_row("X", number, number, number, 1, "C", [(rings.open_ring("C").append(b"1"), 1)], "", 1)
-        known.take(rows.make_delta(*known.asked("X")), MAX_SCAN)
+        known.accept_rows(rows.make_delta(*known.make_request("X")), MAX_SCAN)
         here.append(len(known.rows))
     assert (
         max(here[50:]) > messages.MOST_INSTANCE_ROWS // 3

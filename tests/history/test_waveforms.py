@@ -14,7 +14,7 @@ from tests.history.waveform_runs import RECEIVER, SENDER, Run, connected, random
 from trcvtui.history import waveform_recorder as waves
 from trcvtui.history.pin_waveform import POLL_NS, PinWaveform, Window
 from trcvtui.history.waveform_text import draw_row
-from trcvtui.tui.panes.timing import ZOOMS
+from trcvtui.tui.panes.timing import ZOOM_LEVELS
 
 SCANS = 10_000 if "TRCVTUI_SOAK" in os.environ else 2_500
 
@@ -33,7 +33,7 @@ def long_run(seed: int) -> Run:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("zoom", ZOOMS)
+@pytest.mark.parametrize("zoom", ZOOM_LEVELS)
 def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
     run = long_run(1)
     for pin, values in run.seen[RECEIVER].items():
@@ -51,7 +51,9 @@ def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
 
 @pytest.mark.slow
 @settings(max_examples=200, deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 1)), max_size=60), st.sampled_from(ZOOMS[:6]))
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 1)), max_size=60), st.sampled_from(ZOOM_LEVELS[:6])
+)
 def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[int, int]], zoom: int) -> None:
     growing, scan = PinWaveform(), 1
     for scans, value in steps:

@@ -27,7 +27,7 @@ from trcvtui.tui.widgets import line_view
 @pytest.fixture(autouse=True)
 def bars_that_go_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no scroll bar stay: how many pictures come while a test waits is chance."""
-    monkeypatch.setattr(line_view, "BAR_STAYS_S", 0.0)
+    monkeypatch.setattr(line_view, "BAR_KEPT_S", 0.0)
 
 
 @pytest.fixture(autouse=True)
@@ -49,9 +49,9 @@ def frames_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     tests open hundreds of screens.
     """
     monkeypatch.setattr(app, "FRAME_S", 0.5)
-    monkeypatch.setattr(app, "AT_WORK_S", 3600.0)  # no key asks for a picture of its own
-    monkeypatch.setattr(prompt, "MESSAGE_S", 3600.0)  # on a busy machine no message goes by itself
-    monkeypatch.setattr(terminal_app, "quiet_collector", lambda: None)
+    monkeypatch.setattr(app, "ACTIVE_S", 3600.0)  # no key asks for a picture of its own
+    monkeypatch.setattr(prompt, "MESSAGE_TIME_S", 3600.0)  # on a busy machine no message goes by itself
+    monkeypatch.setattr(terminal_app, "limit_garbage_collector", lambda: None)
 
 
 _parsed: dict[object, list[RuleSet]] = {}

@@ -29,7 +29,7 @@ UPDATE = "UPDATE_SNAPSHOTS"  # UPDATE_SNAPSHOTS=1 writes the pictures anew: look
 async def follow(app: BenchApp, pilot: Pilot[None]) -> None:
     for _ in range(FRAMES_TO_FOLLOW):
         await pilot.pause()
-        app._frame()
+        app._refresh_picture()
     await pilot.pause()
 
 
@@ -55,13 +55,13 @@ class Looker:
     async def show(self, *pictures: BenchUpdate) -> None:
         self.driver.waiting.extend(pictures)
         while self.driver.waiting:
-            self.app._frame()
+            self.app._refresh_picture()
             await self.pilot.pause()
         await self.settle()
 
     async def settle(self) -> None:
         await self.pilot.pause()
-        self.app._frame()
+        self.app._refresh_picture()
         await self.pilot.pause()
 
     @property

@@ -59,7 +59,7 @@ class BenchLooker(Looker):
         for _ in range(MOST_PAUSES):
             if len(self.driver.requests) >= wanted:
                 break
-            self.app._frame()
+            self.app._refresh_picture()
             await self.pilot.pause()
         assert len(self.driver.requests) >= wanted, "the screen asks no more"
         await self.settle()
@@ -74,7 +74,7 @@ class LocalLooker(Looker):
         for _ in range(2):
             before = self.app.view_model.live
             while self.app.view_model.live is before:
-                self.app._frame()
+                self.app._refresh_picture()
                 await self.pilot.pause()
         await self.settle()
 

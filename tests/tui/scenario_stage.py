@@ -26,6 +26,6 @@ async def scenarios(size: tuple[int, int] = WIDE) -> AsyncIterator[ScenarioStage
         await stage.press("S")
         screen = stage.app.scenarios
         while screen is not None and not screen._model.is_read:  # which a timer does, a few files at a time
-            screen._read_some()
+            screen._read_next_files()
         await stage.press()
         yield stage

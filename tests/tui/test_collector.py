@@ -31,7 +31,7 @@ def generations() -> Iterator[list[int]]:
 
 
 async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_S", 3600.0)  # the test says when it is
+    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_INTERVAL_S", 3600.0)  # the test says when it is
     async with on_a_bench() as screen:
         gc.collect()  # the tests before have counted, too: their next collection may be one of older objects
         with generations() as seen:
@@ -46,7 +46,7 @@ async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pyt
 async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_S", 3600.0)
+    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_INTERVAL_S", 3600.0)
     async with on_a_bench() as screen:
         app = screen.app
         await screen.press(*KEYS)

@@ -17,16 +17,16 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui import clipboard_and_files as keepsake
-from trcvtui.tui.clipboard_and_files import keep, to_clipboard
-from trcvtui.tui.copy_formats import FORMATS, Subject, subject_of
+from trcvtui.tui.clipboard_and_files import copy_by_program, save_text
+from trcvtui.tui.copy_formats import FORMATS, CopySource, make_copy_source
 
 
-def subject(content: bytes = TELEGRAM) -> Subject:
+def subject(content: bytes = TELEGRAM) -> CopySource:
     project = bench_project()
-    return Subject(project, content, project.data_decl("rx"), story())
+    return CopySource(project, content, project.data_decl("rx"), story())
 
 
-def written(letter: str, of: Subject) -> str:
+def written(letter: str, of: CopySource) -> str:
     return next(form for form in FORMATS if form.letter == letter).write(of)
 
 
@@ -149,7 +149,7 @@ async def test_a_job_of_the_past_is_yanked_and_named(state: Path, pane: str, let
         await looker.press(pane, "y")
         assert "Yank · job 1, 24 bytes" in looker.text
         view_model = looker.app.view_model
-        past = subject_of(view_model, False, False, ("TRCV_C_1", 1, JOBS[0]))
+        past = make_copy_source(view_model, False, False, ("TRCV_C_1", 1, JOBS[0]))
         past = replace(past, message=JOBS[0] if pane == "5" else b"")
         assert view_model.data == JOBS[1], "what DATA holds now is another message"
         assert await _yanked(looker, letter) == written(letter, past)
@@ -180,7 +180,7 @@ async def test_of_the_past_dropped_bytes_are_yanked_and_those_that_were_never_re
 async def test_another_job_of_a_connect_is_named_with_its_instance() -> None:
     async with on_a_bench(WIDE) as looker:
         await two_jobs(looker)
-        other = subject_of(looker.app.view_model, False, False, ("TRCV_C_2", 7, JOBS[0]))
+        other = make_copy_source(looker.app.view_model, False, False, ("TRCV_C_2", 7, JOBS[0]))
         assert (other.title, other.declared) == ("TRCV_C_2 job 7, 24 bytes", None)
 
 
@@ -206,7 +206,7 @@ async def test_the_jobs_bytes_are_yanked_from_the_job(state: Path) -> None:
 
 def test_files_are_new_ones_and_bounded(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(keepsake, "MOST_FILES", 3)
-    kept = [keep(str(number), "yank", ".txt") for number in range(5)]
+    kept = [save_text(str(number), "yank", ".txt") for number in range(5)]
     folder = kept[0].parent
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert {path.read_text() for path in folder.iterdir()} == {"2", "3", "4"}
@@ -222,7 +222,7 @@ def test_a_clipboard_program_gets_the_text_as_it_is(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("DISPLAY", ":0")
-    assert to_clipboard("$(rm x); ä\n") == "xclip"
+    assert copy_by_program("$(rm x); ä\n") == "xclip"
     assert (tmp_path / "clipboard").read_text(encoding="utf-8") == "$(rm x); ä\n"
 
 
@@ -234,10 +234,10 @@ def test_a_clipboard_program_that_hangs_or_fails_is_left(
         program.write_text(f"#!/bin/sh\n{script}\n")
         program.chmod(0o700)
     monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setattr(keepsake, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(keepsake, "CLIPBOARD_TIMEOUT_S", 0.1)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("DISPLAY", ":0")
-    assert to_clipboard("x") == ""
+    assert copy_by_program("x") == ""
 
 
 # -- picture, mark ---------------------------------------------------------------------------------------

@@ -175,7 +175,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
         rows = [screen.list.row_at(y) for y in range(screen.list.row_count())]
         assert max(sum(len(text) for text, _ in each.parts) for each in rows) <= screen.list.line_width
         await newcomer.press("down")
-        assert screen.list.chosen == short
+        assert screen.list.chosen_finding == short
         await newcomer.press("pagedown")
         assert screen.list.scroll_offset.y == max(0, len(rows) - screen.list.size.height)
         await newcomer.press("a")
@@ -183,7 +183,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
     seen = replace(seen, findings=())
     async with card(FixedJudge(), size) as (newcomer, screen):
         assert read(newcomer).startswith("healthy: 1 conversation") and "── remarks" in read(newcomer)
-        assert screen.list.chosen is None
+        assert screen.list.chosen_finding is None
 
 
 async def test_a_run_that_nobody_keeps_says_so() -> None:

@@ -39,7 +39,7 @@ async def test_each_key_of_the_peer_pane_says_that_there_is_no_peer(tmp_path: Pa
         await follow(app, pilot)
         await pilot.press("7")
         for key in "scfrhzuleadbimoxwp":
-            app.main.prompt.complain("nothing yet")
+            app.main.prompt.show_error("nothing yet")
             await pilot.press(key)
             await follow(app, pilot)
             assert "✗ no peer: A adds one" in screen_text(app), key
@@ -118,10 +118,10 @@ async def test_keys_typed_before_anything_is_there_are_obeyed_in_order() -> None
 async def test_a_row_that_changes_and_changes_back_before_it_is_painted_stands_as_it_is() -> None:
     async with looking(WIDE) as looker:
         prompt = looker.app.main.prompt
-        prompt.complain("so it is")
+        prompt.show_error("so it is")
         await looker.pilot.pause()
         assert "so it is" in looker.text
-        prompt.complain("so it was for no time")
-        prompt.complain("so it is")
+        prompt.show_error("so it was for no time")
+        prompt.show_error("so it is")
         await looker.pilot.pause()
         assert "so it is" in looker.text and "for no time" not in looker.text

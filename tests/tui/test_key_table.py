@@ -15,7 +15,7 @@ from tests.tui.looking import SMALL
 from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
 from trcvtui.tui.panes.timing import Timing
-from trcvtui.tui.widgets.help import FEED, PEER_ACTS, SECTIONS, KeyTable
+from trcvtui.tui.widgets.help import FEED_KEYS, HELP_SECTIONS, PEER_COMMAND_KEYS, KeyTable
 from trcvtui.tui.widgets.line_view import MOVES
 
 TRCV_C, FRAMER = Path(__file__).parent / "bench.toml", CONFIGS / "twincat-line.toml"
@@ -67,7 +67,7 @@ def tokens(table: KeyTable) -> set[str]:
 async def test_a_letter_writes_to_the_plc_in_panes_1_to_3_and_to_the_peer_in_pane_7_alone(
     path: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Timing, "write", lambda *_: (Path("w"), 0))
+    monkeypatch.setattr(Timing, "write_vcd", lambda *_: (Path("w"), 0))
     async with on_stage(KeyBench, load_project(path), SMALL) as bench:
         sent: list[str] = []
         submit, prompt = bench.driver.submit, bench.app.main.prompt
@@ -79,7 +79,11 @@ async def test_a_letter_writes_to_the_plc_in_panes_1_to_3_and_to_the_peer_in_pan
         monkeypatch.setattr(bench.driver, "submit", keep)
         await bench.scan(3)
         pins = {pin.letter: pin for pin in bench.app.main.block.drawing().inputs if pin.letter}
-        acts = tokens(PEER_ACTS if bench.app.view_model.project.peers else FEED) if place == "7" else set()
+        acts = (
+            tokens(PEER_COMMAND_KEYS if bench.app.view_model.project.peers else FEED_KEYS)
+            if place == "7"
+            else set()
+        )
         for key in sorted({*ascii_lowercase, "N", "H", "D"} - {"q"}):
             await bench.go(place)
             before, own = bench.inputs, bench.own_keys
@@ -104,7 +108,7 @@ async def test_a_letter_writes_to_the_plc_in_panes_1_to_3_and_to_the_peer_in_pan
 
 @pytest.mark.parametrize("path", [TRCV_C, FRAMER], ids=["peers", "line"])
 async def test_the_table_names_each_key_that_a_pane_has_and_no_other(path: Path) -> None:
-    tables = {title: tokens(table) for title, _, table in SECTIONS}
+    tables = {title: tokens(table) for title, _, table in HELP_SECTIONS}
     async with on_stage(KeyBench, load_project(path), SMALL) as bench:
         await bench.scan(3)
         for place, title in SECTION_OF.items():

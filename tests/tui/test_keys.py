@@ -12,7 +12,7 @@ from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.prompt import MESSAGE_S, EchoLine
+from trcvtui.tui.prompt import MESSAGE_TIME_S, EchoLine
 
 
 async def test_a_click_opens_a_tab() -> None:
@@ -103,7 +103,7 @@ def ending(echo: EchoLine) -> Any:
 
 
 async def test_a_message_goes_after_ten_seconds_but_not_that_of_an_ended_engine() -> None:
-    assert MESSAGE_S == 10.0
+    assert MESSAGE_TIME_S == 10.0
     async with looking(SMALL) as looker:
         await looker.press("K")
         echo = looker.app.main.prompt._echo
@@ -212,7 +212,7 @@ async def test_keys_wait_for_an_engine_that_starts_and_q_alone_does_not() -> Non
 
 async def test_a_picture_may_come_before_the_panes_stand() -> None:
     app = BenchApp(FakeDriver(), bench_project())
-    app.view_model.take(picture())
+    app.view_model.accept_picture(picture())
     app.main.peer.show()
     assert not app.main.peer.is_attached
 

@@ -37,8 +37,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
     monkeypatch.setattr(app.BenchApp, "set_interval", lambda *_: None)  # no frame but those of this clock
     monkeypatch.setattr(app, "FRAME_S", 0.05)
-    monkeypatch.setattr(app, "AT_WORK_S", 1.0)
-    monkeypatch.setattr(line_view, "BAR_STAYS_S", 5.0)
+    monkeypatch.setattr(app, "ACTIVE_S", 1.0)
+    monkeypatch.setattr(line_view, "BAR_KEPT_S", 5.0)
     for module in (app, line_view):
         monkeypatch.setattr(module, "monotonic", lambda: clock.now)
     return clock
@@ -72,7 +72,7 @@ async def test_a_line_that_waits_for_its_answer_and_what_is_no_bench_have_20_a_s
         assert clock.pictures(looker, 4) == 32
         for kernel in ("tap", "replay", "capture"):
             looker.driver.waiting.append(replace(picture(), kernel=kernel))
-            looker.app._frame()
+            looker.app._refresh_picture()
             assert clock.pictures(looker, 4, kernel=kernel) == 80
 
 

@@ -42,8 +42,8 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
 ) -> None:
     kept: list[object] = []
     monkeypatch.setattr(keepsake, "write_file", lambda *what, **how: kept.append(what))
-    monkeypatch.setattr(keepsake, "to_clipboard", kept.append)
-    monkeypatch.setattr(clipboard_and_files, "to_clipboard", kept.append)
+    monkeypatch.setattr(keepsake, "copy_by_program", kept.append)
+    monkeypatch.setattr(clipboard_and_files, "copy_by_program", kept.append)
     monkeypatch.setattr(wave_files, "write_file", lambda *what, **how: kept.append(what))
     monkeypatch.setattr(files, "read_bytes", lambda *what: kept.append(what))
     async with looking(WIDE) as looker:
@@ -84,7 +84,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             app.submit(line)
             await looker.pilot.pause()
             await back(line)
-        assert app._say("set TRCV_C_1 CONT=1") is None, "no way into the engine but this list"
+        assert app._send_line("set TRCV_C_1 CONT=1") is None, "no way into the engine but this list"
         assert app.is_running
     assert kept == []
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.tui.looking import SMALL, Looker, looking
 from trcvtui import paths
-from trcvtui.tui.recent_projects import FILE, recent_projects, remember, run_line
+from trcvtui.tui.recent_projects import FILE, make_run_line, recent_projects, remember_project
 
 
 @pytest.fixture
@@ -23,8 +23,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_newest_ten_are_kept_each_once_and_never_the_demo(folder: Path, tmp_path: Path) -> None:
     assert recent_projects() == []
     for number in (*range(12), 5):
-        remember(tmp_path / f"{number}.toml")
-    remember(paths.demo_path())
+        remember_project(tmp_path / f"{number}.toml")
+    remember_project(paths.demo_path())
     names = [Path(each).stem for each in recent_projects()]
     assert names == ["5", "11", "10", "9", "8", "7", "6", "4", "3", "2"]
     assert os.listdir(folder) == [FILE], "nothing is left beside it"
@@ -49,7 +49,7 @@ async def entries(looker: Looker) -> dict[str, str]:
 async def test_a_broken_file_is_one_line_and_stays(folder: Path, content: bytes) -> None:
     folder.mkdir()
     (folder / FILE).write_bytes(content)
-    remember(Path("new.toml"))
+    remember_project(Path("new.toml"))
     assert (folder / FILE).read_bytes() == content
     async with looking(SMALL) as looker:
         (told,) = (await entries(looker)).values()
@@ -59,7 +59,7 @@ async def test_a_broken_file_is_one_line_and_stays(folder: Path, content: bytes)
 
 def test_a_state_folder_that_cannot_be_written_breaks_nothing(folder: Path) -> None:
     folder.write_text("a file", encoding="utf-8")
-    remember(Path("new.toml"))
+    remember_project(Path("new.toml"))
     assert folder.read_text(encoding="utf-8") == "a file"
 
 
@@ -67,9 +67,9 @@ def test_a_state_folder_that_cannot_be_written_breaks_nothing(folder: Path) -> N
     "name", ["plain.toml", "two words.toml", "it's \x1b[31m[red]\n\\1.toml", "\udcff\u202e.toml"]
 )
 async def test_the_line_is_one_word_of_a_shell_and_its_escape_codes_are_data(folder: Path, name: str) -> None:
-    remember(Path("/tmp", name))
+    remember_project(Path("/tmp", name))
     (path,) = recent_projects()
-    line = run_line(path)
+    line = make_run_line(path)
     assert line.isprintable()
     said = subprocess.run(
         ["bash", "-c", line.replace("trcvtui run", "printf %s")], capture_output=True, check=True
@@ -84,7 +84,7 @@ async def test_the_line_is_one_word_of_a_shell_and_its_escape_codes_are_data(fol
 
 
 async def test_a_read_only_screen_offers_none(folder: Path) -> None:
-    remember(Path("a.toml"))
+    remember_project(Path("a.toml"))
     assert json.loads((folder / FILE).read_text(encoding="utf-8")) == [os.path.abspath("a.toml")]
     async with looking(SMALL) as looker:
         looker.app.only_looks = True

@@ -22,9 +22,9 @@ from trcvtui.snapshots.replay import ReplayPosition
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import MessageChosen
-from trcvtui.tui.replay import ReplayScreen, bar
-from trcvtui.tui.settings import FIXED
-from trcvtui.tui.widgets.help import LETTERS, TAKEN
+from trcvtui.tui.replay import ReplayScreen, position_bar
+from trcvtui.tui.settings import FIXED_KEYS
+from trcvtui.tui.widgets.help import LETTERS, RESERVED
 
 MIDDLE = (100, 30)
 MARK = "a recording cannot be changed"
@@ -60,7 +60,7 @@ class ReplayLooker(Looker):
     async def go(self, *keys: str) -> None:
         await self.press(*keys)
         for _ in range(3):
-            self.app._frame()
+            self.app._refresh_picture()
             await self.pilot.pause()
 
     @property
@@ -146,12 +146,12 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
             ("D", rows[5], rows[5].scan), ("down", rows[6], rows[6].scan), ("left", rows[5], rows[6].scan - 1)
         ):  # fmt: skip
             await looker.go(keys)
-            assert (table.chosen(), looker.scan) == (row, scan), keys
+            assert (table.find_chosen_row(), looker.scan) == (row, scan), keys
         await looker.go("9", "home")
         await looker.go("5", "up")
-        assert (table.chosen(), looker.scan) == (None, 1), "all are still to come"
+        assert (table.find_chosen_row(), looker.scan) == (None, 1), "all are still to come"
         known.share = 0.4
-        assert "reading … 40%" in table.words()
+        assert "reading … 40%" in table.describe_rows()
         await looker.go("D", "9")
         for keys, has_sparks in (("home", False), ("end", True)):
             await looker.go(keys)
@@ -244,9 +244,9 @@ def _keys(bindings: Iterable[BindingType]) -> set[str]:
 def test_the_keys_of_a_replay_are_no_keys_of_the_bench() -> None:
     own = _keys(ReplayScreen.BINDINGS)
     taken = _keys((*MainScreen.BINDINGS, *BenchApp.BINDINGS))
-    pins = {letter for keys, _ in LETTERS for letter in keys.split()} - TAKEN
+    pins = {letter for keys, _ in LETTERS for letter in keys.split()} - RESERVED
     assert not own & (taken | pins)
-    assert own & FIXED <= {"left", "right", "9"}
+    assert own & FIXED_KEYS <= {"left", "right", "9"}
 
 
 @pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: f"{size[0]}x{size[1]}")
@@ -262,11 +262,11 @@ def test_the_bar_has_the_width_and_each_error_at_any_width() -> None:
     marks = bytearray(1000)
     marks[0] = marks[500] = marks[999] = 1
     for width in (1, 7, 78, 400, 2000):
-        drawn = bar(ReplayPosition(2, 3, 0, 0, True, 2, "1x", 3, bytes(marks)), width)
+        drawn = position_bar(ReplayPosition(2, 3, 0, 0, True, 2, "1x", 3, bytes(marks)), width)
         assert len(drawn) == width and drawn.count("█") == 1
         if width > 7:
             assert drawn[0] == drawn[-1] == "!" and "!" in drawn[1:-1]
-    assert bar(ReplayPosition(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"
+    assert position_bar(ReplayPosition(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"
 
 
 async def test_both_runs_are_seen_on_a_small_terminal(tmp_path: Path) -> None:

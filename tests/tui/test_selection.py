@@ -15,7 +15,7 @@ from trcvtui.tui import clipboard_and_files
 @pytest.fixture(autouse=True)
 def programs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     given: list[str] = []
-    monkeypatch.setattr(clipboard_and_files, "to_clipboard", given.append)
+    monkeypatch.setattr(clipboard_and_files, "copy_by_program", given.append)
     return given
 
 
@@ -105,7 +105,7 @@ async def test_ctrl_c_ends_nothing(keys: tuple[str, ...]) -> None:
 async def test_a_place_that_is_asked_for_before_a_repaint_does_not_lose_it() -> None:
     async with looking(WIDE) as looker:
         project = replace(bench_project(), model="T9")
-        looker.app.view_model.take(replace(picture(), project=project, project_number=1))
+        looker.app.view_model.accept_picture(replace(picture(), project=project, project_number=1))
         looker.app.screen.get_widget_and_offset_at(9, 0)  # as the mouse does, between picture and paint
         looker.app.main.header.show()
         await looker.settle()

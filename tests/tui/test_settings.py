@@ -14,10 +14,10 @@ from trcvtui.cli.main import main
 from trcvtui.cli.options import THEME_NAMES
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.formatting import cells, clip, pad, wrapped
+from trcvtui.tui.formatting import clip, measure, pad, wrap_text
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import ScreenSettings, load_settings
-from trcvtui.tui.widgets.line_view import ruled
+from trcvtui.tui.widgets.line_view import rule
 from trcvtui.tui.widgets.theme import THEMES
 
 LARGE = (200, 60)
@@ -222,7 +222,7 @@ async def test_the_palette_changes_the_look() -> None:
 )
 def test_a_cut_counts_columns_not_characters(text: str, width: int, shown: str) -> None:
     assert clip(text, width) == shown
-    assert cells(clip(text, width)) <= width
+    assert measure(clip(text, width)) <= width
 
 
 def test_padding_counts_columns() -> None:
@@ -232,12 +232,12 @@ def test_padding_counts_columns() -> None:
 
 
 def test_a_text_without_blanks_is_broken_where_the_columns_end() -> None:
-    assert wrapped("连接被对方关闭 ok", 9) == ("连接被对", "方关闭 ok")
-    assert all(cells(line) <= 9 for line in wrapped("a连接 被对方关闭了吗 🙂🙂🙂🙂🙂🙂", 9))
+    assert wrap_text("连接被对方关闭 ok", 9) == ("连接被对", "方关闭 ok")
+    assert all(measure(line) <= 9 for line in wrap_text("a连接 被对方关闭了吗 🙂🙂🙂🙂🙂🙂", 9))
 
 
 def test_a_rule_ends_where_the_line_ends() -> None:
-    assert sum(cells(text) for text, _ in ruled(20, ("测量值 ", "")).parts) == 20
+    assert sum(measure(text) for text, _ in rule(20, ("测量值 ", "")).parts) == 20
 
 
 @SIZES

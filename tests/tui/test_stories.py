@@ -70,12 +70,12 @@ async def test_a_look_back_at_where_en_r_fell_touches_no_input_and_goes_from_hit
         scans = []
         for key in ("", "n", "n", "N", "exclamation_mark"):
             await newcomer.press(*[key] * bool(key))
-            chosen = newcomer.app.main.history.chosen()
+            chosen = newcomer.app.main.history.find_chosen_line()
             scans.append(chosen.scan if chosen is not None else None)
         assert scans[::2][:2] == [672, 672] and scans[1] == scans[3] and (scans[1] or 672) < 672
         assert "no ERROR" in newcomer.text
         await newcomer.press("escape", "n")
-        assert newcomer.app.main.history.chosen() is None, "without a code n looks for an ERROR"
+        assert newcomer.app.main.history.find_chosen_line() is None, "without a code n looks for an ERROR"
         assert sent == [] and inputs == [instance.inputs for instance in newcomer.app.view_model.instances]
 
 

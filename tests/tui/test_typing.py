@@ -21,7 +21,7 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import ScenarioFiles
-from trcvtui.tui.copy_formats import YankScreen, subject_of
+from trcvtui.tui.copy_formats import YankScreen, make_copy_source
 from trcvtui.tui.curve import CurveScreen
 from trcvtui.tui.doctor import DoctorScreen
 from trcvtui.tui.fleet.app import FleetHelpScreen, FleetScreen
@@ -29,7 +29,7 @@ from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.fields import ProjectPart
-from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
+from trcvtui.tui.forms.messages import LibraryScreen, UdtForm, form_of
 from trcvtui.tui.framings import FramingScreen
 from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
@@ -41,11 +41,11 @@ from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
 from trcvtui.tui.widgets.dialogs import (
     ChoiceScreen,
-    CutScreen,
     Dialog,
     FieldsDialog,
     FormDialog,
     ListDialog,
+    QuitTapScreen,
     ResultScreen,
 )
 from trcvtui.tui.widgets.help import HelpScreen
@@ -93,12 +93,12 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     ),
     UdtForm: udt_form,
     ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
-    MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.view_model.project),
+    LibraryScreen: lambda looker: LibraryScreen("P1", looker.app.view_model.project),
     ResultScreen: lambda looker: ResultScreen("trial", "Every split", "", lambda width: []),
     ProblemsScreen: lambda looker: ProblemsScreen(["one"]),
-    CutScreen: lambda looker: CutScreen("2 connections"),
+    QuitTapScreen: lambda looker: QuitTapScreen("2 connections"),
     ChoiceScreen: lambda looker: ChoiceScreen("Types", [("abd", ""), ("xyz", "")], ""),
-    YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, False), "h"),
+    YankScreen: lambda looker: YankScreen(make_copy_source(looker.app.view_model, False, False), "h"),
     HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),
     DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
     DoctorScreen: lambda looker: DoctorScreen(looker.app.view_model),

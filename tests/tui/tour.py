@@ -123,7 +123,7 @@ class Tour:
             if self.app.scenarios is not None:
                 await self._pilot.pause()  # a pane that opens has to find its size before it scrolls
                 self._driver.scan(20)
-            self.app._frame()
+            self.app._refresh_picture()
         await self._pilot._wait_for_screen()
         self.app.screen._on_timer_update()
 

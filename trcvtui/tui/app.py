@@ -23,12 +23,12 @@ from trcvtui.picture.protocol import READ_ONLY, Driver, EngineStopped, reads_onl
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
-from trcvtui.tui.main import SCENARIOS, MainScreen
+from trcvtui.tui.main import SCENARIOS_LINE, MainScreen
 from trcvtui.tui.messages import CurveWanted
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import CutScreen
+from trcvtui.tui.widgets.dialogs import QuitTapScreen
 from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.wording import count
 
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 
 FRAME_S: Final = 1 / 20
 REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
-AT_WORK_S: Final = 1.0  # after one of these
-MOST_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
-ENGINE_ENDED: Final = 1
-LEFT: Final = 3  # of the process of a tap's screen: the tap goes on
+ACTIVE_S: Final = 1.0  # after one of these
+MOST_ADD_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
+ENGINE_ENDED_EXIT: Final = 1
+DETACHED_EXIT: Final = 3  # of the process of a tap's screen: the tap goes on
 
 
 # What a read-only screen may do: this and `reads_only`, and nothing else. A new command or screen is refused
@@ -109,25 +109,25 @@ class BenchApp(TerminalApp):
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
         # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
-        self.begin()
+        self.start_terminal()
         self.push_screen(self.main)
-        self._frame()
+        self._refresh_picture()
         self.set_interval(FRAME_S, self._tick)
-        self.call_after_refresh(self.stand)
+        self.call_after_refresh(self.finish_start)
 
-    async def prepare(self) -> None:
-        await self.main.prepare()
+    async def mount_fields(self) -> None:
+        await self.main.mount_fields()
 
-    def tell_first(self) -> None:
+    def show_start_message(self) -> None:
         if self.remembers:
-            from trcvtui.tui.recent_projects import remember  # after the first frame
+            from trcvtui.tui.recent_projects import remember_project  # after the first frame
 
-            self.run_worker(to_thread(remember, self._home))
+            self.run_worker(to_thread(remember_project, self._home))
         if self.only_looks:
-            self.main.prompt.tell("read-only: this screen looks, it commands nothing")
+            self.main.prompt.inform("read-only: this screen looks, it commands nothing")
         if self.problems:
             first, *more = self.problems
-            self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
+            self.main.prompt.show_error(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
 
     def end_children(self, is_dead: bool) -> None:
         if is_dead:
@@ -139,7 +139,7 @@ class BenchApp(TerminalApp):
         """Show a picture that has come; ask for the next one at the pace of the eye."""
         now = monotonic()
         is_due = now >= self._due_at or self._is_at_work(now)
-        self._frame(is_due)
+        self._refresh_picture(is_due)
         if is_due and self.view_model.live is not self._before:
             self._before = self.view_model.live
             self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # on average
@@ -147,8 +147,8 @@ class BenchApp(TerminalApp):
     def _is_at_work(self, now: float) -> bool:
         """Return whether each frame asks for a picture; only the panes of a bench come to rest."""
         may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
-        is_slow = self.main.prompt.waits or self.view_model.known_messages.is_behind
-        return now < self._worked_at + AT_WORK_S or not may_rest or is_slow
+        is_slow = self.main.prompt.is_waiting or self.view_model.known_messages.is_behind
+        return now < self._worked_at + ACTIVE_S or not may_rest or is_slow
 
     @property
     def _is_on_a_bench(self) -> bool:
@@ -160,17 +160,17 @@ class BenchApp(TerminalApp):
         await super().on_event(event)
         if isinstance(event, events.Key | events.Paste | events.MouseEvent):
             if not self._is_at_work(monotonic()):
-                self.call_later(self._frame)
+                self.call_later(self._refresh_picture)
             self._worked_at = monotonic()
 
-    def _frame(self, asks: bool = True) -> None:
+    def _refresh_picture(self, asks: bool = True) -> None:
         if self.last_words:
             return
         try:
             picture = self._engine.poll_picture()
             before, unsaved = self.view_model.bench, self.view_model.unsaved
             if picture is not None:
-                self.view_model.take(picture)
+                self.view_model.accept_picture(picture)
                 self._edits += [answer.edit for answer in picture.answers if answer.edit]
             if unsaved and not self.view_model.unsaved:
                 self._edits = [line for line in self._edits if line.startswith(UNSAVED_COMMANDS)]
@@ -178,22 +178,22 @@ class BenchApp(TerminalApp):
                 self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
             if picture is not None:
                 if self._starts:
-                    self.main.prompt.tell(f"engine {self._engines} runs")
-                self._show(before)
-                self._select_added()
-                self._obey_again()
+                    self.main.prompt.inform(f"engine {self._engines} runs")
+                self._show_picture(before)
+                self._select_addition()
+                self._resume_keys()
         except EngineStopped as stopped:
             if stopped.ends_screen:
                 self.exit(return_code=1, message=str(stopped))
             else:
-                self._end(stopped)
+                self._handle_engine_end(stopped)
 
-    def _obey_again(self) -> None:
+    def _resume_keys(self) -> None:
         if self._starts:
             self._starts = False
-            self.call_after_refresh(self.obey_kept)
+            self.call_after_refresh(self.process_kept_keys)
 
-    def _show(self, before: int) -> None:
+    def _show_picture(self, before: int) -> None:
         if self.card is not None:
             self.card.show()
         above = self.scenarios or self.lab
@@ -202,7 +202,7 @@ class BenchApp(TerminalApp):
                 above.show()
         elif self.main.is_mounted:
             if self.view_model.bench != before:
-                self.main.begin_anew()
+                self.main.reset_bench()
             if len(self.screen_stack) > 1 and self.screen is not self.main:
                 self.main.show_soon()
             else:
@@ -211,22 +211,22 @@ class BenchApp(TerminalApp):
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; some are for this screen."""
         if self.only_looks and not reads_only(line):
-            self.main.prompt.did(line, "", READ_ONLY)
+            self.main.prompt.show_result(line, "", READ_ONLY)
             return
-        if self._is_replay and line == SCENARIOS:
+        if self._is_replay and line == SCENARIOS_LINE:
             self._refuse()
             return
         if is_for_lab(line):
             self._open_lab(line)
             return
-        if line == SCENARIOS:
+        if line == SCENARIOS_LINE:
             self._open_scenarios()
             return
-        if self.main.obeys(line):
+        if self.main.run_own_line(line):
             return
-        number = self._say(line)
+        number = self._send_line(line)
         if number is not None:
-            self.main.prompt.sent(line, number)
+            self.main.prompt.show_sent_line(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
         """Open a screen above the panes; a read-only one opens few, a replay none that changes something."""
@@ -245,9 +245,9 @@ class BenchApp(TerminalApp):
         text = READ_ONLY
         if self._is_replay:
             from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT as text
-        (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
+        (self.main.prompt.show_error if self.screen is self.main else self._notify)(text)
 
-    def _say(self, line: str) -> int | None:
+    def _send_line(self, line: str) -> int | None:
         if self.only_looks and not reads_only(line):
             self._refuse()
             return None
@@ -255,10 +255,10 @@ class BenchApp(TerminalApp):
             try:
                 return self._engine.submit(line)
             except EngineStopped as stopped:
-                self._end(stopped)
+                self._handle_engine_end(stopped)
         return None
 
-    def _end(self, stopped: EngineStopped) -> None:
+    def _handle_engine_end(self, stopped: EngineStopped) -> None:
         self.last_words = words = str(stopped).strip() or "the engine has ended"
         why = words.splitlines()[-1]
         if stopped.is_internal:
@@ -272,22 +272,22 @@ class BenchApp(TerminalApp):
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         anew = "" if self.only_looks else "R starts the engine anew, "
-        self.main.end(f"{why}; {'a new tab starts another, ' if self._engine.is_shared else anew}q quits")
-        self._select_added()
-        self._obey_again()
+        self.main.freeze(f"{why}; {'a new tab starts another, ' if self._engine.is_shared else anew}q quits")
+        self._select_addition()
+        self._resume_keys()
 
     def action_restart(self) -> None:
         """Record the run, or end its recording; after the engine has ended: start it anew."""
         if self.screen is not self.main:
             return
         if self.only_looks:
-            self.main.prompt.complain(READ_ONLY)
+            self.main.prompt.show_error(READ_ONLY)
             return
         picture = self.view_model.live
         is_recording = picture is not None and picture.is_recording
         if not self.last_words:
             text = f"R once more {'ends the recording' if is_recording else 'records the run'}, for all tabs"
-            if not self._engine.is_shared or self._is_meant("R", text):
+            if not self._engine.is_shared or self._is_confirmed("R", text):
                 self.submit("record stop" if is_recording else "record")
             return
         if self._engine.is_shared:
@@ -295,7 +295,7 @@ class BenchApp(TerminalApp):
             return
         self.last_words = ""
         self._engines, self._starts = self._engines + 1, True
-        self._keeps_keys = True  # until `obey_kept`
+        self._keeps_keys = True  # until `process_kept_keys`
         self._engine.restart()
         if picture is not None:
             self._again = ()
@@ -304,7 +304,7 @@ class BenchApp(TerminalApp):
         for line in self._again:
             self._engine.submit(line)
         self.view_model.restart()
-        self.main.restart()
+        self.main.show_restart()
 
     # -- scenarios ----------------------------------------------------------------------------------
 
@@ -317,18 +317,18 @@ class BenchApp(TerminalApp):
             player = self.view_model.picture.player if self.view_model.picture is not None else None
             loaded = Path(player.path) if player is not None else None
             model = ScenarioListModel(find_files(self._home), loaded or self._scenario)
-            self.scenarios = ScenariosScreen(self.view_model, self._say, model, loaded)
-            self.push_screen(self.scenarios, self._scenarios_left)
+            self.scenarios = ScenariosScreen(self.view_model, self._send_line, model, loaded)
+            self.push_screen(self.scenarios, self._handle_scenarios_closed)
 
-    def _scenarios_left(self, chosen: Path | None) -> None:
+    def _handle_scenarios_closed(self, chosen: Path | None) -> None:
         keeps = self.scenarios is not None and self.scenarios.keeps_the_play
         self.scenarios = None
         self._scenario = chosen or self._scenario
         if keeps:
-            self.main.begin_anew()
+            self.main.reset_bench()
         elif self.view_model.picture is not None and self.view_model.picture.player is not None:
-            self.view_model.leave()
-            self.main.begin_anew()
+            self.view_model.leave_scenario()
+            self.main.reset_bench()
         self.main.show()
 
     # -- the lab ------------------------------------------------------------------------------------
@@ -343,20 +343,20 @@ class BenchApp(TerminalApp):
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
         self._lab = self._lab or Lab(self.view_model)
-        self._lab.begin()
-        self.lab = LabScreen(self.view_model, self._lab, self._say)
-        self.push_screen(self.lab, self._lab_left)
+        self._lab.choose_source()
+        self.lab = LabScreen(self.view_model, self._lab, self._send_line)
+        self.push_screen(self.lab, self._handle_lab_closed)
         if line.split()[1:]:
-            self.call_later(self.lab.obey, line)
+            self.call_later(self.lab.run_line, line)
 
-    def _lab_left(self, nothing: None) -> None:
+    def _handle_lab_closed(self, nothing: None) -> None:
         self.lab = None
         self.main.show()
 
     async def action_press_from_afar(self, key: str, missing: str = "") -> None:
-        from trcvtui.tui.palette import press_from_afar  # read when first asked for
+        from trcvtui.tui.palette import press_other_pane_key  # read when first asked for
 
-        await press_from_afar(self.main, key, missing)
+        await press_other_pane_key(self.main, key, missing)
 
     def action_description(self) -> None:
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
@@ -366,9 +366,9 @@ class BenchApp(TerminalApp):
         configs = [each for each in self.view_model.project.connects if each.description is not None]
         instance = self.view_model.instance
         if configs and instance is not None:
-            self.push_screen(DescriptionScreen(configs, instance.connect, self.view_model.listening()))
+            self.push_screen(DescriptionScreen(configs, instance.connect, self.view_model.list_listen_ends()))
         else:
-            self.main.prompt.complain("no CONNECT of this project has a connection description")
+            self.main.prompt.show_error("no CONNECT of this project has a connection description")
 
     # -- frames -------------------------------------------------------------------------------------
 
@@ -383,12 +383,12 @@ class BenchApp(TerminalApp):
         if self.screen is not self.main or self.refuses():
             return
         if not self.view_model.project.combuffers:
-            self.main.prompt.complain("no ComBuffer in this project: framing advice looks at one's bytes")
+            self.main.prompt.show_error("no ComBuffer in this project: framing advice looks at one's bytes")
             return
         self.card = FramingScreen(self.view_model)
-        self.push_screen(self.card, self._framing_chosen)
+        self.push_screen(self.card, self._handle_framing_lines)
 
-    def _framing_chosen(self, lines: tuple[str, ...] | None) -> None:
+    def _handle_framing_lines(self, lines: tuple[str, ...] | None) -> None:
         self.card = None
         for line in lines or ():
             self.submit(line)
@@ -398,9 +398,9 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main and not self.refuses():
             self.card = DoctorScreen(self.view_model)
-            self.push_screen(self.card, self._card_left)
+            self.push_screen(self.card, self._handle_card_result)
 
-    def _card_left(self, place: EvidencePlace | None) -> None:
+    def _handle_card_result(self, place: EvidencePlace | None) -> None:
         self.card = None
         if place is not None and place.line:
             self.main.action_prompt(place.line)
@@ -412,7 +412,7 @@ class BenchApp(TerminalApp):
 
         if self.screen is self.main:
             self.card = CurveScreen(self.view_model, message.path)
-            self.push_screen(self.card, self._card_left)
+            self.push_screen(self.card, self._handle_card_result)
 
     # -- the project --------------------------------------------------------------------------------
 
@@ -420,18 +420,18 @@ class BenchApp(TerminalApp):
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:
-            self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._added)
+            self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._submit_addition)
 
-    def _added(self, line: str | None) -> None:
+    def _submit_addition(self, line: str | None) -> None:
         """Send the line. Keys wait until what it adds is there: they are for that."""
         if line:
             self.submit(line)
             _, kind, name, *_ = line.split()
             if kind in ("instance", "peer") and not self.last_words:
-                self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_WAIT_S), True
+                self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_ADD_WAIT_S), True
 
-    def _select_added(self) -> None:
-        """Select what the form has added when it is there; no key waits longer than MOST_WAIT_S for it."""
+    def _select_addition(self) -> None:
+        """Select what the form has added when it is there; no key waits longer than MOST_ADD_WAIT_S for it."""
         if self._addition is None:
             return
         view, (kind, name, until) = self.view_model, self._addition
@@ -451,7 +451,7 @@ class BenchApp(TerminalApp):
         elif is_late:
             self._addition = kind, name, inf
         if is_there or is_late:
-            self.call_after_refresh(self.obey_kept)
+            self.call_after_refresh(self.process_kept_keys)
 
     async def action_quit(self) -> None:
         """End the bench; what would be lost or cut is told first, what is lost again after another key.
@@ -461,33 +461,33 @@ class BenchApp(TerminalApp):
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:
             what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
-            if not self._is_meant(unsaved, f"{what}: `save project` keeps them, q quits"):
+            if not self._is_confirmed(unsaved, f"{what}: `save project` keeps them, q quits"):
                 return
-        if isinstance(self.screen, CutScreen):
+        if isinstance(self.screen, QuitTapScreen):
             self.screen.action_leave()
         elif cuts := self._engine.describe_cuts():
-            self.push_screen(CutScreen(cuts), self._cut)
+            self.push_screen(QuitTapScreen(cuts), self._handle_quit_choice)
         else:
             self.exit()
 
-    def _is_meant(self, what: object, text: str) -> bool:
+    def _is_confirmed(self, what: object, text: str) -> bool:
         """Return whether the key before this one has asked for the same; else say what it means."""
         is_meant, self._warned = self._warned == (self._keys - 1, what), (self._keys, what)
         if not is_meant:
-            (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
+            (self.main.prompt.show_error if self.screen is self.main else self._notify)(text)
         return is_meant
 
-    def _cut(self, key: str) -> None:
+    def _handle_quit_choice(self, key: str) -> None:
         if key:
-            self.exit(return_code=0 if key == "c" else LEFT)
+            self.exit(return_code=0 if key == "c" else DETACHED_EXIT)
 
     def action_picture(self) -> None:
-        from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
+        from trcvtui.tui.clipboard_and_files import screenshot  # read when first asked for
 
         if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
             return
         prompt, on_bench = self.main.prompt, self.screen is self.main
-        take_picture(self, *((prompt.tell, prompt.complain) if on_bench else (self._notify, self._notify)))
+        screenshot(self, *((prompt.inform, prompt.show_error) if on_bench else (self._notify, self._notify)))
 
     def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
         about, mark, key = command.help.rpartition("key ")
@@ -498,14 +498,14 @@ class BenchApp(TerminalApp):
         self.notify(plain(text), markup=False)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        from trcvtui.tui.palette import PaletteReach, commands  # read when first asked for
+        from trcvtui.tui.palette import PaletteContext, commands  # read when first asked for
 
         above = self.scenarios or self.lab
         if above is not None:
             yield from above.commands()
         else:
             for command in commands(
-                PaletteReach(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
+                PaletteContext(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)
         for name, theme in OWN_THEMES.items():
@@ -551,5 +551,5 @@ def run_app(
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")
-        return ENGINE_ENDED
+        return ENGINE_ENDED_EXIT
     return app.return_code or 0

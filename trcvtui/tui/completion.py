@@ -22,40 +22,40 @@ def complete(line: str, project: Project) -> str | None:
         return None
     is_path = words[:2] in (["add", "udt"], ["udt", "open"])
     last = line.split(" ", 2)[2] if is_path else last
-    for candidate in complete_type_path(last, project.base) if is_path else _next(words, project):
+    for candidate in complete_type_path(last, project.base) if is_path else _next_words(words, project):
         if candidate.startswith(last) and candidate != last:
             return line[: len(line) - len(last)] + candidate
     return None
 
 
 def verbs() -> tuple[str, ...]:
-    return (*(row.verb for row in COMMANDS.values() if row.at_prompt), *SCREEN)
+    return (*(row.verb for row in COMMANDS.values() if row.at_prompt), *SCREEN_COMMANDS)
 
 
-def _next(words: list[str], project: Project) -> Iterable[str]:
+def _next_words(words: list[str], project: Project) -> Iterable[str]:
     if not words:
         return verbs()
     row = COMMANDS.get(words[0])
-    candidates = row.next_words if row is not None else SCREEN_WORDS.get(words[0], offer_none)
+    candidates = row.next_words if row is not None else SCREEN_NEXT_WORDS.get(words[0], offer_none)
     return candidates(words, project)
 
 
 def _after_udt(words: list[str], project: Project) -> Iterable[str]:
     from trcvtui.tui.lab.lab import PROFILE_WORDS, SOURCES  # read when first asked for
-    from trcvtui.tui.lab.lab_lines import WORDS
+    from trcvtui.tui.lab.lab_lines import LAB_WORDS
 
     if len(words) == 1:
-        return WORDS
+        return LAB_WORDS
     known = {"type": project.types.names(), "bytes": SOURCES, "ours": PROFILE_WORDS, "theirs": PROFILE_WORDS}
     return known.get(words[1], ())
 
 
 # What the screen or its engine takes (`BenchApp.submit`, `Controller.take`).
-SCREEN: Final = (
+SCREEN_COMMANDS: Final = (
     "hold", "go", "trigger", "scenarios", "export timing vcd", "find", "mark", "save scenario",
     "save project", "save recording", "record", "record stop", "lab", "udt", "framing",
 )  # fmt: skip
-SCREEN_WORDS: Final[Mapping[str, NextWords]] = {
+SCREEN_NEXT_WORDS: Final[Mapping[str, NextWords]] = {
     "trigger": after_trigger,
     "save": lambda words, project: ("scenario", "project", "recording") if len(words) == 1 else (),
     "udt": _after_udt,

@@ -12,9 +12,9 @@ from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, plain, status_word
-from trcvtui.tui.view_model.explain import why
+from trcvtui.tui.view_model.explain import explain_status
 from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import ARROW_MOVES, LineView, Row, row
+from trcvtui.tui.widgets.line_view import ARROW_KEYS, LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
 from trcvtui.udt.report import csv_lines, decode_json, member_rows
 from trcvtui.wording import count, in_columns, stamp
@@ -26,7 +26,7 @@ MOST_MEMBERS: Final = 70_000
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class CopySource:
     """What stands under the eyes: bytes with their type, and the past of their instance."""
 
     project: Project
@@ -38,14 +38,14 @@ class Subject:
     from_mark: bytes = b""  # of the stream, from the marked message on to the cursor
 
 
-def subject_of(
+def make_copy_source(
     view_model: ViewModel, of_job: bool, of_peer: bool, past: tuple[str, int, bytes] | None = None
-) -> Subject:
+) -> CopySource:
     """Return what is selected: bytes of the job or of DATA; `of_peer`: what the peer has received.
 
     `past`: of a job of the past its instance, its number (0: the bytes were thrown away) and its bytes.
     """
-    content, declared, job, name = view_model.partial, view_model.declaration, "running job", ""
+    content, declared, job, name = view_model.job_bytes, view_model.declaration, "running job", ""
     peer = view_model.peer_snapshot
     if of_peer and peer is not None and peer.last_received:
         name, job, content, declared = peer.name, "", peer.last_received, None
@@ -57,35 +57,35 @@ def subject_of(
         declared = declared if number and instance == view_model.selected else None
     elif not of_job and declared is not None:
         name, job, content = declared.name, "", view_model.data
-    edges = tuple(view_model.history.of(view_model.selected))
+    edges = tuple(view_model.history.list_edges(view_model.selected))
     is_of_now = past is None and not of_peer
     holes = view_model.stream_index.list_holes(view_model.selected, of_job) if is_of_now else ()
     lacks = sum(map(len, holes))  # of a capture
     size = count(len(content), "byte") + f" ({lacks} not captured: 00 here)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
-    return Subject(view_model.project, content, declared, edges, title)
+    return CopySource(view_model.project, content, declared, edges, title)
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class CopyFormat:
     """One way to write it; `letter` chooses it, `suffix` is that of its file."""
 
     letter: str
     name: str
-    write: Callable[[Subject], str]
+    write: Callable[[CopySource], str]
     suffix: str = ".txt"
 
 
 # -- STATUS history ---------------------------------------------------------------------------------------
 
 
-def _history(of: Subject) -> str:
+def _format_history(of: CopySource) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
             said = describe_condition(of.project, line.event.instance, line.event)
             word = f"{status_word(line.event.outputs.status)} {said}"
-            reason = plain(why(line.event))
+            reason = plain(explain_status(line.event))
             rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(in_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
 
@@ -98,54 +98,54 @@ def _lamp(edge: StatusEdge) -> str:
 # -- members -----------------------------------------------------------------------------------------------
 
 
-def _members(of: Subject) -> Iterator[tuple[str, ...]]:
+def _members(of: CopySource) -> Iterator[tuple[str, ...]]:
     if of.declared is not None and of.content:
         layout, name = of.declared.layout, of.declared.name
         yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
 
 
-def _json(of: Subject) -> str:
+def _json(of: CopySource) -> str:
     if of.declared is None or not of.content:
         return ""
     return decode_json(of.declared.layout, of.content, of.declared.name, MOST_MEMBERS)
 
 
 FORMATS: Final = (
-    Format("h", "bytes as hex", lambda of: hex_lines(of.content)),
-    Format("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
-    Format(
+    CopyFormat("h", "bytes as hex", lambda of: hex_lines(of.content)),
+    CopyFormat("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
+    CopyFormat(
         "v", "members as CSV", lambda of: "".join(f"{line}\n" for line in csv_lines(_members(of))), ".csv"
     ),
-    Format("j", "members as JSON", _json, ".json"),
-    Format("s", "STATUS history as text", _history),
-    Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
-    Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
+    CopyFormat("j", "members as JSON", _json, ".json"),
+    CopyFormat("s", "STATUS history as text", _format_history),
+    CopyFormat("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
+    CopyFormat("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
 )
-AS_TABLE: Final = Format("c", "messages as CSV", lambda of: "", ".csv")  # of the table of them
+MESSAGES_CSV: Final = CopyFormat("c", "messages as CSV", lambda of: "", ".csv")  # of the table of them
 # What the pane with the focus is about; the menu begins there.
-FIRST_OF_PANE: Final = {"udt": "v", "history": "s", "status": "s"}
+PANE_LETTERS: Final = {"udt": "v", "history": "s", "status": "s"}
 FIRST: Final = "h"
 
 
 NAME: int = 34
-LETTERS = tuple(form.letter for form in FORMATS)
+FORMAT_LETTERS = tuple(form.letter for form in FORMATS)
 
 
 class YankList(LineView, inherit_bindings=False):
     """One line a format; what has nothing to write is pale. Letters are formats, they do not move."""
 
-    BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_MOVES[:2]]
+    BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_KEYS[:2]]
 
-    def __init__(self, subject: Subject, first: str) -> None:
+    def __init__(self, subject: CopySource, first: str) -> None:
         super().__init__(id="yank")
         self.texts = {form.letter: form.write(subject) for form in FORMATS}
-        self.cursor = LETTERS.index(first) if self.texts[first] else self._next(-1, 1)
+        self.cursor = FORMAT_LETTERS.index(first) if self.texts[first] else self._next_writable(-1, 1)
 
-    def _next(self, place: int, step: int) -> int:
+    def _next_writable(self, place: int, step: int) -> int:
         """Return the next format that has something to write; the place itself where none has."""
         for away in range(1, len(FORMATS) + 1):
             candidate = (place + step * away) % len(FORMATS)
-            if self.texts[LETTERS[candidate]]:
+            if self.texts[FORMAT_LETTERS[candidate]]:
                 return candidate
         return max(0, place)
 
@@ -166,32 +166,32 @@ class YankList(LineView, inherit_bindings=False):
         )
 
     def action_move(self, rows: int) -> None:
-        self.cursor = self._next(self.cursor, 1 if rows > 0 else -1)
+        self.cursor = self._next_writable(self.cursor, 1 if rows > 0 else -1)
         self.show()
 
     def click(self, x: int, y: int) -> None:
-        self.screen.run_worker(self.screen.run_action(f"take('{LETTERS[y]}')"))
+        self.screen.run_worker(self.screen.run_action(f"take('{FORMAT_LETTERS[y]}')"))
 
 
-class YankScreen(ListDialog[tuple[Format, str] | None]):
+class YankScreen(ListDialog[tuple[CopyFormat, str] | None]):
     """Answers with the chosen format and its text; letters choose at once, `y` again takes the first."""
 
     BINDINGS: ClassVar = [
-        *[Binding(letter, f"take('{letter}')", show=False) for letter in LETTERS],
+        *[Binding(letter, f"take('{letter}')", show=False) for letter in FORMAT_LETTERS],
         Binding("y,enter", "take_chosen", show=False),
     ]
     DEFAULT_CSS = "YankScreen YankList { width: 96; height: auto; }"
 
-    def __init__(self, subject: Subject, first: str) -> None:
+    def __init__(self, subject: CopySource, first: str) -> None:
         self._list = YankList(subject, first)
         self._list.set_title(None, "Yank", subject.title)
         super().__init__(self._list, None)
 
     def action_take_chosen(self) -> None:
-        self.action_take(LETTERS[self._list.cursor])
+        self.action_take(FORMAT_LETTERS[self._list.cursor])
 
     def action_take(self, letter: str) -> None:
-        form = FORMATS[LETTERS.index(letter)]
+        form = FORMATS[FORMAT_LETTERS.index(letter)]
         text = self._list.texts[letter]
         if text:
             self.dismiss((form, text))

@@ -19,13 +19,13 @@ from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.wording import count, stamp, utc_text
 
-AXIS: Final = 11  # columns beside a curve
-BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
+AXIS_WIDTH: Final = 11  # columns beside a curve
+ROWS_BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
 LEAST_WIDTH, LEAST_HEIGHT = 32, 8
-WITH_UTC: Final = 90  # columns
-SHORTEST_NS: Final = 1_000_000  # that a window may be
-STEPS: Final = 8  # of a window: an arrow goes one
-STYLES: Final = "busy", "warn"  # of the first member, of the second one
+LEAST_UTC_WIDTH: Final = 90  # columns
+SHORTEST_WINDOW_NS: Final = 1_000_000  # that a window may be
+STEPS_PER_WINDOW: Final = 8  # of a window: an arrow goes one
+TRACE_STYLES: Final = "busy", "warn"  # of the first member, of the second one
 ERROR, CUT = "▲", "×"  # the greater one wins
 
 
@@ -35,10 +35,10 @@ class TimeWindow:
     def __init__(self) -> None:
         self.span: int | None = None
         self.end: int | None = None
-        self.whole = 0, SHORTEST_NS
+        self.whole = 0, SHORTEST_WINDOW_NS
 
     @property
-    def ends(self) -> tuple[int, int]:
+    def bounds(self) -> tuple[int, int]:
         first, last = self.whole
         span = min(self.span or last - first, last - first)
         end = last if self.end is None else max(first + span, min(self.end, last))
@@ -46,14 +46,14 @@ class TimeWindow:
 
     def zoom(self, by: float) -> None:
         """Take so many times as much time into view; its middle stays, or its end where that is followed."""
-        begin, end = self.ends
-        span = max(SHORTEST_NS, int((end - begin) * by))
+        begin, end = self.bounds
+        span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]
         self.span, self.end = (None, None) if is_whole else (span, self.end and (begin + end + span) // 2)
 
     def move(self, steps: int) -> None:
-        begin, end = self.ends
-        end += steps * ((end - begin) // STEPS)
+        begin, end = self.bounds
+        end += steps * ((end - begin) // STEPS_PER_WINDOW)
         self.end = end if self.span and end < self.whole[1] else None  # the whole has nowhere to go
 
 
@@ -92,21 +92,21 @@ class CurveView(TextView, inherit_bindings=False):
         drawn = *of, *state, *look
         if drawn != self._drawn and self.container_size.height:
             self._drawn = drawn
-            self.set_title(None, self.path or "curve", self._about())
-            lack = self._lack()
-            self._rows = [row((lack, "warn"))] if lack else self._picture()
+            self.set_title(None, self.path or "curve", self._describe_messages())
+            lack = self._explain_lack()
+            self._rows = [row((lack, "warn"))] if lack else self._chart_rows()
         super().show()
 
     # -- words ------------------------------------------------------------------------------------------
 
-    def _about(self) -> str:
+    def _describe_messages(self) -> str:
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
-        words = self.instance, count(known.count, "message"), *known.words()
+        words = self.instance, count(known.count, "message"), *known.describe_rows()
         state = f"frozen in scan {frozen}" if frozen is not None else ""
         stands = "stands: end follows again" if self.window.end is not None else ""
         return " · ".join(filter(None, (*words, state, stands)))
 
-    def _lack(self) -> str:
+    def _explain_lack(self) -> str:
         """Return why there is no curve, "" where there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
@@ -126,39 +126,39 @@ class CurveView(TextView, inherit_bindings=False):
 
     # -- the picture --------------------------------------------------------------------------------------
 
-    def _picture(self) -> list[Row]:
+    def _chart_rows(self) -> list[Row]:
         declared, known = self._view_model.message_type, self._view_model.known_messages
         assert declared is not None
         if self._numbers_of != (known, declared):
             self._numbers_of, self._numbers = (known, declared), {}
         times = list(accumulate((each.t_ns for each in known.rows), max))  # a capture may go back in time
         gone = known.oldest - known.first
-        self.window.whole = min(times[min(gone, len(times) - 1)], times[-1] - SHORTEST_NS), times[-1]
+        self.window.whole = min(times[min(gone, len(times) - 1)], times[-1] - SHORTEST_WINDOW_NS), times[-1]
         found = [_leaf_at(declared.layout, path) for path in (self.path, self.other) if path is not None]
         leaves = [leaf for leaf in found if leaf is not None]
-        width = self.line_width - AXIS * len(leaves)
-        height = self.container_size.height - BELOW - len(leaves)
+        width = self.line_width - AXIS_WIDTH * len(leaves)
+        height = self.container_size.height - ROWS_BELOW - len(leaves)
         traces = []
-        for leaf, style in zip(leaves, STYLES, strict=False):
+        for leaf, style in zip(leaves, TRACE_STYLES, strict=False):
             kept = self._numbers.setdefault(leaf.path, MemberNumbers(declared.layout, leaf))
-            numbers = kept.follow(known, known.stop)
+            numbers = kept.update_numbers(known, known.stop)
             now = next((number for number in reversed(numbers[gone:]) if number is not None), None)
-            drawn = curve(times, numbers, self.window.ends, width, height, known.gaps)
+            drawn = curve(times, numbers, self.window.bounds, width, height, known.gaps)
             traces.append(MemberTrace(leaf, style, now, drawn))
-        begin, end = self.window.ends
+        begin, end = self.window.bounds
         begins, ends = self._clock(begin), self._clock(end)
         in_view = bisect_right(times, end) - bisect_left(times, begin)
         return [
             *_curves(traces, width, height),
-            row((" " * (AXIS - 1), ""), ("└" + "─" * width, "faint")),
-            row((" " * AXIS, ""), *self._marks(width)),
-            row((f"{'':{AXIS}}{begins}{ends:>{width - len(begins)}}", "dim")),
+            row((" " * (AXIS_WIDTH - 1), ""), ("└" + "─" * width, "faint")),
+            row((" " * AXIS_WIDTH, ""), *self._marks(width)),
+            row((f"{'':{AXIS_WIDTH}}{begins}{ends:>{width - len(begins)}}", "dim")),
             *(_figures(trace, in_view) for trace in traces),
         ]
 
     def _marks(self, width: int) -> Iterator[Part]:
         """Yield a sign below each column in which an ERROR came, or a message was cut."""
-        (begin, end), known = self.window.ends, self._view_model.known_messages
+        (begin, end), known = self.window.bounds, self._view_model.known_messages
         signs = {each.t_ns: CUT for each in known.rows if each.reason} | dict.fromkeys(known.errors, ERROR)
         columns = dict[int, str]()
         for t_ns, sign in signs.items():
@@ -169,7 +169,7 @@ class CurveView(TextView, inherit_bindings=False):
 
     def _clock(self, t_ns: int) -> str:
         begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
-        if begun_ns is None or self.line_width < WITH_UTC:
+        if begun_ns is None or self.line_width < LEAST_UTC_WIDTH:
             return f"{stamp(t_ns)} s"
         return f"{stamp(t_ns)} s · {utc_text(begun_ns + t_ns)[:-4]}"
 
@@ -211,7 +211,7 @@ def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[
         parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
         label = _label(first, y, height)
         ends = [(f" {_label(other, y, height)}", other.style)] if len(traces) > 1 else []
-        axis = (f"{label:>{AXIS - 2}} ", first.style), ("┤" if label else "│", "faint")
+        axis = (f"{label:>{AXIS_WIDTH - 2}} ", first.style), ("┤" if label else "│", "faint")
         yield row(*axis, *parts, *ends)
 
 
@@ -220,7 +220,7 @@ def _label(trace: MemberTrace, y: int, height: int) -> str:
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
     text = f"{number:.6g}" if isinstance(number, float) else "" if number is None else str(int(number))
-    return text if number is None or len(text) <= AXIS - 2 else f"{number:.2e}"
+    return text if number is None or len(text) <= AXIS_WIDTH - 2 else f"{number:.2e}"
 
 
 def _figures(trace: MemberTrace, in_view: int) -> Row:

@@ -6,15 +6,15 @@ from typing import ClassVar, Final, NamedTuple
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
-from trcvtui.tui.formatting import cells, clip, pad
+from trcvtui.tui.formatting import clip, measure, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, ruled
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, rule
 from trcvtui.wording import count, stamp
 
-SURE: Final = 0.85
+SURE_CONFIDENCE: Final = 0.85
 MOST_PACKETS: Final = 8
-WAYS: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
+DIRECTION_NAMES: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
 
 
 class EvidencePlace(NamedTuple):
@@ -36,35 +36,35 @@ class FindingList(CardText):
         self.of_all = False
 
     @property
-    def seen(self) -> DoctorSnapshot:
+    def snapshot(self) -> DoctorSnapshot:
         picture = self._view_model.live
         return picture.doctor if picture is not None else DoctorSnapshot()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        return self._of_selected(self.seen.findings)
+        return self._filter_by_instance(self.snapshot.findings)
 
-    def _of_selected(self, some: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    def _filter_by_instance(self, some: tuple[Finding, ...]) -> tuple[Finding, ...]:
         name = "" if self.of_all else self._view_model.selected
         return findings_of(name, some, self._view_model.project)
 
     @property
-    def chosen(self) -> Finding | None:
+    def chosen_finding(self) -> Finding | None:
         found = self.findings
         return found[min(self.cursor, len(found) - 1)] if found else None
 
     def make_rows(self) -> list[Row]:
-        seen, found, chosen = self.seen, self.findings, self.chosen
+        seen, found, chosen = self.snapshot, self.findings, self.chosen_finding
         since, _, told = seen.progress.partition(": ")
         again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
-        said = clip(clip(self._said(), self._width - cells(again)) + again, self._width)
+        said = clip(clip(self._describe_progress(), self._width - measure(again)) + again, self._width)
         rows = [row((said, "warn" if seen.trouble else "dim"))]
         if seen.qualities:
             rows.append(row((clip(" · ".join(seen.qualities), self._width), "dim")))
         rows += [self._finding(number, one) for number, one in enumerate(found)]
         rows += self._details(chosen) if chosen is not None else []
-        remarks = self._of_selected(seen.remarks)
-        rows += [ruled(self._width, ("── remarks ", "dim"))] if remarks else []
+        remarks = self._filter_by_instance(seen.remarks)
+        rows += [rule(self._width, ("── remarks ", "dim"))] if remarks else []
         return [*rows, *(self._remark(one) for one in remarks)]
 
     def _remark(self, one: Finding) -> Row:
@@ -72,8 +72,8 @@ class FindingList(CardText):
         text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
         return row((clip(text, self._width), "dim"))
 
-    def _said(self) -> str:
-        seen = self.seen
+    def _describe_progress(self) -> str:
+        seen = self.snapshot
         if not seen.looks:
             return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
         if seen.trouble:
@@ -90,21 +90,21 @@ class FindingList(CardText):
         told = f"{one.confidence:.0%} sure"
         whose = one.instance or one.connect
         room = self._width - len(told) - 3
-        is_chosen = one is self.chosen
+        is_chosen = one is self.chosen_finding
         text = f"{number + 1} {one.cause}" + (f"  {whose}" if whose else "")
         parts: list[Part] = [
             ("▸ " if is_chosen else "  ", "key"),
             (pad(clip(text, room), room + 1), "strong"),
-            (told, "on" if one.confidence >= SURE else "warn"),
+            (told, "on" if one.confidence >= SURE_CONFIDENCE else "warn"),
         ]
         return row(*parts, style="cursor" if is_chosen else "")
 
     def _details(self, one: Finding) -> list[Row]:
         rows = self._labelled("", [one.title] if one.title else [], "strong")
-        rows.append(ruled(self._width, ("── evidence ", "dim")))
+        rows.append(rule(self._width, ("── evidence ", "dim")))
         rows += self._labelled("", one.evidence, "")
         rows += self._labelled("explains", one.explains, "") if one.explains else []
-        where = " · ".join(filter(None, (str(one.ends or ""), WAYS[one.way])))
+        where = " · ".join(filter(None, (str(one.ends or ""), DIRECTION_NAMES[one.way])))
         rows += self._labelled("line", [where], "dim") if where else []
         rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []
         numbers = ", ".join(map(str, one.packets[:MOST_PACKETS])) + " …" * (len(one.packets) > MOST_PACKETS)
@@ -116,7 +116,7 @@ class FindingList(CardText):
             rows += self._labelled("s", [f"scan {place.scan}{when}"], "key")
         if stream is not None:
             rows += self._labelled("b", [f"byte {stream.byte} of what came"], "key")
-        rows.append(ruled(self._width, ("── remedy ", "dim")))
+        rows.append(rule(self._width, ("── remedy ", "dim")))
         for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
             texts = [mend.text for mend in one.mend if mend.tried is is_tried]
             rows += self._labelled(label, texts, style) if texts else []
@@ -127,8 +127,8 @@ class FindingList(CardText):
     # -- where the keys go --------------------------------------------------------------------------------
 
     @property
-    def _instance(self) -> str:
-        one, selected = self.chosen, self._view_model.instance
+    def _finding_instance(self) -> str:
+        one, selected = self.chosen_finding, self._view_model.instance
         if one is None or one.instance or (selected is not None and selected.connect in (one.connect, "")):
             return one.instance if one is not None and one.instance else self._view_model.selected
         on_it = [each.name for each in self._view_model.instances if each.connect == one.connect]
@@ -136,7 +136,7 @@ class FindingList(CardText):
 
     def place(self, of_byte: bool = False) -> EvidencePlace | None:
         """Return the scan of the chosen finding, or its byte in the stream; None where it has none."""
-        one, snapshot = self.chosen, self._view_model.snapshot
+        one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
             return None
         if of_byte:
@@ -144,17 +144,17 @@ class FindingList(CardText):
             is_first = bool(links) and links[0].incarnation <= 1  # a later one begins somewhere in the stream
             if one.byte is None or one.way != "to-plc" or not is_first:
                 return None
-            return EvidencePlace(instance=self._instance, byte=one.byte)
+            return EvidencePlace(instance=self._finding_instance, byte=one.byte)
         scan = one.scan
         if scan is None and one.t_ns is not None and one.t_ns >= 0:
             t_ns = one.t_ns
             known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
             scan = next(known, max(1, snapshot.scan - (snapshot.t_ns - t_ns) // max(snapshot.interval_ns, 1)))
-        return None if scan is None else EvidencePlace(instance=self._instance, scan=scan)
+        return None if scan is None else EvidencePlace(instance=self._finding_instance, scan=scan)
 
     def remedy(self) -> str:
         """Return the line that applies the remedy: a command of the bench, a what-if of a recording."""
-        one, picture = self.chosen, self._view_model.live
+        one, picture = self.chosen_finding, self._view_model.live
         if one is None or picture is None:
             return ""
         if picture.position is not None:

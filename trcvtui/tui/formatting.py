@@ -16,7 +16,7 @@ US: Final = 1_000
 MS: Final = 1_000_000
 SECOND: Final = 1_000_000_000
 
-ON, OFF, GLOW = "■", "□", "◆"
+ON_SIGN, OFF_SIGN, GLOW_SIGN = "■", "□", "◆"
 
 
 def status_word(status: int) -> str:
@@ -26,28 +26,28 @@ def status_word(status: int) -> str:
 
 def lamp(on: bool, glowing: bool = False) -> str:
     """Return the glyph of a lamp: lit, lit a moment ago, dark."""
-    return ON if on else GLOW if glowing else OFF
+    return ON_SIGN if on else GLOW_SIGN if glowing else OFF_SIGN
 
 
-def cells(text: str) -> int:
+def measure(text: str) -> int:
     """Return how many columns a text takes: a wide character two, a combining one none."""
     return len(text) if text.isascii() else cell_len(text)
 
 
 def clip(text: str, width: int) -> str:
     """Return text in at most `width` columns; what is cut is shown to be cut."""
-    if cells(text) <= width:
+    if measure(text) <= width:
         return text
-    return _fitting(text, width - 1) + "…" if width > 0 else ""
+    return _cut_to_width(text, width - 1) + "…" if width > 0 else ""
 
 
 def pad(text: str, width: int, right: bool = False) -> str:
     """Return text with blanks to `width` columns after it, or before it."""
-    blanks = " " * max(0, width - cells(text))
+    blanks = " " * max(0, width - measure(text))
     return blanks + text if right else text + blanks
 
 
-def _fitting(text: str, width: int) -> str:
+def _cut_to_width(text: str, width: int) -> str:
     if text.isascii():
         return text[: max(0, width)]
     end = used = 0
@@ -56,37 +56,37 @@ def _fitting(text: str, width: int) -> str:
     return text[:end]
 
 
-def squeeze(text: str, width: int) -> str:
+def clip_middle(text: str, width: int) -> str:
     """Return a name in at most `width` columns; it keeps its end, where names differ."""
-    if cells(text) <= width or width < 5:
+    if measure(text) <= width or width < 5:
         return clip(text, width)
     tail = (width - 1) // 2
-    end = _fitting(text[::-1], tail)[::-1]
-    return f"{_fitting(text, width - 1 - tail)}…{end}"
+    end = _cut_to_width(text[::-1], tail)[::-1]
+    return f"{_cut_to_width(text, width - 1 - tail)}…{end}"
 
 
 plain: Final = one_line  # control characters are spelled out: what came from outside stays one line
 
 
 @lru_cache(maxsize=64)
-def wrapped(text: str, width: int) -> tuple[str, ...]:
+def wrap_text(text: str, width: int) -> tuple[str, ...]:
     """Return text broken at blanks into lines of at most `width` columns."""
     text, width = plain(text), max(8, width)
-    lines = textwrap.wrap(text, width) if text.isascii() else _wrapped_wide(text, width)
+    lines = textwrap.wrap(text, width) if text.isascii() else _wrap_wide_text(text, width)
     return tuple(lines) or ("",)
 
 
-def _wrapped_wide(text: str, width: int) -> Iterator[str]:
+def _wrap_wide_text(text: str, width: int) -> Iterator[str]:
     line = gap = ""
     for piece in re.findall(r" +|[^ ]+", text):
         if piece[0] == " ":
             gap = piece
             continue
-        if line and cells(line + gap) + cells(piece) > width:
+        if line and measure(line + gap) + measure(piece) > width:
             yield line
             line = gap = ""
-        while cells(piece) > width:  # a script without blanks
-            yield (part := _fitting(piece, width))
+        while measure(piece) > width:  # a script without blanks
+            yield (part := _cut_to_width(piece, width))
             piece = piece[len(part) :]
         line, gap = line + (gap if line else "") + piece, ""
     if line:

@@ -15,11 +15,11 @@ from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
-from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
-from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, ruled
+from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, make_marks
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, rule
 
 NO_READER: Final = "no ReceiveData or ReceiveString reads this ComBuffer: A adds one"
-GOOD: Final = ("suffix", "size reached")
+GOOD_ENDINGS: Final = ("suffix", "size reached")
 
 
 def buffer_for(view_model: ViewModel) -> str:
@@ -32,7 +32,7 @@ def buffer_for(view_model: ViewModel) -> str:
     return next(iter((*fed, *names)), "")
 
 
-def framed_by(buffer: str, view_model: ViewModel) -> str:
+def find_framed_block(buffer: str, view_model: ViewModel) -> str:
     """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).mark_pins
@@ -52,13 +52,13 @@ class FramingList(CardText):
         self._project = project
 
     @property
-    def chosen(self) -> Proposal | None:
+    def chosen_proposal(self) -> Proposal | None:
         proposals = self.advice.proposals if self.advice is not None else ()
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
     def lines(self) -> tuple[str, ...]:
         """Return the bench lines that set the block so; raise UserError where it cannot be."""
-        chosen = self.chosen
+        chosen = self.chosen_proposal
         return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 
     def make_rows(self) -> list[Row]:
@@ -66,14 +66,14 @@ class FramingList(CardText):
             return [row(("the recording is on its way …", "dim"))]
         rows = [row((clip(self.advice.said, self._width), "dim"))]
         rows += [self._proposal(n, each) for n, each in enumerate(self.advice.proposals)]
-        chosen = self.chosen
+        chosen = self.chosen_proposal
         return [*rows, *self._details(chosen)] if chosen is not None else rows
 
     def _proposal(self, number: int, proposal: Proposal) -> Row:
         chosen = number == self.cursor
         told = f"{proposal.frames} of {proposal.of_frames} frames end well"
         room = self._width - len(told) - 7
-        title = proposal.title + self._alike(number, proposal)
+        title = proposal.title + self._describe_alike(number, proposal)
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
             (f"{number + 1} ", "dim"),
@@ -82,22 +82,22 @@ class FramingList(CardText):
         ]
         return row(*parts, style="cursor" if chosen else "")
 
-    def _alike(self, number: int, proposal: Proposal) -> str:
+    def _describe_alike(self, number: int, proposal: Proposal) -> str:
         """Return which earlier one cuts alike; the numbers are those of `framing RD apply 1`."""
         proposals = self.advice.proposals if self.advice is not None else ()
         first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
         return f" · cuts as {first + 1} does" if first != number else ""
 
     def _details(self, chosen: Proposal) -> list[Row]:
-        rows = [ruled(self._width, ("── why ", "dim"))]
+        rows = [rule(self._width, ("── why ", "dim"))]
         rows += self._labelled("for", chosen.evidence, "")
         rows += self._labelled("but", chosen.doubt, "warn")
         rows += self._labelled("instead", [chosen.instead] if chosen.instead else [], "strong")
-        rows.append(ruled(self._width, ("── the bytes cut so ", "dim")))
+        rows.append(rule(self._width, ("── the bytes cut so ", "dim")))
         rows += [self._frame(frame, chosen) for frame in chosen.preview]
-        return [*rows, ruled(self._width, ("── enter does ", "dim")), *self._does()]
+        return [*rows, rule(self._width, ("── enter does ", "dim")), *self._effect_rows()]
 
-    def _does(self) -> list[Row]:
+    def _effect_rows(self) -> list[Row]:
         problem = self.problem or ("" if self._instance else NO_READER)
         try:
             lines = () if problem else self.lines()
@@ -109,7 +109,7 @@ class FramingList(CardText):
         framing = chosen.framing
         prefix = min(frame.size, len(framing.prefix)) if framing is not None else 0
         suffix = len(framing.suffix) if framing is not None and frame.ending == "suffix" else 0
-        marks = marked(0, frame.size, prefix, suffix)
+        marks = make_marks(0, frame.size, prefix, suffix)
         head = f"{frame.start:>6} {frame.size:>5} B "
         room = (self._width - len(head) - len(frame.ending) - 4) // 3
         parts: list[Part] = [(head, "dim")]
@@ -117,7 +117,7 @@ class FramingList(CardText):
             parts.append((marks.sign(place) or " ", "key"))
             parts.append((HEX_OF[byte], marks.style(place) or CLASS_OF[byte]))
         tail = "…" if frame.size > min(room, len(frame.content)) else ""
-        return row(*parts, (f"{tail}  {frame.ending}", "dim" if frame.ending in GOOD else "warn"))
+        return row(*parts, (f"{tail}  {frame.ending}", "dim" if frame.ending in GOOD_ENDINGS else "warn"))
 
     def action_move(self, rows: int) -> None:
         count = len(self.advice.proposals) if self.advice is not None else 0
@@ -140,7 +140,7 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
         self.buffer = buffer_for(view_model)
-        self.instance = framed_by(self.buffer, view_model)
+        self.instance = find_framed_block(self.buffer, view_model)
         self.list = FramingList(self.instance, lambda: view_model.project)
         super().__init__(self.list, ())
         self.list.set_title(None, "Framing advice", f"{self.buffer} → {self.instance or 'no block'}")

@@ -23,15 +23,15 @@ from textual.widget import Widget
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
-from trcvtui.tui.forms.fields import TITLES
+from trcvtui.tui.forms.fields import KIND_TITLES
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import BUTTONS, SEND, buttons_for
-from trcvtui.tui.recent_projects import recent_projects, run_line
+from trcvtui.tui.recent_projects import make_run_line, recent_projects
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS
 
-PANES: Final = {
+PANE_NAMES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
     8: "Timing",
 }  # fmt: skip
@@ -40,10 +40,10 @@ FIRST: Final = (
     "View live again", "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
 )  # fmt: skip
 # Where the cursor goes by a key; it is not asked for by name.
-CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
-BY_WORD: Final = 3.0  # the score of each letter, as in a title that has them side by side
-PEER, FILE = 7, "write"  # a pane, and an action, that write: they are pressed from no other pane
-BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
+CURSOR_ACTIONS: Final = frozenset(("move", "page", "edge", "step", "place"))
+WORD_SCORE: Final = 3.0  # the score of each letter, as in a title that has them side by side
+PEER_PANE, WRITE_ACTION = 7, "write"  # a pane, and an action, that write: they are pressed from no other pane
+BUTTON_ACTION: Final = "button"  # the palette tells more of these than a binding knows
 
 
 class PaneKey(NamedTuple):
@@ -61,14 +61,14 @@ class PaneKey(NamedTuple):
 
 
 def pane_keys(main: MainScreen) -> Iterator[PaneKey]:
-    for digit, widget in _places(main):
+    for digit, widget in _list_widgets(main):
         for binding in own_bindings(type(widget)):
             key = PaneKey(digit, widget, binding)
-            if key.action not in CURSOR:
+            if key.action not in CURSOR_ACTIONS:
                 yield key
 
 
-def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
+def _list_widgets(main: MainScreen) -> Iterator[tuple[int, Widget]]:
     yield from ((1, main.instances), (2, main.block), (3, main.status), (4, main.history))
     yield from ((5, main.received), (5, main.received.data), (5, main.received.stream), (6, main.table))
     if main.peer.lines.names:
@@ -85,8 +85,8 @@ def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
 
 def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
     for key in pane_keys(main):
-        if key.action != BY_HAND:
-            title = f"{PANES[key.digit]}: {key.binding.description}"
+        if key.action != BUTTON_ACTION:
+            title = f"{PANE_NAMES[key.digit]}: {key.binding.description}"
             yield SystemCommand(title, f"pane {key.digit}, key {key.key}", partial(_press, main, key))
 
 
@@ -101,15 +101,15 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
         await done
 
 
-async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
+async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") -> None:
     """Do what a key that only looks means in the only pane that has it; else say which panes have it."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
-    if len(found) == 1 and found[0].digit != PEER and found[0].action != FILE:
+    if len(found) == 1 and found[0].digit != PEER_PANE and found[0].action != WRITE_ACTION:
         await _press(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
-    is_of_peer = digits == [str(PEER)] or (not found and any(button.letter == key for button in BUTTONS))
+    is_of_peer = digits == [str(PEER_PANE)] or (not found and any(button.letter == key for button in BUTTONS))
     if is_of_peer and not is_pin and main.peer.lacks_peer():
         return
     if digits:
@@ -117,10 +117,10 @@ async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None
         way = f"{found[0].key} is a key of {pane}: press {' or '.join(digits)}, then {found[0].key}"
         missing = f"{missing}; {way}" if missing and is_pin else way
     if missing:
-        main.prompt.complain(missing)
+        main.prompt.show_error(missing)
 
 
-class PaletteReach(NamedTuple):
+class PaletteContext(NamedTuple):
     view_model: ViewModel
     main: MainScreen
     submit: Callable[[str], None]
@@ -129,7 +129,7 @@ class PaletteReach(NamedTuple):
 
 
 # What else an action is looked for by: these words, where title or explanation has one of those.
-ALSO: Final = {
+SEARCH_SYNONYMS: Final = {
     "search look": ("find", "some words", "a code", "filter"),
     "copy clipboard export": ("yank", "clipboard", "screenshot"),
     "export file": ("vcd", "csv", "save", "screenshot"),
@@ -154,7 +154,7 @@ ALSO: Final = {
 
 def search_words(title: str, about: str) -> set[str]:
     text = f"{title} {about}".casefold()
-    also = [words for words, those in ALSO.items() if any(each in text for each in those)]
+    also = [words for words, those in SEARCH_SYNONYMS.items() if any(each in text for each in those)]
     return set(re.findall(r"\w+", " ".join([text, *also])))
 
 
@@ -173,25 +173,25 @@ class OrderedCommands(SystemCommandsProvider):
         for title, about, callback, _ in self.app.get_system_commands(self.screen):
             words, score = search_words(title, about), matcher.match(title)
             if all(any(word.startswith(each) for word in words) for each in asked):
-                score = max(score, BY_WORD * len(query))
+                score = max(score, WORD_SCORE * len(query))
             if score > 0:
                 yield Hit(score, matcher.highlight(escape(title)), callback, title, escape(about))
 
 
-def commands(bench: PaletteReach) -> list[SystemCommand]:
+def commands(bench: PaletteContext) -> list[SystemCommand]:
     """Return the commands that make sense now, the most useful first."""
     return sorted(_all(bench), key=lambda one: FIRST.index(one.title) if one.title in FIRST else len(FIRST))
 
 
-def _all(bench: PaletteReach) -> Iterator[SystemCommand]:
-    for part in (_of_scans, _of_block, _of_program, _of_peer, _of_instances, _of_screen):
+def _all(bench: PaletteContext) -> Iterator[SystemCommand]:
+    for part in (_offer_scans, _offer_block, _offer_program, _offer_peer, _offer_instances, _offer_screen):
         yield from part(bench)
     yield from commands_of_keys(bench.main)
-    yield from _of_taking(bench)
-    yield from _of_recent(bench.main)
+    yield from _yank_commands(bench)
+    yield from _recent_commands(bench.main)
 
 
-def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
+def _offer_scans(bench: PaletteContext) -> Iterator[SystemCommand]:
     for title, key, line in (
         ("Hold the scans", "space", "hold"),
         ("Let the scans go on", "space", "go"),
@@ -215,7 +215,7 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Save what has been up to now", keep, partial(bench.main.action_prompt, keep))
 
 
-def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
+def _offer_block(bench: PaletteContext) -> Iterator[SystemCommand]:
     name = bench.view_model.selected
     for pin in bench.main.block.drawing().inputs:
         title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
@@ -223,15 +223,15 @@ def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(title, about, partial(bench.main.block.press, pin.letter))
 
 
-def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
-    for kind, what in TITLES.items():
+def _offer_program(bench: PaletteContext) -> Iterator[SystemCommand]:
+    for kind, what in KIND_TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
-    from trcvtui.tui.forms.fields import parts_at_hand
+    from trcvtui.tui.forms.fields import list_parts
 
     about = "a part of the project: its form, or `remove` · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
-    for part in parts_at_hand(bench.view_model, peer_first=False):
+    for part in list_parts(bench.view_model, peer_first=False):
         named = f"{part.kind} {part.name}"
         change = partial(bench.main.change_part, part)
         yield SystemCommand(f"Change {part!s}", f"set {named} …: a form", change)
@@ -260,7 +260,7 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(title, line, partial(bench.main.action_prompt, line))
 
 
-def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
+def _offer_peer(bench: PaletteContext) -> Iterator[SystemCommand]:
     peer = bench.view_model.peer_snapshot
     if peer is None:
         return
@@ -271,19 +271,19 @@ def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Peer {peer.name}: {button.label(peer)}", about, press)
     for other in bench.view_model.peers:
         if other.name != peer.name:
-            speak = partial(_peer, bench, other.name)
+            speak = partial(_select_peer, bench, other.name)
             yield SystemCommand(f"Peer {other.name}", "speak for this peer", speak)
 
 
-def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
+def _offer_instances(bench: PaletteContext) -> Iterator[SystemCommand]:
     for instance in bench.view_model.instances:
         if instance.name != bench.view_model.selected:
             about = f"select this instance of {instance.block}"
             yield SystemCommand(f"Instance {instance.name}", about, partial(_select, bench, instance.name))
 
 
-def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
-    for digit, name in PANES.items():
+def _offer_screen(bench: PaletteContext) -> Iterator[SystemCommand]:
+    for digit, name in PANE_NAMES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
     main = bench.main
     for title, about, act in (
@@ -304,7 +304,7 @@ def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 
-def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
+def _yank_commands(bench: PaletteContext) -> Iterator[SystemCommand]:
     from trcvtui.tui.copy_formats import FORMATS
 
     yield SystemCommand("Yank …", "a menu of all formats · key y", bench.main.action_yank)
@@ -313,21 +313,21 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
 
 
-def _of_recent(main: MainScreen) -> Iterator[SystemCommand]:
+def _recent_commands(main: MainScreen) -> Iterator[SystemCommand]:
     try:
         for path in () if getattr(main.app, "only_looks", False) else recent_projects():
-            line = run_line(path)
+            line = make_run_line(path)
             yield SystemCommand(f"Recent projects: {Path(path).name}", line, partial(main.yank_line, line))
     except UserError as wrong:
         [told] = wrong.lines()
-        yield SystemCommand("Recent projects", told, partial(main.prompt.complain, told))
+        yield SystemCommand("Recent projects", told, partial(main.prompt.show_error, told))
 
 
-def _select(bench: PaletteReach, name: str) -> None:
+def _select(bench: PaletteContext, name: str) -> None:
     bench.view_model.selected = name
     bench.main.follow_selected()
 
 
-def _peer(bench: PaletteReach, name: str) -> None:
+def _select_peer(bench: PaletteContext, name: str) -> None:
     bench.view_model.peer = name
     bench.main.post_message(PeerSelected())

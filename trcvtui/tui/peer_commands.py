@@ -13,7 +13,7 @@ from trcvtui.snapshots.bench import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"
-MODES: Final = (HEX, TEXT, UDT)
+PAYLOAD_MODES: Final = (HEX, TEXT, UDT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,21 +30,21 @@ def _always(text: str) -> Callable[[PeerSnapshot], str]:
     return lambda peer: text
 
 
-def _says(words: str) -> Callable[[PeerSnapshot], str]:
+def _peer_line(words: str) -> Callable[[PeerSnapshot], str]:
     return lambda peer: f"peer {peer.name} {words}"
 
 
 SEND: Final = "s"
 BUTTONS: Final = (
-    Button(SEND, _always("Send"), _says("send")),
+    Button(SEND, _always("Send"), _peer_line("send")),
     Button(
         "c",
         lambda peer: "Connect" if peer.active else "Listen",
         lambda peer: f"peer {peer.name} {'connect' if peer.active else 'listen'}",
     ),
-    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close")),
-    Button("r", _always("RST"), _says("rst")),
-    Button("h", _always("Half-close"), _says("shutdown")),
+    Button("f", lambda peer: "Close" if peer.udp else "FIN", _peer_line("close")),
+    Button("r", _always("RST"), _peer_line("rst")),
+    Button("h", _always("Half-close"), _peer_line("shutdown")),
     Button(
         "z",
         lambda peer: "Resume" if peer.stalled else "Stall",
@@ -52,34 +52,34 @@ BUTTONS: Final = (
     ),
 )
 NO_PEER: Final = "no peer: A adds one"
-NEED_A_CONNECTION: Final = "rh"  # RST and half-close
-SILENCE: Final = Button(
+CONNECTED_LETTERS: Final = "rh"  # RST and half-close
+SILENCE_BUTTON: Final = Button(
     "l",
     lambda peer: "Wire up" if peer.silent else "Silence",
     lambda peer: f"link {peer.link} {'up' if peer.silent else 'down'}",
 )
-EVERY_SPLIT, FORM = "e", "o"
-TRY: Final = Button(EVERY_SPLIT, _always("Every split"), _says("try-splits"))
-REPLY: Final = Button("a", _always("Reply …"), _says("reply on contains hex 05 send hex 06"), edit=True)
-NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"))
-CHECK: Final = Button("b", _always("Check …"), _says("check on size=64 every=T#100ms"), edit=True)
-NO_CHECK: Final = Button("b", _always("Check off"), _says("check off"))
-FAULT: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)
-CLEAR: Final = Button("u", _always("Clear faults"), _always("fault clear"))
+EVERY_SPLIT_LETTER, FORM_LETTER = "e", "o"
+TRY_BUTTON: Final = Button(EVERY_SPLIT_LETTER, _always("Every split"), _peer_line("try-splits"))
+REPLY: Final = Button("a", _always("Reply …"), _peer_line("reply on contains hex 05 send hex 06"), edit=True)
+NO_REPLY_BUTTON: Final = Button("d", _always("No replies"), _peer_line("reply off"))
+CHECK_BUTTON: Final = Button("b", _always("Check …"), _peer_line("check on size=64 every=T#100ms"), edit=True)
+NO_CHECK_BUTTON: Final = Button("b", _always("Check off"), _peer_line("check off"))
+FAULT_BUTTON: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)
+CLEAR_BUTTON: Final = Button("u", _always("Clear faults"), _always("fault clear"))
 
 
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
     """Return the buttons that make sense for a peer; an armed fault turns its button into the end of it."""
-    silence = (SILENCE,) if peer is not None and peer.link else ()
+    silence = (SILENCE_BUTTON,) if peer is not None and peer.link else ()
     is_udp = peer is not None and peer.udp
-    always = tuple(button for button in BUTTONS if not (is_udp and button.letter in NEED_A_CONNECTION))
-    tries = (TRY,) if peer is not None and not is_udp else ()
-    replies = (REPLY, NO_REPLY) if peer is not None and peer.replies else (REPLY,)
-    checks = NO_CHECK if peer is not None and peer.check is not None else CHECK
-    return (*always, *silence, CLEAR if faults else FAULT, *tries, *replies, checks)
+    always = tuple(button for button in BUTTONS if not (is_udp and button.letter in CONNECTED_LETTERS))
+    tries = (TRY_BUTTON,) if peer is not None and not is_udp else ()
+    replies = (REPLY, NO_REPLY_BUTTON) if peer is not None and peer.replies else (REPLY,)
+    checks = NO_CHECK_BUTTON if peer is not None and peer.check is not None else CHECK_BUTTON
+    return (*always, *silence, CLEAR_BUTTON if faults else FAULT_BUTTON, *tries, *replies, checks)
 
 
-def try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
+def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
     """Return the bench command that tries every split of a payload; of several pauses the first."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quoted(payload) if mode == TEXT else payload.strip()
@@ -92,7 +92,7 @@ def receiver_for(link: str, selected: str, project: Project) -> str:
     return selected if selected in names else next(iter(names), "")
 
 
-def send_line(peer: str, mode: str, payload: str, options: tuple[tuple[str, str], ...]) -> str:
+def make_send_line(peer: str, mode: str, payload: str, options: tuple[tuple[str, str], ...]) -> str:
     """Return the bench command that sends a payload; options are (name, text), empty ones are left out."""
     given = "".join(f" {name}={text.strip()}" for name, text in options if text.strip())
     return f"peer {peer} send {mode} {_quoted(payload) if mode == TEXT else payload.strip()}{given}"

@@ -12,15 +12,15 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.snapshots.bench import LineAnswer
-from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.formatting import clip, plain, wrap_text
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Row, hidden_keys, row
 from trcvtui.tui.widgets.typed_lines import TypedField, TypedLine
 
-KEPT_LINES: Final = 200
+MOST_KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
-MESSAGE_S: Final = 10.0  # then a message goes away, but for one that is to stay
-TOLD_BEFORE: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
+MESSAGE_TIME_S: Final = 10.0  # then a message goes away, but for one that is to stay
+PREVIEWED_VERBS: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
 
 
 class EchoLine(LineView, can_focus=False):
@@ -35,19 +35,19 @@ class EchoLine(LineView, can_focus=False):
         self.note = ""  # of a line that is still typed
         self._end: Timer | None = None
 
-    def say(
+    def show_answer(
         self, line: str, error: str = "", waits: bool = False, told: str = "", stays: bool = False
     ) -> None:
         """Show a command and its answer for a while; a command that waits for it, until it comes."""
         if self._end is not None:
             self._end.stop()
         goes = bool(line or error or told) and not (waits or stays)
-        self._end = self.set_timer(MESSAGE_S, lambda: self.say("")) if goes else None
+        self._end = self.set_timer(MESSAGE_TIME_S, lambda: self.show_answer("")) if goes else None
         self._line, self._error, self.waits = line, error, waits
         self._told = " · ".join(map(str.strip, told.splitlines()))
         self._fit()
 
-    def foretell(self, note: str) -> None:
+    def show_preview(self, note: str) -> None:
         """Show what the line that is typed would do; "" shows the last command again."""
         if note != self.note:
             self.note = note
@@ -62,10 +62,10 @@ class EchoLine(LineView, can_focus=False):
     def _texts(self) -> tuple[str, ...]:
         width = max(20, self.line_width - 2)
         if self.note:
-            return wrapped(self.note, width)
+            return wrap_text(self.note, width)
         if self._error:
-            return wrapped(f"{self._line}  ✗ {self._error}", width)
-        return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
+            return wrap_text(f"{self._line}  ✗ {self._error}", width)
+        return wrap_text(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
 
     def row_count(self) -> int:
         return len(self._texts()) if self.note or self._error or self._told else 1
@@ -127,7 +127,7 @@ class Prompt(Vertical):
         self._view_model = view_model
         self._submit = submit
         self._echo = EchoLine()
-        self.foretell = self._echo.foretell  # what is wrong with a line that is typed elsewhere
+        self.show_preview = self._echo.show_preview  # what is wrong with a line that is typed elsewhere
         self._input = PromptInput(self)
         self._open_line = TypedLine(":", self._input)
         self._open_line.id, self._open_line.display = "open-line", False
@@ -144,7 +144,7 @@ class Prompt(Vertical):
 
     # -- open and closed ----------------------------------------------------------------------------
 
-    async def prepare(self) -> None:
+    async def mount_input(self) -> None:
         """Make the input, so that it is there before the first key is obeyed."""
         from trcvtui.tui.completion import BenchSuggester
 
@@ -168,7 +168,7 @@ class Prompt(Vertical):
         self._at = len(self._lines)
         self._fill(plain(text))
         self._open_line.display = True
-        self._foretell()
+        self._update_preview()
         self.screen.set_focus(self._input)
 
     def close(self) -> None:
@@ -176,22 +176,22 @@ class Prompt(Vertical):
         before, self._focus_before = self._focus_before, None
         self.screen.set_focus(before)
         self._open_line.display, self._echo.display = False, True
-        self._echo.foretell("")
+        self._echo.show_preview("")
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        self._foretell()
+        self._update_preview()
 
-    def _foretell(self) -> None:
-        from trcvtui.tui.view_model.validity import said_before
+    def _update_preview(self) -> None:
+        from trcvtui.tui.view_model.validity import preview_edit
 
         if not self.is_open:
             return
         line = self._input.value.strip()
-        is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
-        notes = [said_before(line, self._view_model.project)] if is_told else []
+        is_told = line.partition(" ")[0] in PREVIEWED_VERBS and not self._only_looks()
+        notes = [preview_edit(line, self._view_model.project)] if is_told else []
         notes += [f"then {step}" for step in self._steps[1:] if self._steps[0] == line]
-        self._echo.foretell(" · ".join(filter(None, notes)))
+        self._echo.show_preview(" · ".join(filter(None, notes)))
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
@@ -216,35 +216,35 @@ class Prompt(Vertical):
 
     # -- lines and answers --------------------------------------------------------------------------
 
-    def remember(self, line: str) -> None:
+    def add_to_history(self, line: str) -> None:
         if not self._lines or self._lines[-1] != line:
             self._lines.append(line)
-            del self._lines[:-KEPT_LINES]
+            del self._lines[:-MOST_KEPT_LINES]
 
-    def sent(self, line: str, number: int) -> None:
+    def show_sent_line(self, line: str, number: int) -> None:
         self._steps = self._steps[1:] if self._steps[:1] == (line,) else ()
         self._after = number if self._steps else -1
-        self.remember(line)
+        self.add_to_history(line)
         self._last = number
-        self._echo.say(line, waits=True)
+        self._echo.show_answer(line, waits=True)
 
-    def did(self, line: str, told: str, error: str = "") -> None:
-        self.remember(line)
-        self._echo.say(line, error, told=told)
+    def show_result(self, line: str, told: str, error: str = "") -> None:
+        self.add_to_history(line)
+        self._echo.show_answer(line, error, told=told)
 
-    def answered(self, answers: dict[int, LineAnswer]) -> None:
+    def show_answers(self, answers: dict[int, LineAnswer]) -> None:
         for number, answer in answers.items():
             if answer.error or number == self._last:
-                self._echo.say(answer.line, answer.error, told=answer.told)
+                self._echo.show_answer(answer.line, answer.error, told=answer.told)
             if number == self._after and not answer.error:
                 self._submit(self._steps[0])
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         return self._echo.waits
 
-    def tell(self, text: str) -> None:
-        self._echo.say("", told=text)
+    def inform(self, text: str) -> None:
+        self._echo.show_answer("", told=text)
 
-    def complain(self, text: str, stays: bool = False) -> None:
-        self._echo.say("", text, stays=stays)
+    def show_error(self, text: str, stays: bool = False) -> None:
+        self._echo.show_answer("", text, stays=stays)

@@ -14,7 +14,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.files import read_bytes, reason_of, write_file
 
 FILE: Final = "recent.json"
-MOST: Final = 10
+MOST_PROJECTS: Final = 10
 MOST_BYTES: Final = 100_000
 
 
@@ -31,10 +31,10 @@ def recent_projects() -> list[str]:
         found = None
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
         raise mistake(str(path), "something else", expected)
-    return found[:MOST]
+    return found[:MOST_PROJECTS]
 
 
-def remember(project: Path) -> None:
+def remember_project(project: Path) -> None:
     """Put a project first; where this cannot be written or read, nothing is changed."""
     path = os.path.abspath(project)
     if project != paths.demo_path():
@@ -42,10 +42,10 @@ def remember(project: Path) -> None:
             kept = [each for each in recent_projects() if each != path]
             paths.state_folder().mkdir(parents=True, exist_ok=True, mode=0o700)
             file = paths.state_folder() / FILE
-            write_file(file, json.dumps([path, *kept][:MOST]) + "\n", str(file), is_own=True)
+            write_file(file, json.dumps([path, *kept][:MOST_PROJECTS]) + "\n", str(file), is_own=True)
 
 
-def run_line(path: str) -> str:
+def make_run_line(path: str) -> str:
     """Return the line that opens a project in a shell; what cannot be printed stands there in octal."""
     if path.isprintable():
         return f"trcvtui run {quote(path)}"

@@ -15,41 +15,41 @@ from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
+from trcvtui.tui.widgets.lines import KEY_ACTIONS, KeyLine, Keys
 from trcvtui.udt.literals import format_time
 from trcvtui.wording import count, utc_text
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import EvidencePlace
 
-EVERYWHERE: Final = (
+REPLAY_KEYS: Final = (
     ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
     ("g", "go to"), ("W", "what if"), ("+-", "speed"),
     ("9", "time line"), (":", "command"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
-CLICKS: Final = {
-    **ACTIONS,
+CLICK_ACTIONS: Final = {
+    **KEY_ACTIONS,
     "!": "at('error +1')",
     '"': "at('error -1')",
     "g": "prompt('at ')",
     "W": "what_if",
     "9": "line",
 }
-KEYS: Final = {  # what a pane may have for itself
+PANE_KEYS: Final = {  # what a pane may have for itself
     "←→": ("left", "right"), "shift": ("shift+left", "shift+right"), "!": ("exclamation_mark",),
     "+-": ("plus", "minus"), "space": ("space",), "g": ("g",),
 }  # fmt: skip
 CHANGES: Final = frozenset(("add", "change", "send"))  # what keys of panes do
-COMMANDS: Final = frozenset(("block", "peer"))  # panes of which all keys do
-ROWS: Final = 2
-FIRST_OF_ALL: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
-TIMING: Final = 8  # the pane
-MOST_SAID: Final = 6  # lines of a what-if
-HERE, PARTS, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
-STYLES: Final = {HERE: "key", PARTS: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
+COMMAND_PANES: Final = frozenset(("block", "peer"))  # panes of which all keys do
+POSITION_ROWS: Final = 2
+PRIORITY_ACTIONS: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
+TIMING_PANE: Final = 8  # the pane
+MOST_WHAT_IF_LINES: Final = 6  # lines of a what-if
+HERE, PARTING_SIGN, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
+STYLES: Final = {HERE: "key", PARTING_SIGN: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
 
 
-def bar(position: ReplayPosition, width: int) -> str:
+def position_bar(position: ReplayPosition, width: int) -> str:
     """Return the whole recording in one line: where it stands, what has passed, where ERRORs come."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
@@ -60,7 +60,7 @@ def bar(position: ReplayPosition, width: int) -> str:
             return HERE
         begin = column * pieces // width
         if position.parts_at and column == (position.parts_at - first) * width // scans:
-            return PARTS
+            return PARTING_SIGN
         has_error = 1 in position.marks[begin : max(begin + 1, (column + 1) * pieces // width)]
         return ERROR if has_error else PAST if column < here else COMING
 
@@ -70,7 +70,7 @@ def bar(position: ReplayPosition, width: int) -> str:
 class PositionLine(LineView, inherit_bindings=False):
     """Where the replay stands: in words, and in a bar over the whole width; a click goes there."""
 
-    DEFAULT_CSS = f"PositionLine {{ height: {ROWS}; background: $background; padding: 0 1; }}"
+    DEFAULT_CSS = f"PositionLine {{ height: {POSITION_ROWS}; background: $background; padding: 0 1; }}"
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="position")
@@ -78,18 +78,18 @@ class PositionLine(LineView, inherit_bindings=False):
 
     def row_count(self) -> int:
         position = self._view_model.position
-        return ROWS + (len(_said(position)) if position is not None else 0)
+        return POSITION_ROWS + (len(_what_if_lines(position)) if position is not None else 0)
 
     def row_at(self, y: int) -> Row:
         picture = self._view_model.live
         if picture is None or picture.position is None:
             return EMPTY
         if y == 0:
-            return row(*_words(picture.position, picture.holding))
-        if y >= ROWS:
-            said = _said(picture.position)[y - ROWS : y - ROWS + 1]
-            return row(*((line, "warn" if y == ROWS else "") for line in said))
-        signs = groupby(bar(picture.position, max(1, self.line_width)))
+            return row(*_position_parts(picture.position, picture.holding))
+        if y >= POSITION_ROWS:
+            said = _what_if_lines(picture.position)[y - POSITION_ROWS : y - POSITION_ROWS + 1]
+            return row(*((line, "warn" if y == POSITION_ROWS else "") for line in said))
+        signs = groupby(position_bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
     def click(self, x: int, y: int) -> None:
@@ -100,32 +100,32 @@ class PositionLine(LineView, inherit_bindings=False):
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
 
 
-class ReplayKeys(KeyLine):
+class ReplayKeyLine(KeyLine):
     """Of a pane the keys that look only, then those of the replay that the pane has not for itself."""
 
     _commands = False
 
     def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
         panes = [*focused.ancestors_with_self] if focused is not None else []
-        self._commands = not isinstance(focused, Input) and any(pane.id in COMMANDS for pane in panes)
+        self._commands = not isinstance(focused, Input) and any(pane.id in COMMAND_PANES for pane in panes)
         acts = focused.screen.active_bindings if focused is not None else {}
         own = {key for key, active in acts.items() if active.node in panes[:-2]}  # the screen and the app
-        self._everywhere = tuple([pair for pair in EVERYWHERE if not own & {*KEYS.get(pair[0], ())}])
+        self._everywhere = tuple([pair for pair in REPLAY_KEYS if not own & {*PANE_KEYS.get(pair[0], ())}])
         self._names = getattr(self.app, "key_names", {})
         super().show_keys_of(focused, holding)
 
     def show_keys(self, local: Keys, holding: bool) -> None:
         """Leave out what would change the bench."""
         some = [pair for pair in local if pair[1] not in CHANGES and (not self._commands or pair[0] == "C")]
-        self._actions = {key: action for key, action in CLICKS.items() if key not in dict(some)}
+        self._actions = {key: action for key, action in CLICK_ACTIONS.items() if key not in dict(some)}
         super().show_keys(tuple(some), holding)
 
 
-def _said(position: ReplayPosition) -> tuple[str, ...]:
-    return (position.what_if or position.beside)[:MOST_SAID]
+def _what_if_lines(position: ReplayPosition) -> tuple[str, ...]:
+    return (position.what_if or position.beside)[:MOST_WHAT_IF_LINES]
 
 
-def _words(position: ReplayPosition, holding: bool) -> Iterator[Part]:
+def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
     more = "" if position.is_read else "+"
     yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
     if position.first:
@@ -164,9 +164,9 @@ class ReplayScreen(MainScreen):
 
     def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
         super().__init__(view_model, submit)
-        self.key_line = ReplayKeys(EVERYWHERE, CLICKS)
+        self.key_line = ReplayKeyLine(REPLAY_KEYS, CLICK_ACTIONS)
         self.position = PositionLine(view_model)
-        self._position_rows = ROWS
+        self._position_rows = POSITION_ROWS
         self._is_beside = False  # is a run with another parameter shown beside
 
     def compose(self) -> Iterator[Widget]:
@@ -178,8 +178,8 @@ class ReplayScreen(MainScreen):
     def _fit(self, width: int, height: int) -> None:
         super()._fit(width, height - self.position.row_count())
 
-    async def prepare(self) -> None:
-        await super().prepare()
+    async def mount_fields(self) -> None:
+        await super().mount_fields()
         self.set_focus(self.position)
 
     def show(self) -> None:
@@ -192,7 +192,7 @@ class ReplayScreen(MainScreen):
             is_beside = position is not None and bool(position.what_if)
             if is_beside != self._is_beside:  # both runs over time, or all panes again
                 self._is_beside = is_beside
-                self._open(TIMING)
+                self._open(TIMING_PANE)
                 if is_beside != self.has_class(ZOOM):
                     self.action_zoom()
             self._arrange()
@@ -202,7 +202,7 @@ class ReplayScreen(MainScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave `g`, home and end to a field that is typed into, and to the table of messages."""
         is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
-        is_of_table = (action, *parameters) in FIRST_OF_ALL and self.focused is self.received.table.first
+        is_of_table = (action, *parameters) in PRIORITY_ACTIONS and self.focused is self.received.table.first
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def _takes_pins(self) -> bool:
@@ -241,6 +241,6 @@ class ReplayScreen(MainScreen):
         self.action_line()
 
     def action_change(self) -> None:
-        self.prompt.complain(CANNOT_CHANGE_TEXT)
+        self.prompt.show_error(CANNOT_CHANGE_TEXT)
 
     action_undo = action_change

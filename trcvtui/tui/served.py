@@ -35,21 +35,21 @@ if TYPE_CHECKING:
     from textual_serve.app_service import AppService
 
 HOST: Final = "127.0.0.1"
-TOKEN: Final = "token"
-SCREEN: Final = "/ws"  # where textual-serve starts one
+TOKEN_PARAMETER: Final = "token"
+SOCKET_PATH: Final = "/ws"  # where textual-serve starts one
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
-SHUT_S: Final = 0.5  # for pages to close; a tab ends with its engine
-MOST_TYPED: Final = 1 << 16  # characters of one message
+SHUTDOWN_S: Final = 0.5  # for pages to close; a tab ends with its engine
+MOST_TYPED_CHARACTERS: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
-OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
+OUTSIDE_LINK: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
 FONT: Final = """<style>@font-face {
       font-family: "Roboto Mono"; src: url("/static/fonts/RobotoMono-VariableFont_wght.ttf");
     }</style>"""
-QUIET: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
-FOREIGN: Final = "this bench is only for pages of its own\n"
-UNKNOWN: Final = "open the whole address that `trcvtui serve` has printed\n"
-FULL: Final = f"{MOST_TABS} screens are open already; close one\n"
-HEAD: Final = """<head>
+QUIET_HEADERS: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
+FOREIGN_REFUSAL: Final = "this bench is only for pages of its own\n"
+UNKNOWN_REFUSAL: Final = "open the whole address that `trcvtui serve` has printed\n"
+FULL_REFUSAL: Final = f"{MOST_TABS} screens are open already; close one\n"
+PAGE_HEAD: Final = """<head>
     <title>%s</title>
     <link rel="icon" href="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 8 8'>
       <path d='M1 1v6l6-3z' fill='limegreen'/></svg>">
@@ -66,7 +66,7 @@ def refuse_root(write: bool, as_root: bool) -> None:
         raise mistake("trcvtui serve --write", found, "another user, or --as-root if that is meant")
 
 
-class Entrance:
+class AccessControl:
     """Who may come in: a page of our own (rule 1) that has shown the token once (rule 2)."""
 
     def __init__(self, port: int) -> None:
@@ -79,7 +79,7 @@ class Entrance:
 
     @property
     def url(self) -> str:
-        return f"{self.address}/?{TOKEN}={self.token}"
+        return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
     def refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
         """Return why a request is refused whatever it shows, "" when it is not.
@@ -87,19 +87,19 @@ class Entrance:
         A browser names the Origin of each websocket; who does not is no page of ours.
         """
         if host.lower() not in self._own or (origin is None and is_socket):
-            return FOREIGN
+            return FOREIGN_REFUSAL
         scheme, _, named = (origin or "").lower().partition("://")
-        return FOREIGN if origin is not None and (scheme != "http" or named not in self._own) else ""
+        return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
-    def knows(self, shown: str | None) -> bool:
+    def is_token(self, shown: str | None) -> bool:
         """Return whether this is the token, in a time that tells nothing of it."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
-    def let_in(self) -> web.Response:
+    def grant_cookie(self) -> web.Response:
         """Give the cookie, and the address without the token: that one shall not stay in the history."""
         from aiohttp import web
 
-        answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET})
+        answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET_HEADERS})
         answer.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict", path="/")
         return answer
 
@@ -112,22 +112,22 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     except ImportError:
         found, expected = "no textual-serve", "it: pip install 'trcvtui[serve]'"
         raise mistake("trcvtui serve", found, expected) from None
-    door = listening(port)
-    entrance = Entrance(door.getsockname()[1])
+    door = open_listener(port)
+    entrance = AccessControl(door.getsockname()[1])
     how = "every command is carried out" if write else "read-only; --write lets it command"
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
     try:
         with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
             engine.wait_for_project()
-            command, begin = command_line(project, engine.door, write, theme), partial(revive, engine)
+            command, begin = command_line(project, engine.door, write, theme), partial(restart_engine, engine)
             answers = application(command, entrance, f"trcvtui {project.name}", about, begin)
-            web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUT_S)
+            web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUTDOWN_S)
     except (EngineStopped, OSError) as failed:
         found = str(failed).splitlines()[-1]
         raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n` and TMPDIR") from None
 
 
-def revive(engine: EngineDriver) -> str:
+def restart_engine(engine: EngineDriver) -> str:
     """Start another engine where the one before has ended, and say why it has; return why none begins."""
     try:
         engine.poll_picture()
@@ -143,13 +143,13 @@ def revive(engine: EngineDriver) -> str:
 
 
 async def application(
-    command: str, entrance: Entrance, title: str, about: str, begin: Callable[[], str]
+    command: str, entrance: AccessControl, title: str, about: str, begin: Callable[[], str]
 ) -> web.Application:
     """Return what answers the requests, and says first where it is; each tab is `begin` and `command`."""
     from aiohttp import web
     from textual_serve.server import Server
 
-    class Loopback(Server):
+    class LoopbackServer(Server):
         """Answers only the pages that it has given out."""
 
         async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
@@ -158,11 +158,11 @@ async def application(
             if run is not None:  # a page does not stand on when its process has ended
                 run.add_done_callback(lambda _: loop.create_task(websocket.close()))
             async for message in websocket:
-                match _said(message.data):
-                    case ["stdin", str(typed)] if len(typed) <= MOST_TYPED:
+                match _parse_message(message.data):
+                    case ["stdin", str(typed)] if len(typed) <= MOST_TYPED_CHARACTERS:
                         await app_service.send_bytes(typed.encode(errors="replace"))
                     case ["resize", {"width": width, "height": height}]:
-                        await app_service.set_terminal_size(_cells(width), _cells(height))
+                        await app_service.set_terminal_size(_parse_size(width), _parse_size(height))
                     case ["ping", asked]:
                         await websocket.send_json(["pong", asked])
                     case ["blur" | "focus" as what, *_]:
@@ -172,8 +172,10 @@ async def application(
             """Give the page out with a head of ours, and without what it would fetch from elsewhere."""
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
-                page.text = OUTSIDE.sub(FONT, page.text or "").replace("<head>", HEAD % escape(title), 1)
-                page.headers.update(QUIET)
+                page.text = OUTSIDE_LINK.sub(FONT, page.text or "").replace(
+                    "<head>", PAGE_HEAD % escape(title), 1
+                )
+                page.headers.update(QUIET_HEADERS)
             return page
 
         async def on_startup(self, app: web.Application) -> None:
@@ -185,44 +187,44 @@ async def application(
     screens = asyncio.BoundedSemaphore(MOST_TABS)
 
     @web.middleware
-    async def _only_who_may(request, handler):  # type: ignore[no-untyped-def]
-        refused = entrance.refusal(request.host, request.headers.get("Origin"), request.path == SCREEN)
+    async def _check_access(request, handler):  # type: ignore[no-untyped-def]
+        refused = entrance.refusal(request.host, request.headers.get("Origin"), request.path == SOCKET_PATH)
         if refused:
             return web.Response(status=403, text=refused)
-        if request.path == "/" and entrance.knows(request.query.get(TOKEN)):
-            return entrance.let_in()
-        if not entrance.knows(request.cookies.get(entrance.cookie)):
-            return web.Response(status=403, text=UNKNOWN)
-        if request.path != SCREEN:
+        if request.path == "/" and entrance.is_token(request.query.get(TOKEN_PARAMETER)):
+            return entrance.grant_cookie()
+        if not entrance.is_token(request.cookies.get(entrance.cookie)):
+            return web.Response(status=403, text=UNKNOWN_REFUSAL)
+        if request.path != SOCKET_PATH:
             return await handler(request)
         if screens.locked():
-            return web.Response(status=503, text=FULL)
+            return web.Response(status=503, text=FULL_REFUSAL)
         async with screens:
             if wrong := begin():
                 return web.Response(status=503, text=wrong)
             asked = request.query
-            size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
+            size = {name: _parse_size(asked[name]) for name in ("width", "height") if name in asked}
             return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
 
-    app = await Loopback(command, HOST, entrance.port, title=title)._make_app()
-    app.middlewares.append(_only_who_may)
+    app = await LoopbackServer(command, HOST, entrance.port, title=title)._make_app()
+    app.middlewares.append(_check_access)
     return app
 
 
-def _said(data: object) -> object:
+def _parse_message(data: object) -> object:
     """Return what a message says, None for one that is no JSON."""
     with suppress(ValueError, RecursionError):
         return json.loads(data) if isinstance(data, str) else None
     return None
 
 
-def _cells(asked: object) -> int:
+def _parse_size(asked: object) -> int:
     """Return a width or a height that a screen can have; 80 in place of what is no number."""
     text = str(asked)[:9]
     return min(max(int(text), 1), MOST_CELLS) if text.isdecimal() else 80
 
 
-def listening(port: int) -> socket.socket:
+def open_listener(port: int) -> socket.socket:
     """Return a socket that listens on loopback; raise UserError for a port that cannot be had."""
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:

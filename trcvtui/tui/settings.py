@@ -22,15 +22,15 @@ from trcvtui.errors import UserError
 from trcvtui.project.tables import expected_name, quote, read_toml
 from trcvtui.tui.widgets.theme import THEMES
 
-FEW_COLOURS: Final = (None, "standard")
+FEW_COLOUR_SYSTEMS: Final = (None, "standard")
 COLOUR_SYSTEMS: Final[tuple[Literal["standard", "256", "truecolor"], ...]] = ("standard", "256", "truecolor")
-CONFIG, KEYMAP = "config.toml", "keys.toml"
-FIXED: Final = frozenset((
+CONFIG_FILE, KEYMAP_FILE = "config.toml", "keys.toml"
+FIXED_KEYS: Final = frozenset((
     *("tab", "shift+tab", "enter", "escape", "up", "down", "left", "right", "backspace", "ctrl+q", "ctrl+c"),
     *"0123456789",
 ))  # fmt: skip
 KEY_NAMES: Final = frozenset(key.value for key in Keys if not key.value.startswith("<"))
-EXPECTED: Final = "one character, or a key such as f5, ctrl+k or pageup"
+EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +53,14 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
     """Return what is set; `theme` is that of the command line and wins."""
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
-    told = _table(folder / CONFIG, problems)
-    chosen = theme if theme in THEMES else _theme(told, folder / CONFIG, problems)
-    keymap = _keymap(_table(folder / KEYMAP, problems), folder / KEYMAP, own, problems)
-    names = {_name(b.key): _name(keymap[b.id]) for b in own if b.id in keymap}
+    told = _read_table(folder / CONFIG_FILE, problems)
+    chosen = theme if theme in THEMES else _theme(told, folder / CONFIG_FILE, problems)
+    keymap = _keymap(_read_table(folder / KEYMAP_FILE, problems), folder / KEYMAP_FILE, own, problems)
+    names = {_format_key_name(b.key): _format_key_name(keymap[b.id]) for b in own if b.id in keymap}
     return ScreenSettings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
 
 
-def _table(path: Path, problems: list[str]) -> dict[str, Any]:
+def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
     try:
         os.lstat(path)  # of a file that is not there is nothing to tell
         return read_toml(path)
@@ -78,7 +78,7 @@ def theme_for(environ: Mapping[str, str]) -> str:
     told = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # what Textual goes by, in a browser too
     system = told if told in COLOUR_SYSTEMS else "auto"
     console = Console(color_system=system, force_terminal=True, _environ=environ)
-    return "ansi" if console.color_system in FEW_COLOURS else "dark"
+    return "ansi" if console.color_system in FEW_COLOUR_SYSTEMS else "dark"
 
 
 def _theme(told: Mapping[str, Any], path: Path, problems: list[str]) -> str:
@@ -120,13 +120,13 @@ def _keymap(
 def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
     texts: list[Any] = given if isinstance(given, list) else [given]
     if not texts or not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"found {quote(given)}, expected {EXPECTED}, or a list of such")
+        raise ValueError(f"found {quote(given)}, expected {EXPECTED_KEY}, or a list of such")
     keys = []
     for text in texts:
         key = _key(text)
         if key is None:
-            raise ValueError(f"found {quote(text)}, expected {EXPECTED}")
-        if key in FIXED or (len(key) == 1 and key.islower() and key not in own):
+            raise ValueError(f"found {quote(text)}, expected {EXPECTED_KEY}")
+        if key in FIXED_KEYS or (len(key) == 1 and key.islower() and key not in own):
             raise ValueError(f"found {quote(text)}, which pins and panes have, expected another key")
         if key in kept:
             raise ValueError(f"found {quote(text)}, which {kept[key]} has, expected another key")
@@ -144,6 +144,6 @@ def _key(text: str) -> str | None:
     return text if plain else None
 
 
-def _name(keys: str) -> str:
+def _format_key_name(keys: str) -> str:
     name = format_key(keys.split(",")[0])
     return name.upper() if re.fullmatch(r"f\d+", name) else name

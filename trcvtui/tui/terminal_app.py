@@ -17,17 +17,17 @@ from textual.app import App
 from textual.command import Provider
 
 from trcvtui.tui.settings import ScreenSettings
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES, THEMES, readable
-from trcvtui.tui.widgets.typed_lines import TypedField, obey
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES, THEMES, readable_colours
+from trcvtui.tui.widgets.typed_lines import TypedField, dispatch_key
 
-HANG_UP_S: Final = 1.0
-REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
-LONG_REST: Final = 15  # such rests: and at all that was made since the start
-YOUNG: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
-ENDINGS: Final = ("SIGTERM", "SIGHUP", "SIGQUIT")
-ENDING_SIGNALS: Final = [getattr(signal, name) for name in ENDINGS if hasattr(signal, name)]
-QUITS: Final = frozenset(("app.quit", "quit"))
-HANG_UP: Final = 129  # as a shell reports SIGHUP
+TERMINAL_CHECK_S: Final = 1.0
+REST_INTERVAL_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
+LONG_REST_COUNT: Final = 15  # such rests: and at all that was made since the start
+YOUNG_OBJECTS: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
+ENDING_SIGNAL_NAMES: Final = ("SIGTERM", "SIGHUP", "SIGQUIT")
+ENDING_SIGNALS: Final = [getattr(signal, name) for name in ENDING_SIGNAL_NAMES if hasattr(signal, name)]
+QUIT_ACTIONS: Final = frozenset(("app.quit", "quit"))
+HANG_UP_EXIT: Final = 129  # as a shell reports SIGHUP
 
 
 def _ordered_commands() -> type[Provider]:
@@ -64,10 +64,10 @@ class TerminalApp(App[None]):
 
     # -- what a subclass says -----------------------------------------------------------------------
 
-    async def prepare(self) -> None:
+    async def mount_fields(self) -> None:
         """Make what need not be in the first frame, such as fields that can be typed into."""
 
-    def tell_first(self) -> None:
+    def show_start_message(self) -> None:
         """Say what is to be known of this screen when it stands."""
 
     def end_children(self, is_dead: bool) -> None:
@@ -76,7 +76,7 @@ class TerminalApp(App[None]):
     def get_css_variables(self) -> dict[str, str]:
         """Return the colours of the theme, with those in their place that could not be read."""
         colours = super().get_css_variables()  # its `theme_variables`, too
-        colours.update(readable(self.current_theme, colours))
+        colours.update(readable_colours(self.current_theme, colours))
         return colours
 
     # -- from the start to the end ------------------------------------------------------------------
@@ -86,21 +86,21 @@ class TerminalApp(App[None]):
         if not self.is_headless:
             self._end_on_signals()
 
-    def begin(self) -> None:
+    def start_terminal(self) -> None:
         if self._look.ansi:
             self.theme = self._look.name  # with its watcher: native colours need it
         if not self.is_headless and not self.is_web:
-            self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
+            self.set_interval(TERMINAL_CHECK_S, self._leave_a_dead_terminal)
 
-    async def stand(self) -> None:
-        await self.prepare()
-        await self.obey_kept()
+    async def finish_start(self) -> None:
+        await self.mount_fields()
+        await self.process_kept_keys()
         self._is_up = True
         if self._ended_by:
             self._end_by_signal(self._ended_by)
-        self.tell_first()
-        quiet_collector()
-        self.set_interval(REST_S, self._collect_at_rest)
+        self.show_start_message()
+        limit_garbage_collector()
+        self.set_interval(REST_INTERVAL_S, self._collect_at_rest)
 
     def _end_on_signals(self) -> None:
         """Let these signals end the screen as `q` does: the terminal gets back what it had."""
@@ -124,7 +124,7 @@ class TerminalApp(App[None]):
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
-            os._exit(HANG_UP)  # there is nothing left to restore
+            os._exit(HANG_UP_EXIT)  # there is nothing left to restore
 
     # -- keys ---------------------------------------------------------------------------------------
 
@@ -132,26 +132,26 @@ class TerminalApp(App[None]):
         """Obey a key at once; those typed before everything is there are kept for the moment it is."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             self._keys += 1
-            if (self._keeps_keys or self._kept_keys) and not self._ends(event):
-                self._kept_keys.append(_as_typed(event))
+            if (self._keeps_keys or self._kept_keys) and not self._is_quit_key(event):
+                self._kept_keys.append(_normalize_enter(event))
                 return
-            if await obey(self, event):
+            if await dispatch_key(self, event):
                 return
         await super().on_event(event)
 
-    def _ends(self, event: events.Key | events.Paste) -> bool:
+    def _is_quit_key(self, event: events.Key | events.Paste) -> bool:
         if not self._is_up or isinstance(event, events.Paste):
             return False
         if event.is_printable and (self._kept_keys or isinstance(self.focused, TypedField)):
             return False
         bound = self.screen.active_bindings.get(event.key)
-        return bound is not None and bound.binding.action in QUITS
+        return bound is not None and bound.binding.action in QUIT_ACTIONS
 
-    async def obey_kept(self) -> None:
+    async def process_kept_keys(self) -> None:
         """Obey the keys that were kept, in their order; one of them may begin another wait."""
         self._keeps_keys = False
         while self._kept_keys and not self._keeps_keys:
-            if not await obey(self, self._kept_keys[0]):
+            if not await dispatch_key(self, self._kept_keys[0]):
                 await super().on_event(self._kept_keys[0])
             del self._kept_keys[0]  # now: what comes meanwhile is kept, too
 
@@ -159,9 +159,9 @@ class TerminalApp(App[None]):
         """Give a copied text to the terminal (OSC 52), and to a clipboard program."""
         super().copy_to_clipboard(text)
         if not self.only_looks:
-            from trcvtui.tui.clipboard_and_files import to_clipboard  # read when first asked for
+            from trcvtui.tui.clipboard_and_files import copy_by_program  # read when first asked for
 
-            self.run_worker(asyncio.to_thread(to_clipboard, text))
+            self.run_worker(asyncio.to_thread(copy_by_program, text))
 
     # -- the collector ------------------------------------------------------------------------------
 
@@ -170,17 +170,17 @@ class TerminalApp(App[None]):
         self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
         self._keys_seen = self._keys
         _, older, oldest = gc.get_count()
-        if self._rests >= LONG_REST and oldest:
+        if self._rests >= LONG_REST_COUNT and oldest:
             gc.collect()
         elif self._rests and older:
             gc.collect(1)
 
 
-def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
+def _normalize_enter(event: events.Key | events.Paste) -> events.Key | events.Paste:
     return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
 
 
-def quiet_collector() -> None:
+def limit_garbage_collector() -> None:
     """Let the collector look at young objects only, a few at a time; the others wait for a rest.
 
     What lives now lives to the end. 50,000 young objects took 37 to 181 ms.
@@ -188,4 +188,4 @@ def quiet_collector() -> None:
     gc.enable()
     gc.collect()
     gc.freeze()
-    gc.set_threshold(YOUNG, 1_000_000, 1_000_000)
+    gc.set_threshold(YOUNG_OBJECTS, 1_000_000, 1_000_000)

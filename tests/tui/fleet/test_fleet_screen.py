@@ -26,7 +26,7 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 @pytest.fixture(autouse=True)
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
-    monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
+    monkeypatch.setattr(fleet_app, "ORDER_INTERVAL_NS", 0)
     monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
     monkeypatch.setenv("TZ", "UTC")
     if hasattr(time, "tzset"):
@@ -43,13 +43,13 @@ class OnFleet:
 
     async def tell(self, *news: ConnAck | ConnectionLost | IncomingMessage) -> None:
         self.broker.tell(*news)
-        self.app.hear(1 << 62)
+        self.app.read_broker(1 << 62)
         await self.pilot.pause()
 
     async def press(self, *keys: str) -> None:
         for key in keys:
             await self.pilot.press(key)
-        self.app.hear(1 << 62)
+        self.app.read_broker(1 << 62)
         await self.pilot.pause()
 
     async def type(self, text: str) -> None:

@@ -12,9 +12,9 @@ from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
-from trcvtui.tui.forms.fields import kinds_of, line_of
+from trcvtui.tui.forms.fields import kinds_of, make_add
 from trcvtui.tui.forms.messages import UdtForm
-from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.view_model.validity import find_mistake
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])
 
@@ -199,15 +199,15 @@ def project() -> Project:
 @pytest.mark.parametrize("kind", ["instance", "connect", "data", "peer", "udp_config", "addr"])
 def test_what_the_form_begins_with_can_be_added_at_once(project: Project, kind: str) -> None:
     texts = {field.key: field.first for field in fields_of(kind, project)}
-    line = line_of(kind, propose_name(kind, project), texts, project)
-    assert fault_of(line, project) == ""
+    line = make_add(kind, propose_name(kind, project), texts, project)
+    assert find_mistake(line, project) == ""
 
 
 def test_every_known_value_fits_its_field(project: Project) -> None:
     for kind in kinds_of(project):
         for field in fields_of(kind, project):
             for choice in field.choices:
-                fault = fault_of(line_of(kind, "N1", {field.key: choice}, project), project)
+                fault = find_mistake(make_add(kind, "N1", {field.key: choice}, project), project)
                 assert f"{field.key}: found" not in fault.replace(f"{field.key}: found nothing", "")
 
 
@@ -278,7 +278,7 @@ async def test_the_form_adds_a_combuffer_where_blocks_can_be_on_one() -> None:
             others = {} if field.key == "line" else {"source": "serial", "port": "/dev/ttyUSB0"}
             for choice in field.choices:
                 assert (
-                    fault_of(line_of("combuffer", "N1", {**others, field.key: choice}, project), project)
+                    find_mistake(make_add("combuffer", "N1", {**others, field.key: choice}, project), project)
                     == ""
                 )
         await shown.press("A")

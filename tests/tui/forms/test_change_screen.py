@@ -14,7 +14,7 @@ from tests.tui.on_a_line import on_a_line
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.picture.protocol import READ_ONLY
 from trcvtui.project.file import load_project
-from trcvtui.tui.forms.fields import all_parts, fields_to_change, set_line, text_of, values_of
+from trcvtui.tui.forms.fields import all_parts, fields_to_change, format_value, make_set_line, values_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -202,6 +202,6 @@ def test_each_part_of_each_project_begins_as_it_is(path: Path) -> None:
     project = load_project(path)
     for part in (each for each in all_parts(project) if each.kind != "udt"):  # it has no key but its name
         now = values_of(part, project)
-        fields = fields_to_change(part, now, project, text_of(now.get("block", "")))
+        fields = fields_to_change(part, now, project, format_value(now.get("block", "")))
         assert fields, part
-        assert set_line(part, now, {field.key: field.first for field in fields}, project) == "", part
+        assert make_set_line(part, now, {field.key: field.first for field in fields}, project) == "", part

@@ -14,14 +14,14 @@ from trcvtui.tui.main import MainScreen
 async def frames(screen: BenchLooker, count: int) -> None:
     for _ in range(count):
         screen.bench.scan(3)
-        screen.app._frame()
+        screen.app._refresh_picture()
         await screen.pilot.pause()
 
 
 async def test_the_panes_below_a_dialog_are_not_shown_with_every_picture(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_S", 1000.0)
+    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_DELAY_S", 1000.0)
     async with on_a_bench() as screen:
         screen.app.action_add("connect")
         await screen.settle()
@@ -40,7 +40,7 @@ async def test_the_panes_below_a_dialog_are_not_shown_with_every_picture(
 
 
 async def test_panes_show_the_newest_picture_when_the_dialog_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_S", 1000.0)
+    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_DELAY_S", 1000.0)
     async with on_a_bench() as screen:
         screen.app.action_add("connect")
         await frames(screen, 5)
@@ -53,7 +53,7 @@ async def test_panes_show_the_newest_picture_when_the_dialog_is_left(monkeypatch
 
 
 async def test_panes_below_an_open_dialog_show_the_last_picture_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_S", 0.001)
+    monkeypatch.setattr("trcvtui.tui.main.BELOW_DIALOG_DELAY_S", 0.001)
     async with on_a_bench() as screen:
         screen.app.action_add("connect")
         await frames(screen, 5)

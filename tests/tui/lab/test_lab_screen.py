@@ -218,7 +218,7 @@ async def test_a_wrong_line_or_a_file_that_is_none_is_told_in_one_line(tmp_path:
 async def test_a_changed_file_is_shown_at_once_and_comes_into_data_by_r(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
         save(tmp_path / "types.st", TELEGRAM.replace("kind  : BYTE", "kind  : BYTE; more : DWORD"), 2)
-        stage.lab.look()
+        stage.lab.reload_files()
         await stage.press()
         assert " more " in stage.text
         assert "types.st has changed: Telegram now 32 B, before 28 B" in stage.words
@@ -345,10 +345,10 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
 def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> None:
     for data, job, done in ((bytes(8), b"\1", 1), (b"\0\1", b"\1", 0), (bytes(8), b"", 0)):
         found = looked_at(data, job, done)
-        assert (found.begin(), found.source) == ("", DATA)
+        assert (found.choose_source(), found.source) == ("", DATA)
     chosen = looked_at(bytes(8), b"\1", 0)
     chosen.is_chosen = True
-    assert (chosen.begin(), chosen.source) == ("", DATA)
+    assert (chosen.choose_source(), chosen.source) == ("", DATA)
 
 
 # -- a partner outside the bench -----------------------------------------------------------------------

@@ -33,30 +33,30 @@ def members(files: TypeFiles) -> int:
 def test_a_file_that_did_not_change_is_not_read_again(path: Path) -> None:
     files = TypeFiles([path], {})
     types = files.types
-    assert not files.look() and files.types is types
+    assert not files.reload_if_changed() and files.types is types
 
 
 def test_a_broken_save_keeps_the_last_good_type_and_says_one_line(path: Path) -> None:
     files = TypeFiles([path], {})
     saved(path, BROKEN, 2)
-    assert not files.look() and members(files) == 1
+    assert not files.reload_if_changed() and members(files) == 1
     assert "t.st:1:21: " in files.trouble and "INTEGERR" in files.trouble and "\n" not in files.trouble
     saved(path, LONGER, 3)
-    assert files.look() and members(files) == 2 and files.trouble == ""
+    assert files.reload_if_changed() and members(files) == 2 and files.trouble == ""
 
 
 def test_a_file_that_is_gone_for_a_moment_changes_nothing(path: Path) -> None:
     files = TypeFiles([path], {})
     path.unlink()
-    assert not files.look() and members(files) == 1 and "No such file" in files.trouble
+    assert not files.reload_if_changed() and members(files) == 1 and "No such file" in files.trouble
     saved(path, LONGER, 3)
-    assert files.look() and members(files) == 2
+    assert files.reload_if_changed() and members(files) == 2
 
 
 def test_a_bad_type_more_does_not_hold_the_good_ones_back(path: Path) -> None:
     files = TypeFiles([path], {})
     saved(path, LONGER + "TYPE U : STRUCT x : NOBODY; END_STRUCT END_TYPE\n", 2)
-    assert files.look() and members(files) == 2
+    assert files.reload_if_changed() and members(files) == 2
     assert [problem.found for problem in files.types.problems] == ["'NOBODY'"]
 
 
@@ -65,4 +65,4 @@ def test_constants_are_asked_for_and_then_known(tmp_path: Path) -> None:
     saved(path, "TYPE T : STRUCT a : ARRAY[1..GVL.MAX] OF INT; END_STRUCT END_TYPE\n", 1)
     files = TypeFiles([path], {})
     assert files.types.unknown_constants == ("GVL.MAX",) and not files.types.types
-    assert files.know({"GVL.MAX": 10}) and files.types.names() == ["T"]
+    assert files.add_constants({"GVL.MAX": 10}) and files.types.names() == ["T"]

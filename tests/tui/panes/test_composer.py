@@ -22,7 +22,7 @@ from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
 from trcvtui.snapshots.bench import ReplySnapshot
 from trcvtui.tui.formatting import MS
-from trcvtui.tui.panes.composer import Splits, splits_of
+from trcvtui.tui.panes.composer import Splits, read_splits
 
 SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
@@ -120,7 +120,7 @@ def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, da
     split = f" split={cuts.split}" if cuts.split else ""
     project = load_project(CONFIGS / "passive.toml")
     send = parse_line(f"peer P1 send hex {payload.hex()}{split}{gap}", project, "w")
-    assert isinstance(send, PeerSend) and splits_of(send) == cuts
+    assert isinstance(send, PeerSend) and read_splits(send) == cuts
 
 
 # -- every split -----------------------------------------------------------------------------------------

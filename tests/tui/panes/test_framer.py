@@ -232,7 +232,7 @@ async def test_a_line_is_fed_whole_byte_by_byte_and_its_cable_is_pulled() -> Non
         assert framer is not None and framer.tally.good == 2
         await shown.press("right", "right")
         await shown.do()
-        assert "02 41›0d 0a 2 of 4 B fed" in shown.words and shown.app.view_model.partial == b"\x02\x41"
+        assert "02 41›0d 0a 2 of 4 B fed" in shown.words and shown.app.view_model.job_bytes == b"\x02\x41"
         await shown.press("b")
         await shown.do()
         framer = shown.app.view_model.instances[0].framer

@@ -15,7 +15,7 @@ from tests.tui.fakes import picture
 from tests.tui.looking import SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.history.messages import MessageRow, MessagesDelta
-from trcvtui.tui.main import MESSAGES
+from trcvtui.tui.main import MESSAGES_CLASS
 from trcvtui.tui.panes.message_list import MessageLines
 from trcvtui.tui.widgets.line_view import EMPTY, Part
 
@@ -85,7 +85,7 @@ async def test_d_shows_the_messages_with_bytes_and_members_and_gives_the_screen_
         assert ("scan" in looker.words("message-head")) == (size == LARGE)
         assert "B STATUS id state" in looker.words("message-head")
         assert "0b 00 00 00" in looker.words("message"), "the bytes of message 12"
-        assert main.has_class(MESSAGES) == (size[1] < 80)
+        assert main.has_class(MESSAGES_CLASS) == (size[1] < 80)
         if size != SMALL:
             assert "2.75" in looker.line(" speed ", "udt")
         await press(looker, "up", "up")
@@ -103,7 +103,7 @@ async def test_new_rows_are_followed_until_one_is_chosen_and_the_other_panes_go_
         await press(looker, "D", "up")
         looker.bench.do(f"peer P1 send hex {telegram(5, 9).hex()}", scans=4)
         await looker.pictures()
-        chosen = rows.chosen()
+        chosen = rows.find_chosen_row()
         assert chosen is not None and (chosen.number, numbers(looker)[-1]) == (4, 6)
         assert main.timing.view.cursor == chosen.scan and f"scan {chosen.scan}, in" in looker.pane("status")
         assert "end follows" in title(looker)
@@ -113,7 +113,7 @@ async def test_new_rows_are_followed_until_one_is_chosen_and_the_other_panes_go_
         await looker.pictures()
         assert numbers(looker)[-1] == 6
         await press(looker, "F")
-        chosen = rows.chosen()
+        chosen = rows.find_chosen_row()
         assert chosen is not None and chosen.number == 7
 
 
@@ -174,7 +174,7 @@ async def test_a_filter_acts_as_it_is_typed_and_what_cannot_be_read_leaves_the_l
         looker.bench.do(f"peer P1 send hex {telegram(1, 50).hex()}", scans=4)
         await looker.pictures()
         await press(looker, "up", "N", "n")
-        shown = looker.app.main.received.table.messages.chosen()
+        shown = looker.app.main.received.table.messages.find_chosen_row()
         assert numbers(looker) == [6, 7, 8, 10] and shown is not None and shown.number == 8
         assert looker.lines == [], "n is not EN_R here"
         await press(looker, "y")
@@ -203,9 +203,11 @@ async def test_another_instance_and_another_type_are_never_read_by_the_old_one()
         await press(looker, "D", "slash")
         await looker.type("speed > 0\r")
         assert numbers(looker) == [2, 3]
-        looker.app.view_model.known_messages.asked("TRCV_C_2")
+        looker.app.view_model.known_messages.make_request("TRCV_C_2")
         rows = looker.app.main.received.table.messages
-        assert (rows.row_at(0), rows.rows(), rows.chosen()) == (EMPTY, [], None), "between two pictures"
+        assert (rows.row_at(0), rows.rows(), rows.find_chosen_row()) == (EMPTY, [], None), (
+            "between two pictures"
+        )
         looker.app.view_model.selected = "TRCV_C_2"
         looker.app.main.follow_selected()
         assert numbers(looker) == [] and table(looker) == [] and looker.app.main.table.past is None

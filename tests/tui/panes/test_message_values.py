@@ -16,7 +16,7 @@ from tests.udt.udt_strategies import layouts
 from trcvtui.errors import one_line
 from trcvtui.history.messages import MessagesDelta
 from trcvtui.project.project import DataDecl
-from trcvtui.tui.panes.message_list import fitted
+from trcvtui.tui.panes.message_list import fit_text
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.report import member_rows
@@ -32,16 +32,18 @@ async def have_the_values_of_udt_decode(drawn: list[tuple[Layout, bytes, bool]])
         for layout, start, is_whole in drawn:
             content = start.ljust(layout.size, start[:1] or b"\7") if is_whole else start
             data = DataDecl("rx", "T", layout.type, layout, layout.size)
-            view._take_project(replace(own, data=(data, *(each for each in own.data if each.name != "rx"))))
+            view._accept_project(replace(own, data=(data, *(each for each in own.data if each.name != "rx"))))
             view.known_messages = KnownMessages()
-            view.known_messages.asked("TRCV_C_1")
+            view.known_messages.make_request("TRCV_C_1")
             row = row_of(content, scan=1)
             await looker.show(replace(picture(), messages=MessagesDelta("TRCV_C_1", 0, 1, (row,))))
             await looker.settle()
             said = [value for *_, value in member_rows(layout, content, "T", missing="")]
             shown = [text for text, _ in face.messages.row_at(0).parts[1 + len(face.messages.columns) :]]
             widths = [width for _, width in face.messages.members]
-            assert shown == [fitted(one_line(each), width) for each, width in zip(said, widths, strict=False)]
+            assert shown == [
+                fit_text(one_line(each), width) for each, width in zip(said, widths, strict=False)
+            ]
             assert face._bytes.content == content and members._bytes() == content
             for place, value in enumerate(said[: members.size.height]):
                 text = members.row_at(place).parts[5][0]

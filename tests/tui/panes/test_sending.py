@@ -14,7 +14,7 @@ from tests.tui.looking import BOTH, WIDE, looking
 from trcvtui.bench.bench import Bench
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import read_project
-from trcvtui.tui.panes.function_block import LATE_S
+from trcvtui.tui.panes.function_block import LATE_DETECTION_S
 
 
 def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> BenchUpdate:
@@ -92,7 +92,7 @@ def test_a_dead_link_shows_when_the_wire_line_says(interval: int) -> None:
     up = "set TSEND_C_1 CONT=1", "run 3", "peer P1 connect", "run 3"
     bench.play(*up, "link C1 down", "pulse TSEND_C_1 REQ", "run 1")
     runtime = bench.bench.runtime
-    began, last = runtime.scans, runtime.scans + 100 * (3 * interval + LATE_S)
+    began, last = runtime.scans, runtime.scans + 100 * (3 * interval + LATE_DETECTION_S)
     while not runtime.outputs("TSEND_C_1").error and runtime.scans < last:
         bench.scan(1)
     assert runtime.outputs("TSEND_C_1").error

@@ -163,7 +163,7 @@ async def test_a_chosen_edge_stays_chosen_while_newer_ones_come_in() -> None:
 async def test_the_history_is_bounded() -> None:
     flood = written(*((n, received(8) if n % 2 else armed()) for n in range(1, 3001)))
     async with looking(WIDE, picture(lines=flood, scan=3000, t_ns=30 * SECOND)) as looker:
-        assert len(looker.app.view_model.history.of("TRCV_C_1")) == 1000
+        assert len(looker.app.view_model.history.list_edges("TRCV_C_1")) == 1000
         await looker.press("4", "end")
         assert "2001" in looker.text
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.tui.widgets.typed_lines import HINT, FindInput
+from trcvtui.tui.widgets.typed_lines import FIND_HINT, FindInput
 from trcvtui.udt.byte_text import EXPECTED_SEARCH
 
 WIDE, SMALL, LARGE, MIDDLE = (140, 45), (80, 24), (200, 60), (120, 40)
@@ -120,7 +120,7 @@ async def test_hex_text_and_numbers_are_found_across_jobs(text: str, places: lis
 async def test_what_cannot_be_looked_for_says_why_in_whole_while_it_is_typed(size: tuple[int, int]) -> None:
     async with shifted(size) as looker:
         await looker.press("5", "slash")
-        assert HINT in looker.words("received")
+        assert FIND_HINT in looker.words("received")
         await looker.type("=1x")
         wrong = f"✗ find: found '1x', expected {EXPECTED_SEARCH}"
         assert wrong in looker.words("echo")
@@ -191,7 +191,7 @@ async def test_the_stream_follows_the_newest_byte_until_something_is_selected() 
         await press(looker, "g")
         looker.bench.do(f"peer P1 send hex {FRAME.hex()}", scans=3)
         while stream.window.end == 30 * 24:
-            looker.app._frame()
+            looker.app._refresh_picture()
         assert f" {31 * 24} B kept" in str(looker.app.main.received.border_title), (
             "as many as this picture has"
         )
@@ -259,10 +259,14 @@ async def test_messages_are_compared_with_a_marked_one_and_copied() -> None:
         stream, received = looker.app.main.received.stream, looker.app.main.received
         await press(looker, "m", "down", "down", "d")
         assert looker.words("origin-line").startswith("≠ 1 of 20 bytes: 16#01 = 1 · TRCV_C_1 job 1 byte 20")
-        assert (stream._before(24), stream._byte(24), "mark 00" in looker.words("stream")) == (0, 1, True)
-        assert received.past.copied() == (MESSAGES[1], MESSAGES[0] + b"\x01")
+        assert (stream._byte_before(24), stream._byte(24), "mark 00" in looker.words("stream")) == (
+            0,
+            1,
+            True,
+        )
+        assert received.past.bytes_to_copy() == (MESSAGES[1], MESSAGES[0] + b"\x01")
         await press(looker, "g", "m")
-        assert stream.marked is None and received.past.copied() == (MESSAGES[0], b"")
+        assert stream.marked is None and received.past.bytes_to_copy() == (MESSAGES[0], b"")
 
 
 async def test_a_search_tells_which_hit_of_how_many_and_places_have_numbers() -> None:

@@ -14,7 +14,7 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow
 from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.panes.timing import LABEL, Timing
+from trcvtui.tui.panes.timing import LABEL_WIDTH, Timing
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
 
@@ -33,10 +33,10 @@ class Analyser(Stage):
         return self.app.main.timing
 
     def row(self, name: str) -> str:
-        return self._drawn(name)[LABEL:].rstrip()
+        return self._drawn(name)[LABEL_WIDTH:].rstrip()
 
     def value(self, name: str) -> str:
-        return self._drawn(name)[13:LABEL].strip()
+        return self._drawn(name)[13:LABEL_WIDTH].strip()
 
     def _drawn(self, name: str) -> str:
         region = self.pane.content_region
@@ -203,7 +203,7 @@ async def test_a_column_of_many_scans_is_said_in_readable_time_and_zoom_ends_whe
 async def test_a_click_sets_the_cursor_and_the_wheel_zooms() -> None:
     async with analysing() as look:
         x = look.row("DONE").index("█")
-        await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
+        await look.pilot.click("#timing", offset=(2 + LABEL_WIDTH + x, 1 + 4))
         await follow(look.app, look.pilot)
         assert look.value("DONE") == "1"
         look.pane.post_message(_wheel(look.app, events.MouseScrollDown))
@@ -222,7 +222,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
     async with analysing() as look:
         await look.press("minus", "minus", "minus")
         x = look.row("DONE").index("┃")
-        await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
+        await look.pilot.click("#timing", offset=(2 + LABEL_WIDTH + x, 1 + 4))
         await follow(look.app, look.pilot)
         assert look.value("DONE") == "1"
 

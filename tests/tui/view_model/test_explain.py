@@ -153,10 +153,10 @@ async def test_no_edge_of_a_frozen_time_is_lost() -> None:
             desk.bench.submit("peer P1 send random 24 seed=1")
             desk.bench.scan(4)
         await desk.see()
-        frozen = len(desk.app.view_model.history.of("TRCV_C_1"))
+        frozen = len(desk.app.view_model.history.list_edges("TRCV_C_1"))
         await desk.press("F")
         await desk.see()
-        assert len(desk.app.view_model.history.of("TRCV_C_1")) == frozen + 600
+        assert len(desk.app.view_model.history.list_edges("TRCV_C_1")) == frozen + 600
         assert desk.app.view_model.history.skipped == 0
 
 

@@ -97,11 +97,11 @@ async def test_an_instance_of_the_same_name_does_not_show_the_one_that_was_delet
 
 async def test_no_edge_of_the_selected_instance_is_lost_where_lines_come_too_fast() -> None:
     async with at_the_desk(WIDE, *UP) as desk:
-        before = len(desk.app.view_model.history.of("TRCV_C_1"))
+        before = len(desk.app.view_model.history.list_edges("TRCV_C_1"))
         for _ in range(200):
             desk.bench.submit("peer P1 send random 24 seed=1")
             desk.bench.scan(4)
         await desk.see()
         assert desk.app.view_model.history.skipped > 0
-        edges = [line.seq for line in desk.app.view_model.history.of("TRCV_C_1")]
+        edges = [line.seq for line in desk.app.view_model.history.list_edges("TRCV_C_1")]
         assert len(edges) == before + 400 and edges == sorted(edges)

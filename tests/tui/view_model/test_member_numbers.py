@@ -38,16 +38,16 @@ def test_a_message_brings_a_number_or_leaves_what_was_there_or_brings_what_is_no
 def test_numbers_that_are_followed_are_those_of_all_messages_that_are_known() -> None:
     seed = random.Random(1)
     known, kept, last = KnownMessages(), MemberNumbers(LAYOUT, SPEED), MemberNumbers(LAYOUT, SPEED, 60)
-    known.asked("X")
+    known.make_request("X")
     count, gone = 0, set[bool]()
     for _ in range(200):
         first = count + 3000 * (seed.random() < 0.02)  # some came too fast to cross
         rows = tuple(message(first + n + 1, seed.random()) for n in range(seed.randrange(120)))
         count = first + len(rows)
-        known.take(MessagesDelta("X", first, count, rows, max(0, count - 500)), MAX_SCAN)
+        known.accept_rows(MessagesDelta("X", first, count, rows, max(0, count - 500)), MAX_SCAN)
         stop = seed.choice([known.stop, max(known.first, known.stop - 30)])
-        whole = MemberNumbers(LAYOUT, SPEED).follow(known, stop)
-        assert [*map(repr, kept.follow(known, stop))] == [*map(repr, whole)]
-        assert [*map(repr, last.follow(known, stop))] == [*map(repr, whole[-60:])]
+        whole = MemberNumbers(LAYOUT, SPEED).update_numbers(known, stop)
+        assert [*map(repr, kept.update_numbers(known, stop))] == [*map(repr, whole)]
+        assert [*map(repr, last.update_numbers(known, stop))] == [*map(repr, whole[-60:])]
         gone.add(known.oldest > known.first)
     assert known.first > 0 and gone == {True, False}

@@ -66,7 +66,7 @@ async def test_where_nothing_speaks_for_another_layout_v_says_so() -> None:
 async def test_the_lab_takes_theirs_into_data() -> None:
     async with at_the_desk(WIDE, *UP) as desk:
         await desk.press("L")
-        desk.app.screen.obey("udt theirs natural8 big cstr")  # type: ignore[attr-defined]
+        desk.app.screen.run_line("udt theirs natural8 big cstr")  # type: ignore[attr-defined]
         await desk.press("V")
         await desk.do("run 3")
         assert str(rx(desk).choice) == "layout=natural8 byte_order=big text=cstr"

@@ -7,8 +7,8 @@ import pytest
 from tests.tui.fakes import MS, SECOND, bench_project
 from trcvtui.commands.table import COMMANDS
 from trcvtui.tui.completion import complete, verbs
-from trcvtui.tui.formatting import bar, clip, wrapped
-from trcvtui.tui.peer_commands import send_line
+from trcvtui.tui.formatting import bar, clip, wrap_text
+from trcvtui.tui.peer_commands import make_send_line
 from trcvtui.tui.widgets.help import letters_of
 from trcvtui.tui.widgets.hex_view import CHARACTER_OF, CLASS_OF
 from trcvtui.wording import age, duration, stamp
@@ -38,7 +38,7 @@ def test_one_byte_is_never_an_empty_bar() -> None:
 
 
 def test_control_characters_do_not_survive_wrapping() -> None:
-    assert wrapped("a\x1b[1m b", 40) == (r"a\x1b[1m b",)
+    assert wrap_text("a\x1b[1m b", 40) == (r"a\x1b[1m b",)
 
 
 def test_each_byte_has_a_class_and_one_printable_character() -> None:
@@ -112,4 +112,4 @@ def test_every_verb_that_a_prompt_takes_is_completed() -> None:
 
 def test_empty_options_are_left_out_of_a_send() -> None:
     options = (("split", " 3,7 "), ("gap", ""), ("repeat", "2"), ("every", "  "))
-    assert send_line("P1", "hex", " 01 02 ", options) == "peer P1 send hex 01 02 split=3,7 repeat=2"
+    assert make_send_line("P1", "hex", " 01 02 ", options) == "peer P1 send hex 01 02 split=3,7 repeat=2"

@@ -18,7 +18,7 @@ from trcvtui.fleet.fleet_list import GROUP_KEYS, Entry, FleetGroup, count_sick, 
 from trcvtui.fleet.reader import FleetReader, state_topics
 from trcvtui.fleet.seen_fleet import ERROR, STATES, FleetLine, SeenFleet
 from trcvtui.tui.fleet.card import FleetCardScreen
-from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
+from trcvtui.tui.fleet.table import NO_AGENT_LINES, FleetColumnHead, FleetTable
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.messages import FleetEntryOpened, KeyClicked
 from trcvtui.tui.settings import ScreenSettings, load_settings
@@ -31,19 +31,19 @@ from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
 from trcvtui.wording import count
 
-NS: Final = 1_000_000_000
+NS_PER_S: Final = 1_000_000_000
 FRAME_S: Final = 1 / 20
-LOOK_NS: Final = 20_000_000  # of a frame, for messages
-ORDER_NS: Final = NS // 2  # between two orders of the list
-OLD_NS: Final = 10 * NS  # until errors are looked at whether they are of the last hour
-NONE_FITS: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
-NOTHING_CAME: Final = ("  nothing has come from the broker yet",)
-KEYS: Final = (("/", "filter"), ("g", "group"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"))
-ACTIONS: Final = {
+READ_BUDGET_NS: Final = 20_000_000  # of a frame, for messages
+ORDER_INTERVAL_NS: Final = NS_PER_S // 2  # between two orders of the list
+AGE_INTERVAL_NS: Final = 10 * NS_PER_S  # until errors are looked at whether they are of the last hour
+NO_MATCH_LINES: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
+NO_DATA_LINES: Final = ("  nothing has come from the broker yet",)
+FOOTER_KEYS: Final = (("/", "filter"), ("g", "group"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"))
+KEY_ACTIONS: Final = {
     "↑↓": "move", "enter": "open", "/": "filter", "g": "group", "ctrl+p": "app.command_palette",
     "?": "help", "q": "app.quit",
 }  # fmt: skip
-HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
+HELP_TABLES: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Lines", (
         ("↑ ↓, j k", "choose a line; from then on the cursor stays on it, wherever it goes"),
         ("home, end or G", "the worst, whichever that is; the last one"),
@@ -74,7 +74,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
 )  # fmt: skip
 
 
-class FleetHead(WordLine):
+class FleetHeader(WordLine):
     """Which broker, whether it is there, how many lines, how many of them are bad."""
 
     def __init__(self, broker: BrokerAccess, pattern: str, reader: FleetReader) -> None:
@@ -116,19 +116,19 @@ class FleetScreen(Screen[None]):
         self._reader = reader
         self._typed = self._by = ""
         self._opened: set[str] = set()
-        self._ordered_at = self._aged_at = -OLD_NS
+        self._ordered_at = self._aged_at = -AGE_INTERVAL_NS
         self._shown = -1, False  # the version of the fleet, and whether its broker was there
-        self.head = FleetHead(broker, pattern, reader)
-        self.heads = FleetHeads()
-        self.table = FleetTable(self.wall)
-        self.filter = FilterLine(self.narrow, self.table.action_move, self.table)
+        self.head = FleetHeader(broker, pattern, reader)
+        self.heads = FleetColumnHead()
+        self.table = FleetTable(self.utc_seconds)
+        self.filter = FilterLine(self.set_filter, self.table.action_move, self.table)
         self.outcome = OutcomeLine()
-        self.key_line = KeyLine(KEYS, ACTIONS)
+        self.key_line = KeyLine(FOOTER_KEYS, KEY_ACTIONS)
         self._frame = Vertical(id="fleet-frame")
 
-    def wall(self) -> float:
+    def utc_seconds(self) -> float:
         """Return seconds of UTC since 1970."""
-        return clock.wall_ns() / NS
+        return clock.wall_ns() / NS_PER_S
 
     def compose(self) -> Iterator[Widget]:
         yield self.head
@@ -141,16 +141,16 @@ class FleetScreen(Screen[None]):
 
     def on_mount(self) -> None:
         self.set_focus(self.table)
-        self.follow(clock.now_ns())
+        self.advance(clock.now_ns())
 
     # -- what is shown ------------------------------------------------------------------------------
 
-    def follow(self, now: int) -> bool:
+    def advance(self, now: int) -> bool:
         """Order the list anew where something has changed; ages go on. False: that was a moment ago."""
-        if now < self._ordered_at + ORDER_NS:
+        if now < self._ordered_at + ORDER_INTERVAL_NS:
             return False
         self._ordered_at = now
-        is_old = now >= self._aged_at + OLD_NS
+        is_old = now >= self._aged_at + AGE_INTERVAL_NS
         version = self._reader.fleet.version, self._reader.is_up
         if is_old or version != self._shown:
             self._shown = version
@@ -158,36 +158,36 @@ class FleetScreen(Screen[None]):
             self.order()
         else:
             self.table.show()
-        self.tell()
+        self.show_outcome()
         return True
 
     def order(self) -> None:
-        wall = self.wall()
+        wall = self.utc_seconds()
         ordered = self._reader.fleet.sort_lines(wall)
         self.head.shown = ordered
         lines = filter_lines(ordered, self._typed) if self._typed else ordered
         entries: list[Entry] = group_lines(lines, self._by, self._opened, wall) if self._by else [*lines]
-        nothing = NOTHING_YET if self._reader.is_up else NOTHING_CAME
-        self.table.nothing = NONE_FITS if ordered and not lines else nothing
-        self.table.take(entries)
+        nothing = NO_AGENT_LINES if self._reader.is_up else NO_DATA_LINES
+        self.table.nothing = NO_MATCH_LINES if ordered and not lines else nothing
+        self.table.set_entries(entries)
         told = [f"by {self._by}"] if self._by else []
         told += [f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all"] if self._typed else []
         self._frame.border_title = pane_title(None, "Lines", " · ".join([*told, "the worst first"]))
 
-    def tell(self) -> None:
+    def show_outcome(self) -> None:
         reader = self._reader
         words, style = reader.told, "warn"
         if not reader.is_up:
             before = "; what is shown was so before" if self.head.shown else ""
             words, style = f"{reader.why}{before}; the next try follows", "error"
         self.outcome.display = bool(words)
-        self.outcome.say(words, style)
+        self.outcome.write(words, style)
         self.head.show()
         self.key_line.show_keys_of(self.focused, holding=False)
 
     # -- keys ---------------------------------------------------------------------------------------
 
-    def narrow(self, typed: str) -> None:
+    def set_filter(self, typed: str) -> None:
         self._typed = typed.strip()
         self.order()
 
@@ -225,7 +225,7 @@ class FleetScreen(Screen[None]):
             self._opened ^= {message.entry.name}
             self.order()
         else:
-            self.app.push_screen(FleetCardScreen(message.entry, self.wall))
+            self.app.push_screen(FleetCardScreen(message.entry, self.utc_seconds))
 
 
 class FleetHelpScreen(ResultScreen):
@@ -238,7 +238,7 @@ class FleetHelpScreen(ResultScreen):
 
 
 def help_rows(width: int) -> list[Row]:
-    return [each for title, table in HELP for each in key_rows(title, table, width, {})]
+    return [each for title, table in HELP_TABLES for each in key_rows(title, table, width, {})]
 
 
 class FleetApp(TerminalApp):
@@ -252,29 +252,29 @@ class FleetApp(TerminalApp):
         self.main = FleetScreen(broker, pattern, reader)
 
     def on_mount(self) -> None:
-        self.begin()
+        self.start_terminal()
         self.push_screen(self.main)
-        self.set_interval(FRAME_S, self.frame)
-        self.call_after_refresh(self.stand)
+        self.set_interval(FRAME_S, self.advance_frame)
+        self.call_after_refresh(self.finish_start)
 
-    def frame(self) -> None:
-        self.hear(LOOK_NS)
+    def advance_frame(self) -> None:
+        self.read_broker(READ_BUDGET_NS)
 
-    def hear(self, most_ns: int) -> None:
+    def read_broker(self, most_ns: int) -> None:
         now = clock.now_ns()
-        self._reader.advance(now, self.main.wall(), most_ns)
-        if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
+        self._reader.advance(now, self.main.utc_seconds(), most_ns)
+        if self.main.is_mounted and self.main.advance(now) and isinstance(self.screen, FleetCardScreen):
             self.screen.card.draw()
 
-    def tell_first(self) -> None:
+    def show_start_message(self) -> None:
         if self.problems:
             self.notify(self.problems[0], markup=False)
 
     def action_picture(self) -> None:
-        from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
+        from trcvtui.tui.clipboard_and_files import screenshot  # read when first asked for
 
         tell = partial(self.notify, markup=False)
-        take_picture(self, tell, tell)
+        screenshot(self, tell, tell)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         main = self.main

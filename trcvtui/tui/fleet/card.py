@@ -9,14 +9,14 @@ from typing import Final
 from trcvtui.fleet.event_log import KeptEvent
 from trcvtui.fleet.seen_fleet import OFFLINE, STALE, STUCK_S, FleetInstance, FleetLine
 from trcvtui.tui.fleet.table import since_text, spark_parts
-from trcvtui.tui.formatting import SECOND, lamp, plain, wrapped
-from trcvtui.tui.widgets.dialogs import LABEL, CardText, ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
+from trcvtui.tui.formatting import SECOND, lamp, plain, wrap_text
+from trcvtui.tui.widgets.dialogs import LABEL_WIDTH, CardText, ListDialog
+from trcvtui.tui.widgets.line_view import Part, Row, row, rule
 from trcvtui.wording import age, count, last_part, size_text
 
-CODE: Final = 9  # columns
-STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
-DAY: Final = "%Y-%m-%d"
+CODE_WIDTH: Final = 9  # columns
+EVENT_STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
+DAY_FORMAT: Final = "%Y-%m-%d"
 
 
 def time_text(t: float, wall: float) -> str:
@@ -25,7 +25,7 @@ def time_text(t: float, wall: float) -> str:
         then, now = datetime.fromtimestamp(t), datetime.fromtimestamp(wall)
     except (OverflowError, OSError, ValueError):
         return "?"
-    return f"{then:%H:%M:%S}" if f"{then:{DAY}}" == f"{now:{DAY}}" else f"{then:%d %b %H:%M}"
+    return f"{then:%H:%M:%S}" if f"{then:{DAY_FORMAT}}" == f"{now:{DAY_FORMAT}}" else f"{then:%d %b %H:%M}"
 
 
 class FleetCard(CardText):
@@ -35,20 +35,20 @@ class FleetCard(CardText):
         self._wall = wall
 
     def make_rows(self) -> list[Row]:
-        rows = [*self._of_line()]
+        rows = [*self._line_rows()]
         for instance in self._line.instances.values():
             rows += self._instance(instance)
         for title, is_wanted in (("findings", True), ("events", False)):
             told = [each for each in self._events() if (each[1].kind == "finding") == is_wanted]
             missing = self._line.missing if title == "events" else 0
             if told or missing or title == "events":
-                rows.append(ruled(self._width, (f"── {title} ", "dim"), *_missing(missing)))
-                rows += self._of_events(told)
+                rows.append(rule(self._width, (f"── {title} ", "dim"), *_missing(missing)))
+                rows += self._event_rows(told)
             if not told and title == "events":
                 rows.append(row(("none is known", "dim")))
         return rows
 
-    def _of_line(self) -> Iterator[Row]:
+    def _line_rows(self) -> Iterator[Row]:
         line, wall = self._line, self._wall()
         figures, agent = line.figures, line.agent.state
         state = figures.state if figures is not None else "?"
@@ -76,10 +76,10 @@ class FleetCard(CardText):
             ]
             yield from self._labelled("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
-        yield row(("errors".ljust(LABEL), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
+        yield row(("errors".ljust(LABEL_WIDTH), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 
     def _instance(self, instance: FleetInstance) -> list[Row]:
-        rows = [ruled(self._width, (f"── {plain(instance.name)} ", "dim"), *_missing(instance.log.missing))]
+        rows = [rule(self._width, (f"── {plain(instance.name)} ", "dim"), *_missing(instance.log.missing))]
         status = instance.status
         if status is None:
             return [*rows, row(("no STATUS has come", "dim"))]
@@ -107,7 +107,7 @@ class FleetCard(CardText):
         kept = [(event, each.name) for each in instances for event in each.log.kept]
         return [(name, event) for event, name in sorted(kept, reverse=True)]
 
-    def _of_events(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
+    def _event_rows(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
         wall = self._wall()
         times = [time_text(self._line.agent.to_our_time(event.t, wall), wall) for _, event in told]
         wide = max(map(len, times), default=0) + 2
@@ -116,11 +116,11 @@ class FleetCard(CardText):
             what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
             what += f" · scan {event.scan}" if event.scan else ""
             what += f" of {plain(last_part(event.file))}" if event.file else ""
-            first, *rest = wrapped(f"{whose}{what}", self._width - wide - CODE)
+            first, *rest = wrap_text(f"{whose}{what}", self._width - wide - CODE_WIDTH)
             code = f"16#{event.status}" if event.status else event.kind
-            style = STYLES.get(event.kind, "dim")
-            yield row((when.ljust(wide), "dim"), (code.ljust(CODE), style), (first, ""))
-            yield from (row((" " * (wide + CODE), ""), (text, "")) for text in rest)
+            style = EVENT_STYLES.get(event.kind, "dim")
+            yield row((when.ljust(wide), "dim"), (code.ljust(CODE_WIDTH), style), (first, ""))
+            yield from (row((" " * (wide + CODE_WIDTH), ""), (text, "")) for text in rest)
 
 
 def _missing(events: int) -> list[Part]:

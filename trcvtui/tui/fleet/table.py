@@ -14,16 +14,16 @@ from textual.binding import BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, STALE, STATES, STUCK, FleetLine
-from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
+from trcvtui.tui.formatting import SECOND, clip, clip_middle, pad, plain
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_keys, row
 from trcvtui.wording import age, count
 
-STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
-FIXED: Final = 4 + STATE + CODE + 1 + SINCE + 1 + SPARK + HOUR
+STATE_WIDTH, CODE_WIDTH, SINCE_WIDTH, SPARK_WIDTH, HOUR = 13, 5, 7, 12, 5  # columns
+FIXED_WIDTH: Final = 4 + STATE_WIDTH + CODE_WIDTH + 1 + SINCE_WIDTH + 1 + SPARK_WIDTH + HOUR
 NAME: Final = 32  # columns; what is left goes to the words of the STATUS
-LEAST_TEXT, MOST_TEXT = 12, 60
-LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
+LEAST_TEXT_WIDTH, MOST_TEXT_WIDTH = 12, 60
+STATE_STYLES: Final = {  # of what a line shows: the lamp, its style, that of the words
     OFFLINE: ("✗", "error", "error"),
     STALE: ("✗", "error", "error"),
     ERROR: ("■", "error", "error"),
@@ -33,8 +33,8 @@ LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
     HAD: ("◆", "warn", ""),
     GOOD: ("■", "done", ""),
 }
-HEIGHTS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
-NOTHING_YET: Final = (
+SPARK_BLOCKS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
+NO_AGENT_LINES: Final = (
     "  no line yet: on the broker is nothing of an agent below trcvtui/v1",
     "  trcvtui agent PROJECT.toml --mqtt ... publishes there",
 )
@@ -42,7 +42,7 @@ NOTHING_YET: Final = (
 
 def spark_parts(errors: Sequence[int]) -> list[Part]:
     """Return a sparkline; its scale is the same for all lines, so that rows can be compared."""
-    drawn = "".join(HEIGHTS[min(each.bit_length(), len(HEIGHTS) - 1)] for each in errors)
+    drawn = "".join(SPARK_BLOCKS[min(each.bit_length(), len(SPARK_BLOCKS) - 1)] for each in errors)
     return [(drawn, "error" if any(errors) else "faint")]
 
 
@@ -57,7 +57,7 @@ def state_of(line: FleetLine) -> str:
     return STATES[line.shows]
 
 
-def text_of(line: FleetLine) -> str:
+def describe_status(line: FleetLine) -> str:
     """Return what there is to say of it: a finding, of what there is too little, the words of the STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
@@ -76,12 +76,12 @@ class FleetColumns(NamedTuple):
 
 def columns_of(width: int) -> FleetColumns:
     """Return the widths: names first, then the words of the STATUS."""
-    left = max(8, width - FIXED)
-    text = min(MOST_TEXT, left - NAME - 1)
-    return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT else FleetColumns(left, 0)
+    left = max(8, width - FIXED_WIDTH)
+    text = min(MOST_TEXT_WIDTH, left - NAME - 1)
+    return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT_WIDTH else FleetColumns(left, 0)
 
 
-class FleetHeads(OneLine):
+class FleetColumnHead(OneLine):
     def __init__(self) -> None:
         super().__init__(id="fleet-heads")
 
@@ -89,10 +89,10 @@ class FleetHeads(OneLine):
         columns = columns_of(self.line_width - 1)
         names = [
             pad("   site/agent/line", columns.name + 4),
-            pad("state", STATE),
-            pad("STATUS", CODE + 1 + columns.text + bool(columns.text)),
-            pad("since", SINCE, right=True),
-            pad(" errors an hour", SPARK + HOUR + 1, right=True),
+            pad("state", STATE_WIDTH),
+            pad("STATUS", CODE_WIDTH + 1 + columns.text + bool(columns.text)),
+            pad("since", SINCE_WIDTH, right=True),
+            pad(" errors an hour", SPARK_WIDTH + HOUR + 1, right=True),
         ]
         return row(("".join(names), "dim"))
 
@@ -112,16 +112,16 @@ class FleetTable(LineView, inherit_bindings=False):
         self.entries: Sequence[Entry] = ()
         self.cursor = 0
         self._is_moved = False  # by a key or the mouse: from then on the cursor stays on its line
-        self.nothing: Sequence[str] = NOTHING_YET
+        self.nothing: Sequence[str] = NO_AGENT_LINES
 
     # -- what is shown ------------------------------------------------------------------------------
 
     @property
-    def chosen(self) -> Entry | None:
+    def chosen_entry(self) -> Entry | None:
         return self.entries[self.cursor] if self.cursor < len(self.entries) else None
 
-    def take(self, entries: Sequence[Entry]) -> None:
-        here, before, top = self.chosen, self.cursor, self.scroll_offset.y
+    def set_entries(self, entries: Sequence[Entry]) -> None:
+        here, before, top = self.chosen_entry, self.cursor, self.scroll_offset.y
         self.entries = entries
         place = _place_of(here, entries) if self._is_moved else 0
         self.cursor = min(before, max(0, len(entries) - 1)) if place is None else place
@@ -143,7 +143,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def _line(self, line: FleetLine, columns: FleetColumns) -> list[Part]:
         wall, worst = self._wall(), line.worst_instance
-        lamp, lamp_style, style = LOOKS[line.shows]
+        lamp, lamp_style, style = STATE_STYLES[line.shows]
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
         code = worst.status.status if worst is not None and worst.status is not None else ""
         last = line.newest_error if line.errors_hour and line.shows != ERROR else None
@@ -152,10 +152,10 @@ class FleetTable(LineView, inherit_bindings=False):
         more += " clock?" if line.agent.skew_s else ""
         return [
             (f"{lamp} ", lamp_style),
-            (pad(squeeze(name, columns.name), columns.name + 1), "strong"),
-            (pad(clip(plain(state_of(line)), STATE - 1), STATE), style),
-            (pad(code, CODE), "error" if line.shows == ERROR else style),
-            *self._text(plain(text_of(line)), more, columns.text, style),
+            (pad(clip_middle(name, columns.name), columns.name + 1), "strong"),
+            (pad(clip(plain(state_of(line)), STATE_WIDTH - 1), STATE_WIDTH), style),
+            (pad(code, CODE_WIDTH), "error" if line.shows == ERROR else style),
+            *self._text(plain(describe_status(line)), more, columns.text, style),
             *self._hour(since_text(line.shown_since(wall), wall), line.sparkline(wall), line.errors_hour),
         ]
 
@@ -166,7 +166,7 @@ class FleetTable(LineView, inherit_bindings=False):
         told = "".join(f" · {number} {STATES[shows]}" for shows, number in group.shown)
         style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if told else "dim"
         words = f"  {count(group.lines, 'line')}{told}"
-        room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)
+        room = columns.name + STATE_WIDTH + CODE_WIDTH + 1 + columns.text + bool(columns.text)
         name = clip(plain(group.name), max(8, room - len(words) - 1))
         return [
             ("● ", style) if told else ("◆ ", "warn") if group.errors_an_hour else ("○ ", "done"),
@@ -177,7 +177,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def _hour(self, since: str, errors: Sequence[int], hour: int) -> list[Part]:
         return [
-            (pad(clip(since, SINCE), SINCE, right=True), "dim"),
+            (pad(clip(since, SINCE_WIDTH), SINCE_WIDTH, right=True), "dim"),
             (" ", ""),
             *spark_parts(errors),
             (pad(str(hour) if hour < 10_000 else "9999+", HOUR, right=True), "strong" if hour else "faint"),
@@ -200,8 +200,8 @@ class FleetTable(LineView, inherit_bindings=False):
         self._is_moved = direction > 0
 
     def action_open(self) -> None:
-        if self.chosen is not None:
-            self.post_message(FleetEntryOpened(self.chosen))
+        if self.chosen_entry is not None:
+            self.post_message(FleetEntryOpened(self.chosen_entry))
 
     def action_shut(self) -> None:
         for y in range(self.cursor, -1, -1):

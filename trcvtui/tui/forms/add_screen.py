@@ -18,25 +18,25 @@ from trcvtui.files import FilesRead, reading_only, write_file
 from trcvtui.project.edit import AddField, fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
-from trcvtui.tui.formatting import plain, wrapped
+from trcvtui.tui.formatting import plain, wrap_text
 from trcvtui.tui.forms.fields import (
-    TITLES,
+    KIND_TITLES,
     ProjectPart,
     fields_to_change,
+    format_value,
     kinds_of,
-    line_of,
-    set_line,
-    text_of,
+    make_add,
+    make_set_line,
     values_of,
 )
-from trcvtui.tui.forms.pasted_type import pasted_type
-from trcvtui.tui.view_model.validity import fault_of, said_before
+from trcvtui.tui.forms.pasted_type import prepare_pasted_type
+from trcvtui.tui.view_model.validity import find_mistake, preview_edit
 from trcvtui.tui.widgets.dialogs import FormDialog, FormField
 from trcvtui.udt.sources import type_files_in
 
-HINT, HINT_ROWS = 27, 2  # columns, lines
-FILE, ADD_FILE = "type file", "add udt "  # the key of its field, and its line
-ASK_FILE = "a file of types: tab completes its path, ↑↓ choose one beside the project; or paste a STRUCT"
+HINT_WIDTH, HINT_ROWS = 27, 2  # columns, lines
+FILE_KEY, ADD_UDT = "type file", "add udt "  # the key of its field, and its line
+FILE_HINT = "a file of types: tab completes its path, ↑↓ choose one beside the project; or paste a STRUCT"
 
 
 class ChoiceField(FormField):
@@ -48,16 +48,16 @@ class ChoiceField(FormField):
         self._choices = choices
 
     async def action_submit(self) -> None:
-        cast("AddScreen", self.screen).take()
+        cast("AddScreen", self.screen).submit()
 
-    def pasted(self, text: str) -> str:
+    def convert_paste(self, text: str) -> str:
         """Let the form keep a STRUCT for a file: the name of that stands here then."""
-        is_type = self.key == FILE and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
-        return cast("AddScreen", self.screen).paste(text) if is_type else super().pasted(text)
+        is_type = self.key == FILE_KEY and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
+        return cast("AddScreen", self.screen).keep_type(text) if is_type else super().convert_paste(text)
 
-    async def follow(self) -> None:
+    async def handle_change(self) -> None:
         """Let the form have the fields that this one asks for."""
-        await cast("AddScreen", self.screen).follow(self)
+        await cast("AddScreen", self.screen).handle_field_change(self)
 
     def action_step(self, step: int) -> None:
         if not self._choices:
@@ -74,7 +74,7 @@ class ChoiceField(FormField):
 class AddScreen(FormDialog[str]):
     """Ends with the command, "" when it is left."""
 
-    TAKES: ClassVar = "add"
+    ENTER_VERB: ClassVar = "add"
     BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
     DEFAULT_CSS = """
     AddScreen #form { width: 76; max-height: 100%; }
@@ -96,7 +96,7 @@ class AddScreen(FormDialog[str]):
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
-            form.border_subtitle = f"tab field · ↑↓ choose · enter {self.TAKES} · esc leave"
+            form.border_subtitle = f"tab field · ↑↓ choose · enter {self.ENTER_VERB} · esc leave"
             yield from self._first_rows()
             yield self._rows
             yield self._line
@@ -118,18 +118,18 @@ class AddScreen(FormDialog[str]):
         rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
         await self._rows.remove_children()
         await self._rows.mount_all(rows)
-        self._judge()
+        self._check_fields()
 
     def _specs(self, project: Project) -> list[AddField]:
         if self.kind == "udt":
             known = [each.name for each in project.udts]
             files = tuple([name for name in type_files_in(project.base) if name not in known])
-            return [AddField(FILE, "none is new beside the project", files)]
+            return [AddField(FILE_KEY, "none is new beside the project", files)]
         name = AddField("name", "a name of its own", first=propose_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
     def _heading(self) -> str:
-        return f"Add {TITLES[self.kind]}"
+        return f"Add {KIND_TITLES[self.kind]}"
 
     @property
     def name_of_part(self) -> str:
@@ -138,37 +138,37 @@ class AddScreen(FormDialog[str]):
     @property
     def line(self) -> str:
         name, *others = self._fields
-        return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
+        return make_add(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
     def action_complete(self) -> None:
         """Complete the path of a file of types; leave any other field."""
         field, found = self._fields[0], None
-        if self.focused is field and field.key == FILE:
-            found = complete(ADD_FILE + field.value, self._project())
+        if self.focused is field and field.key == FILE_KEY:
+            found = complete(ADD_UDT + field.value, self._project())
         if found is None:
             self.focus_next()
         else:
-            field.choose(found.removeprefix(ADD_FILE))
+            field.choose(found.removeprefix(ADD_UDT))
 
-    def paste(self, text: str) -> str:
+    def keep_type(self, text: str) -> str:
         """Keep a pasted type; return the name of the file that enter writes, "" for what cannot be one."""
         try:
-            self._paste = pasted_type(text, self._project().base)
+            self._paste = prepare_pasted_type(text, self._project().base)
         except UserError as refused:
-            self._judge(refused.lines()[0])
+            self._check_fields(refused.lines()[0])
             return ""
         self._fields[0].clear()
         return self._paste[0].name
 
-    def _judge(self, fault: str = "") -> bool:
+    def _check_fields(self, fault: str = "") -> bool:
         """Say what the line does, or what is wrong with it; return whether it would be taken."""
         line, (file, text) = self.line, self._paste
-        is_asked = line == ADD_FILE and not fault
-        self._is_pasted = line == f"{ADD_FILE}{file.name}"
+        is_asked = line == ADD_UDT and not fault
+        self._is_pasted = line == f"{ADD_UDT}{file.name}"
         as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])
         with reading_only(as_if_there) if self._is_pasted else nullcontext():
-            fault = fault or (fault_of(line, self._project()) if line and not is_asked else "")
-            said = ASK_FILE if is_asked else "\n".join(map(plain, self._said()))
+            fault = fault or (find_mistake(line, self._project()) if line and not is_asked else "")
+            said = FILE_HINT if is_asked else "\n".join(map(plain, self._describe_line()))
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
@@ -176,17 +176,17 @@ class AddScreen(FormDialog[str]):
         self._line.set_class(bool(fault), "-bad")
         return not fault and not is_asked
 
-    def _said(self) -> list[str]:
-        made, *more = said_before(self.line, self._project()).split("\n")
+    def _describe_line(self) -> list[str]:
+        made, *more = preview_edit(self.line, self._project()).split("\n")
         return [f"▸ {self.line}{made and f' · {made}'}", *more]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
         if isinstance(event.input, ChoiceField) and event.input.is_attached:
-            await self.follow(event.input)
-            self._judge()
+            await self.handle_field_change(event.input)
+            self._check_fields()
 
-    async def follow(self, field: ChoiceField) -> None:
+    async def handle_field_change(self, field: ChoiceField) -> None:
         """Lay out other fields for another kind, or another block; what was typed stays."""
         project = self._project()
         if field is self._kind_field:
@@ -202,18 +202,18 @@ class AddScreen(FormDialog[str]):
             block.cursor_position = at
             self.set_focus(block)
 
-    def take(self) -> None:
+    def submit(self) -> None:
         try:
-            if self._judge():
+            if self._check_fields():
                 if self._is_pasted:
                     write_file(*self._paste, "paste", is_new=True)
                 self.dismiss(self.line)
         except UserError as refused:
-            self._judge(refused.lines()[0])
+            self._check_fields(refused.lines()[0])
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
-    lines = wrapped(hint, HINT)
+    lines = wrap_text(hint, HINT_WIDTH)
     return Horizontal(
         Static(name, markup=False, classes="name"),
         field,
@@ -228,12 +228,12 @@ def _hint(field: AddField) -> str:
 class ChangeScreen(AddScreen):
     """Ends with the command, "" when it is left, or when nothing was changed."""
 
-    TAKES: ClassVar = "change"
+    ENTER_VERB: ClassVar = "change"
 
     def __init__(self, project: Callable[[], Project], part: ProjectPart) -> None:
         super().__init__(project, part.kind, {})
         self._part, self._now = part, values_of(part, project())
-        self._block = text_of(self._now.get("block", ""))
+        self._block = format_value(self._now.get("block", ""))
 
     def _first_rows(self) -> Iterator[Widget]:
         yield from ()
@@ -252,8 +252,8 @@ class ChangeScreen(AddScreen):
     def line(self) -> str:
         """Return the command that the fields make, "" while all of them are as they were."""
         texts = {field.key: field.value for field in self._fields}
-        return set_line(self._part, self._now, texts, self._project())
+        return make_set_line(self._part, self._now, texts, self._project())
 
-    def _said(self) -> list[str]:
+    def _describe_line(self) -> list[str]:
         line = self.line
-        return [f"▸ {line}", said_before(line, self._project())] if line else ["nothing is changed yet"]
+        return [f"▸ {line}", preview_edit(line, self._project())] if line else ["nothing is changed yet"]

@@ -13,64 +13,64 @@ from trcvtui.project.connect_view import (
     declare_connect,
     description_view,
 )
-from trcvtui.tui.formatting import pad, plain, wrapped
+from trcvtui.tui.formatting import pad, plain, wrap_text
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, hidden_keys, row
 from trcvtui.udt.byte_text import hex_lines
 
-OFFSET, FIELD, BYTES = 7, 24, 8  # columns, columns, bytes a line
-BYTES_WIDTH: Final = 3 * BYTES + 1
-INDENT: Final = " " * (OFFSET + 2)
-REPEATED: Final = 2  # lines of zeros from which on they are told in one
+OFFSET_WIDTH, FIELD_WIDTH, BYTES_PER_LINE = 7, 24, 8  # columns, columns, bytes a line
+BYTES_WIDTH: Final = 3 * BYTES_PER_LINE + 1
+INDENT: Final = " " * (OFFSET_WIDTH + 2)
+MOST_ZERO_LINES: Final = 2  # lines of zeros from which on they are told in one
 
 
 def description_rows(view: DescriptionView, width: int) -> list[Row]:
     """Return the whole view; the field with the flaw is marked by a sign and by its style."""
-    rows = [row((line, "strong")) for line in wrapped(f"{view.structure} · {view.says}", width)]
+    rows = [row((line, "strong")) for line in wrap_text(f"{view.structure} · {view.says}", width)]
     if view.warning:
-        rows += [row((line, "error strong")) for line in wrapped(f"! {view.warning}", width)]
+        rows += [row((line, "error strong")) for line in wrap_text(f"! {view.warning}", width)]
     if view.flaw:
-        rows += [row((line, "error")) for line in wrapped(f"✗ {view.flaw}", width)]
+        rows += [row((line, "error")) for line in wrap_text(f"✗ {view.flaw}", width)]
     rows.append(EMPTY)
     for each in view.rows:
         if each.field or each.data:  # what is wrong with the whole stands above
-            rows += _of(each, width)
+            rows += _field_rows(each, width)
     return rows
 
 
-def _of(each: DescriptionRow, width: int) -> Iterator[Row]:
+def _field_rows(each: DescriptionRow, width: int) -> Iterator[Row]:
     is_flaw = each.remark.startswith("! ")
     field = each.field or ("(no field)" if each.data else "")
     style = "error strong" if is_flaw else "faint" if not each.field else ""
-    lines = list(_bytes(each.data)) or [(0, "")]
-    values = wrapped(each.value, width - 2 - OFFSET - FIELD - BYTES_WIDTH)
+    lines = list(_byte_lines(each.data)) or [(0, "")]
+    values = wrap_text(each.value, width - 2 - OFFSET_WIDTH - FIELD_WIDTH - BYTES_WIDTH)
     for number, (part, value) in enumerate(zip_longest(lines, values)):
         offset, text = part or (None, "")
-        where = "" if offset is None else f"{each.offset + offset:>{OFFSET - 3}}"
+        where = "" if offset is None else f"{each.offset + offset:>{OFFSET_WIDTH - 3}}"
         yield row(
             ("✗ " if is_flaw and not number else "  ", "error strong"),
-            (pad(where, OFFSET), "dim"),
-            (pad("" if number else field, FIELD), style),
+            (pad(where, OFFSET_WIDTH), "dim"),
+            (pad("" if number else field, FIELD_WIDTH), style),
             (pad(text, BYTES_WIDTH), "printable"),
             (value or "", "strong"),
         )
     if each.remark:
         text = f"✗ {each.remark[2:]}" if is_flaw else each.remark
-        for line in wrapped(text, width - len(INDENT)):
+        for line in wrap_text(text, width - len(INDENT)):
             yield row((INDENT, ""), (line, "error" if is_flaw else "dim"))
 
 
-def _bytes(data: bytes) -> Iterator[tuple[int, str]]:
+def _byte_lines(data: bytes) -> Iterator[tuple[int, str]]:
     """Yield the bytes line by line; long stretches of zeros in one."""
     at = 0
     while at < len(data):
         zeros = len(data[at:]) - len(data[at:].lstrip(b"\0"))
-        if zeros > REPEATED * BYTES and at % BYTES == 0:
+        if zeros > MOST_ZERO_LINES * BYTES_PER_LINE and at % BYTES_PER_LINE == 0:
             yield at, f"00 × {zeros}"
             at += zeros
             continue
-        yield at, data[at : at + BYTES].hex(" ")
-        at += BYTES
+        yield at, data[at : at + BYTES_PER_LINE].hex(" ")
+        at += BYTES_PER_LINE
 
 
 class DescriptionText(TextView):
@@ -81,7 +81,7 @@ class DescriptionText(TextView):
         self.config: ConnectConfig | None = None
         self._listens = ""
 
-    def take(self, config: ConnectConfig, listens: str) -> None:
+    def show_description(self, config: ConnectConfig, listens: str) -> None:
         """Show another one from its beginning; `listens`: the end where it listens now."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
@@ -123,10 +123,10 @@ class DescriptionScreen(ListDialog[None]):
         size = len(config.description.data) if config.description is not None else 0
         which = f" {self._place + 1}/{len(self._configs)}" if many else ""
         self._text.set_title(None, config.name, f"{size} bytes{which}")
-        self._text.take(config, self._listens.get(config.name, ""))
-        self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
+        self._text.show_description(config, self._listens.get(config.name, ""))
+        self._show_subtitle("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
 
-    def _tell(self, words: str) -> None:
+    def _show_subtitle(self, words: str) -> None:
         self._text.border_subtitle = plain(words).replace("[", "\\[")
 
     def action_other(self, step: int) -> None:
@@ -136,15 +136,15 @@ class DescriptionScreen(ListDialog[None]):
     def action_yank(self) -> None:
         description = self._config.description
         if description is not None:
-            self._take("the description as hex", hex_lines(description.data, self._config.name), ".txt")
+            self._yank_text("the description as hex", hex_lines(description.data, self._config.name), ".txt")
 
     def action_source(self) -> None:
         if self._config.description is not None:
-            self._take("the description in SCL", declare_connect(self._config) + "\n", ".scl")
+            self._yank_text("the description in SCL", declare_connect(self._config) + "\n", ".scl")
 
-    def _take(self, name: str, text: str, suffix: str) -> None:
-        from trcvtui.tui.clipboard_and_files import take  # read when first asked for
-        from trcvtui.tui.copy_formats import Format
+    def _yank_text(self, name: str, text: str, suffix: str) -> None:
+        from trcvtui.tui.clipboard_and_files import yank  # read when first asked for
+        from trcvtui.tui.copy_formats import CopyFormat
 
-        form = Format("h", name, lambda of: text, suffix)
-        self.run_worker(take(self.app, form, text, self._tell, self._tell))
+        form = CopyFormat("h", name, lambda of: text, suffix)
+        self.run_worker(yank(self.app, form, text, self._show_subtitle, self._show_subtitle))

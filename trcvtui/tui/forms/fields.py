@@ -15,8 +15,8 @@ from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.proposals import NEW
 from trcvtui.tui.view_model.view_model import ViewModel
 
-TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED_KINDS}
-OF_THE_BENCH: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
+KIND_TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED_KINDS}
+BENCH_KEYS: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
 
 
 def kinds_of(project: Project) -> tuple[str, ...]:
@@ -25,7 +25,7 @@ def kinds_of(project: Project) -> tuple[str, ...]:
     return OFFERED_KINDS if has_buffers else tuple(kind for kind in OFFERED_KINDS if kind != "combuffer")
 
 
-def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
+def make_add(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
     """Return the command that the fields make; an empty field says nothing."""
     from trcvtui.udt.literals import quote_text  # read when first asked for
 
@@ -48,7 +48,7 @@ class ProjectPart(NamedTuple):
         return f"{TABLES[self.kind].what} {self.name}"
 
 
-def parts_at_hand(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
+def list_parts(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
     """Return the parts of the selected instance and the selected peer, what is mended most often first."""
     instance = view_model.project.instance(view_model.selected)
     own = list(_parts_of(instance)) if instance is not None else []
@@ -80,7 +80,7 @@ def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
     return keys_to_change(decl, project) if decl is not None else {}
 
 
-def text_of(value: KeyValue) -> str:
+def format_value(value: KeyValue) -> str:
     if isinstance(value, list):
         return " ".join(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
@@ -106,10 +106,10 @@ def fields_to_change(
     elif part.kind == "instance":
         away.add("inputs")
     if part.kind in ("connect", "addr") and project.dialect.describes_connects and now:
-        away |= {each.key for each in known} - now.keys() - OF_THE_BENCH  # of other structures
+        away |= {each.key for each in known} - now.keys() - BENCH_KEYS  # of other structures
     other = part.kind == "instance" and block != now.get("block")  # what it lacks then is proposed
     first = {each.key: each.first if other else "" for each in known}
-    first |= {key: text_of(value) for key, value in now.items()}
+    first |= {key: format_value(value) for key, value in now.items()}
     kept = [each for each in known if each.key not in away]
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
 
@@ -120,7 +120,7 @@ def _without_new(field: AddField) -> AddField:
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 
 
-def set_line(
+def make_set_line(
     part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
 ) -> str:
     """Return the `set` that makes of the keys of now what stands in the fields; "" where nothing changes.
@@ -132,7 +132,7 @@ def set_line(
         pins = {pin.name for pin in project.pins(texts["block"])}
         gone = {key: "" for key in now if key not in pins}
     after = {key: text.strip() for key, text in (gone | dict(texts)).items()}
-    changed = {key: text for key, text in after.items() if text != text_of(now.get(key, ""))}
+    changed = {key: text for key, text in after.items() if text != format_value(now.get(key, ""))}
     if not changed:
         return ""
     words = [f"set {part.kind} {part.name}"]

@@ -11,7 +11,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
-from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
@@ -20,11 +20,11 @@ from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.types import StringType, type_text
 
 EMPTY_LIBRARY = "no [[message]] with name and text, no [[sequence]] with name and steps in this project"
-PICK_LINE = "↑↓ choose · enter send or play · esc close"
+PICK_KEYS = "↑↓ choose · enter send or play · esc close"
 NAME_WIDTH = 18
 
 
-class MessageEntry(NamedTuple):
+class LibraryEntry(NamedTuple):
     """One line of the library and the command that it gives."""
 
     kind: str
@@ -33,25 +33,25 @@ class MessageEntry(NamedTuple):
     line: str
 
 
-def entries_for(peer: str, project: Project) -> list[MessageEntry]:
+def entries_for(peer: str, project: Project) -> list[LibraryEntry]:
     messages = [
-        MessageEntry("message", m.name, m.text, f"peer {peer} send message {m.name}")
+        LibraryEntry("message", m.name, m.text, f"peer {peer} send message {m.name}")
         for m in project.messages
         if m.peer in ("", peer)
     ]
     sequences = [
-        MessageEntry("sequence", s.name, " → ".join(s.steps), f"peer {peer} play {s.name}")
+        LibraryEntry("sequence", s.name, " → ".join(s.steps), f"peer {peer} play {s.name}")
         for s in project.sequences
     ]
     return messages + sequences
 
 
-class MessageList(LineView):
+class LibraryList(LineView):
     """The entries; the cursor is the one that enter gives."""
 
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
-    def __init__(self, entries: list[MessageEntry], choose: Callable[[str], object]) -> None:
+    def __init__(self, entries: list[LibraryEntry], choose: Callable[[str], object]) -> None:
         super().__init__(id="messages")
         self._entries = entries
         self._choose = choose
@@ -88,23 +88,21 @@ class MessageList(LineView):
             self._choose(self._entries[self.cursor].line)
 
 
-class MessagesScreen(ListDialog[str]):
+class LibraryScreen(ListDialog[str]):
     """Ends with the command of the entry that was picked, "" where none was."""
 
-    DEFAULT_CSS = (
-        "MessagesScreen MessageList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
-    )
+    DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
 
     def __init__(self, peer: str, project: Project) -> None:
-        shown = MessageList(entries_for(peer, project), self.dismiss)
+        shown = LibraryList(entries_for(peer, project), self.dismiss)
         shown.set_title(None, f"Messages of {peer}", "")
-        shown.border_subtitle = PICK_LINE
+        shown.border_subtitle = PICK_KEYS
         super().__init__(shown, "")
 
 
 MOST_FIELDS: Final = 64  # more are written by hand
 NAME, TYPE = 24, 14
-KEYS_LINE: Final = "↑↓ member · enter take · esc leave"
+FORM_KEYS: Final = "↑↓ member · enter take · esc leave"
 
 
 class MemberField(FormField):
@@ -115,10 +113,10 @@ class MemberField(FormField):
         self.leaf = leaf
 
     async def action_submit(self) -> None:
-        cast("UdtForm", self.screen).take()
+        cast("UdtForm", self.screen).submit()
 
     @property
-    def written(self) -> str:
+    def assignment(self) -> str:
         """Return `path=value` as the payload has it, "" where the field is empty."""
         from trcvtui.udt.literals import quote_text  # read when first asked for
 
@@ -143,22 +141,22 @@ class UdtForm(FieldsDialog[str, MemberField]):
     ) -> None:
         leaves = list(layout.leaves(0, MOST_FIELDS))
         rows = [(_columns(leaf), MemberField(leaf, values.get(leaf.path, ""))) for leaf in leaves]
-        super().__init__("", f"{name}: {len(leaves)} members", KEYS_LINE, rows)
+        super().__init__("", f"{name}: {len(leaves)} members", FORM_KEYS, rows)
         self._project, self._peer, self._name = project, peer, name
         self._more = layout.leaf_count - len(leaves)
 
     @property
     def payload(self) -> str:
-        return self._payload([field.written for field in self._fields])
+        return self._payload([field.assignment for field in self._fields])
 
     def _payload(self, members: list[str]) -> str:
         return f"{self._name} {{{', '.join(member for member in members if member)}}}"
 
-    def _fault(self, payload: str) -> str:
-        return fault_of(f"peer {self._peer} send udt {payload}", self._project)
+    def _find_mistake(self, payload: str) -> str:
+        return find_mistake(f"peer {self._peer} send udt {payload}", self._project)
 
-    def _judge(self) -> None:
-        faults = [self._fault(self._payload([field.written])) for field in self._fields]
+    def _check_fields(self) -> None:
+        faults = [self._find_mistake(self._payload([field.assignment])) for field in self._fields]
         for field, fault in zip(self._fields, faults, strict=True):
             field.set_class(bool(fault), "-bad")
         first = next(filter(None, faults), "")
@@ -166,8 +164,8 @@ class UdtForm(FieldsDialog[str, MemberField]):
         self._line.update(f"✗ {plain(first)}" if first else f"▸ udt {plain(self.payload)}{more}")
         self._line.set_class(bool(first), "-bad")
 
-    def take(self) -> None:
-        if not self._fault(self.payload):
+    def submit(self) -> None:
+        if not self._find_mistake(self.payload):
             self.dismiss(self.payload)
 
 

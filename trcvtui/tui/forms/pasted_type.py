@@ -18,7 +18,7 @@ LONGEST_NAME: Final = 60
 UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
 
 
-def pasted_type(text: str, base: Path) -> tuple[Path, str]:
+def prepare_pasted_type(text: str, base: Path) -> tuple[Path, str]:
     """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
     from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 

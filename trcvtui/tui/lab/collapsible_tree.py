@@ -13,7 +13,7 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion, indices
 from trcvtui.udt.types import Array, Struct, Type, Union, type_text
 
-MOST_OPEN: Final = 16  # elements of an array that stands open unasked
+MOST_OPEN_ELEMENTS: Final = 16  # elements of an array that stands open unasked
 
 
 class Place(NamedTuple):
@@ -68,17 +68,17 @@ class FoldTree:
         self._moves = list(accumulate(moves, initial=0))  # leaves before each that lie elsewhere
         self._flipped: set[Key] = set()
         self._all: bool | None = None
-        self._list()
+        self._build_rows()
 
     def toggle(self, key: Key) -> None:
         self._flipped ^= {key}
-        self._list()
+        self._build_rows()
 
     def open_all(self, is_open: bool | None) -> None:
         """Open or close everything below the root; None: as it stood at first."""
         self._all = is_open
         self._flipped.clear()
-        self._list()
+        self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
         """Return the row of a leaf, or of the closed branch that it is in; `opens` opens those."""
@@ -96,7 +96,7 @@ class FoldTree:
 
     # -- the list -----------------------------------------------------------------------------------
 
-    def _list(self) -> None:
+    def _build_rows(self) -> None:
         ours, theirs = self._ours, self._theirs
         self.rows: list[TreeRow] = []
         whole = Place(0, ours.size), Place(0, theirs.size)
@@ -107,7 +107,7 @@ class FoldTree:
     ) -> None:
         ours, theirs = nodes
         is_leaf = isinstance(ours, PlacedLeaf)
-        is_open = None if is_leaf else self._opens(key, ours)
+        is_open = None if is_leaf else self._is_open(key, ours)
         moved = places[0] != places[1] or self._moves[leaf] != self._moves[leaf + ours.leaves]
         self.rows.append(TreeRow(key, name, type_, *places, leaf, moved, is_leaf, is_open))
         if not is_open:
@@ -119,8 +119,8 @@ class FoldTree:
             assert isinstance(type_, Struct | Union)
             self._add_members(key, type_, ours, theirs, places, leaf)
 
-    def _opens(self, key: Key, node: Node) -> bool:
-        unasked = not isinstance(node, PlacedArray) or node.count <= MOST_OPEN
+    def _is_open(self, key: Key, node: Node) -> bool:
+        unasked = not isinstance(node, PlacedArray) or node.count <= MOST_OPEN_ELEMENTS
         return (unasked if self._all is None or not key else self._all) != (key in self._flipped)
 
     def _add_elements(

@@ -30,7 +30,7 @@ from trcvtui.wording import count
 
 # Rule: a save that breaks a good type changes nothing but the line that says what is wrong.
 
-Stamp = tuple[int, int] | None  # time of the last change in ns, and size; None: not there
+FileStamp = tuple[int, int] | None  # time of the last change in ns, and size; None: not there
 
 
 class TypeFiles:
@@ -43,7 +43,7 @@ class TypeFiles:
         self.constants = dict(constants)
         self.types = types or NO_TYPES
         self.trouble = ""
-        self._stamps = self._seen()
+        self._stamps = self._file_stamps()
         if types is None:
             self.types = self._read()
 
@@ -54,15 +54,15 @@ class TypeFiles:
             names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") if names else "the project"
         )
 
-    def look(self) -> bool:
+    def reload_if_changed(self) -> bool:
         """Read the files again when one has changed; return whether the types are others now."""
-        stamps = self._seen()
+        stamps = self._file_stamps()
         if stamps == self._stamps:
             return False
         self._stamps = stamps
         return self._read_again()
 
-    def know(self, constants: Mapping[str, int]) -> bool:
+    def add_constants(self, constants: Mapping[str, int]) -> bool:
         """Read the files with more constants; return whether the types are others now."""
         self.constants |= constants
         return self._read_again()
@@ -84,11 +84,11 @@ class TypeFiles:
     def _read(self) -> TypeSet:
         return read_files(self.paths, self.constants) if self.paths else NO_TYPES
 
-    def _seen(self) -> tuple[Stamp, ...]:
+    def _file_stamps(self) -> tuple[FileStamp, ...]:
         return tuple(_stamp(path) for path in self.paths)
 
 
-def _stamp(path: Path) -> Stamp:
+def _stamp(path: Path) -> FileStamp:
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -96,13 +96,13 @@ def _stamp(path: Path) -> Stamp:
     return found.st_mtime_ns, found.st_size
 
 
-DATA, JOB, LAST, MESSAGE, HEX = "data", "job", "last", "message", "hex"
-SOURCES: Final = (DATA, JOB, LAST, MESSAGE, HEX)
+DATA, JOB, LAST_JOB, MESSAGE, HEX = "data", "job", "last", "message", "hex"
+SOURCES: Final = (DATA, JOB, LAST_JOB, MESSAGE, HEX)
 MOST_MESSAGES: Final = 8  # that a judgement of profiles is made from
-ABOUT: Final = {
+SOURCE_TITLES: Final = {
     DATA: "DATA of the selected instance",
     JOB: "what its running job has collected so far",
-    LAST: "its last job that ended with DONE",
+    LAST_JOB: "its last job that ended with DONE",
     MESSAGE: "a message of the peer, as it was sent",
     HEX: "hex that you type or paste",
 }
@@ -119,12 +119,12 @@ class LabBytes:
         self.typed = b""
         self._last: JobSpan | None = None
 
-    def begin(self) -> str:
+    def choose_source(self) -> str:
         """Take those of the running job where DATA was never written and none are chosen; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
-        self.source = JOB if is_empty and self._view_model.partial and not self._is_written() else DATA
+        self.source = JOB if is_empty and self._view_model.job_bytes and not self._is_written() else DATA
         if self.source == DATA or declared is None:
             return ""
         return f"DATA {plain(declared.name)} has never been written: these are the bytes of the running job"
@@ -141,14 +141,14 @@ class LabBytes:
         if instance is None:
             return None
         window, job = self.window(), None
-        if window is not None and self.source == LAST:
+        if window is not None and self.source == LAST_JOB:
             mine = [span for span in window.jobs if span.instance == instance.name and span.done]
             self._last = mine[-1] if mine else self._last
             job = self._last.position if self._last is not None else None
         return HistoryRequest(instance.connect, AT_END, MOST_WINDOW, job_at=job)
 
     def window(self) -> HistoryWindow | None:
-        window, instance = self._view_model.past, self._view_model.instance
+        window, instance = self._view_model.past_window, self._view_model.instance
         if window is None or not instance or window.connect != instance.connect:
             return None
         return window if window.content or window.begin == window.end else None  # else of DATA alone
@@ -161,7 +161,7 @@ class LabBytes:
             case "data":
                 return self._view_model.data
             case "job":
-                return self._view_model.partial
+                return self._view_model.job_bytes
             case "last":
                 window = self.window()
                 return window.job[1] if window is not None and window.job is not None else b""
@@ -190,7 +190,7 @@ class LabBytes:
                 return f"typed hex, {size}"
 
     def _has_messages(self) -> bool:
-        return self.source not in (LAST, HEX) and bool(self.messages())
+        return self.source not in (LAST_JOB, HEX) and bool(self.messages())
 
     def _message(self) -> StreamMessage | None:
         messages = self.messages()
@@ -238,8 +238,8 @@ class LabBytes:
 
 
 OURS, THEIRS = "ours", "theirs"
-FIRST_GUESS: Final = "natural8"  # what a C compiler does, unless it is ours
-OTHER_GUESS: Final = "packed"
+FIRST_LAYOUT: Final = "natural8"  # what a C compiler does, unless it is ours
+OTHER_LAYOUT: Final = "packed"
 PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
 
 
@@ -266,11 +266,11 @@ class Lab:
         self.type: Type | None = None
         self.choose_type("")
 
-    def begin(self) -> None:
+    def choose_source(self) -> None:
         """Look at the running job where DATA has never been written, unless other bytes were chosen."""
         if self.news == self._said_first:
             self.news = ""  # of the last time: DATA may have been written since
-        self._said_first = self.bytes.begin()
+        self._said_first = self.bytes.choose_source()
         self.news = self._said_first or self.news
 
     # -- types --------------------------------------------------------------------------------------
@@ -293,9 +293,9 @@ class Lab:
         names = self.files.types.names()
         if declared is None or self.opened is not None:
             return names
-        return list(dict.fromkeys([self._spelled(declared.type_name), *names]))
+        return list(dict.fromkeys([self._spell_name(declared.type_name), *names]))
 
-    def _spelled(self, name: str) -> str:
+    def _spell_name(self, name: str) -> str:
         known = self.files.types.types.get(name.casefold())
         return known[0] if known else name
 
@@ -305,15 +305,15 @@ class Lab:
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._type(name) if name else None
         if self._is_guess:
-            self.profiles[THEIRS] = self._guess()
-        self._forget()
+            self.profiles[THEIRS] = self._guess_profile()
+        self._clear_results()
 
-    def _guess(self) -> Profile:
+    def _guess_profile(self) -> Profile:
         """Return what a sender is likely to have: what the type's source tells, else what compilers do."""
         ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])
-        return ours._replace(layout=FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS)
+        return ours._replace(layout=FIRST_LAYOUT if ours.layout != FIRST_LAYOUT else OTHER_LAYOUT)
 
     def _type(self, name: str) -> Type:
         declared = self._view_model.declaration
@@ -331,19 +331,19 @@ class Lab:
         self.opened, self.news = fresh, f"{path.name} is opened and watched"
         self.choose_type("")
 
-    def go_home(self) -> None:
+    def use_project_types(self) -> None:
         self.opened, self.news = None, "the types of the project"
         self.choose_type("")
 
-    def look(self) -> bool:
+    def reload_if_changed(self) -> bool:
         """Read files again that have changed; return whether anything has."""
         before, trouble = self.size_text, self.files.trouble
-        if not self.files.look():
+        if not self.files.reload_if_changed():
             if self.files.trouble == trouble:
                 return False
             self.news = ""
             return True
-        self._take_over(before)
+        self._report_changed_types(before)
         return True
 
     def _choose_again(self) -> None:
@@ -352,7 +352,7 @@ class Lab:
         except UserError:
             self.choose_type("")
 
-    def _take_over(self, before: str) -> None:
+    def _report_changed_types(self, before: str) -> None:
         self._choose_again()
         self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
         if before and before != self.size_text:
@@ -361,16 +361,16 @@ class Lab:
         if self.opened is None and declared is not None:
             self.news += f"; DATA {plain(declared.name)} stays as it is until R (resize) or a restart"
 
-    def know(self, constants: dict[str, int]) -> None:
-        self.files.know(constants)
+    def add_constants(self, constants: dict[str, int]) -> None:
+        self.files.add_constants(constants)
         self._choose_again()
         left = self.files.types.unknown_constants
         self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
 
-    def follow(self) -> None:
+    def follow_bench(self) -> None:
         """Judge again once messages have come; take over another project: a fresh bench, an addition."""
         if self._is_early and self.bytes.window() is not None:
-            self.judge()
+            self.rank_profiles()
         project = self._view_model.project
         if project is self._project:
             return
@@ -382,7 +382,7 @@ class Lab:
 
     # -- layouts ------------------------------------------------------------------------------------
 
-    def _forget(self) -> None:
+    def _clear_results(self) -> None:
         self.revision += 1
         self._layouts: dict[str, Layout | None] = {}
         self._tree: FoldTree | None = None
@@ -392,10 +392,10 @@ class Lab:
     def layout(self, side: str) -> Layout | None:
         """Return the type laid out on one side; None where there is none, or it cannot be."""
         if side not in self._layouts:
-            self._layouts[side] = self._laid_out(side)
+            self._layouts[side] = self._lay_out(side)
         return self._layouts[side]
 
-    def _laid_out(self, side: str) -> Layout | None:
+    def _lay_out(self, side: str) -> Layout | None:
         if self.type is None:
             return None
         try:
@@ -429,7 +429,7 @@ class Lab:
         kept, fits = self.fitted, self.fits
         self.profiles[side] = profile
         self._is_guess = self._is_guess and side == OURS
-        self._forget()
+        self._clear_results()
         self.fits, self.fitted, self.news = fits, kept, ""
 
     def swap_order(self, side: str) -> None:
@@ -437,7 +437,7 @@ class Lab:
         order = "big" if profile.byte_order == "little" else "little"
         self.choose_profile(side, profile._replace(byte_order=order))
 
-    def next_text(self, side: str) -> None:
+    def next_text_form(self, side: str) -> None:
         profile, forms = self.profiles[side], list(TEXT_FORMS)
         text = forms[(forms.index(profile.text) + 1) % len(forms)]
         self.choose_profile(side, profile._replace(text=text))
@@ -470,7 +470,7 @@ class Lab:
         differing = (number for number, row in rows if row.differs)
         return next(differing, None) if step > 0 else max(differing, default=None)
 
-    def judge(self) -> None:
+    def rank_profiles(self) -> None:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
         self._is_early = self.bytes.window() is None  # the messages are still on their way

@@ -14,10 +14,10 @@ from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.types import Array, Struct, Type, Union, all_members, all_parts
 
 RECEIVER, SENDER, SWAP = "receiver", "sender", "swap"
-KINDS: Final = (RECEIVER, SENDER, SWAP)
-MOST_NAMED: Final = 8
-LANGUAGES: Final[tuple[Language, ...]] = ("st", "scl")
-TITLES: Final = {
+CURE_KINDS: Final = (RECEIVER, SENDER, SWAP)
+MOST_UNIONS: Final = 8
+CURE_LANGUAGES: Final[tuple[Language, ...]] = ("st", "scl")
+KIND_TITLES: Final = {
     RECEIVER: "type for our side",
     SENDER: "type for the sender's side",
     SWAP: "swap code for the sender",
@@ -38,7 +38,7 @@ class Cure(NamedTuple):
 def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
     """Return the type that under `own` rules lies as is `wanted`, or the swap code."""
     try:
-        return _swap(wanted, own, language) if kind == SWAP else _type(wanted, own, kind, language)
+        return _swap_cure(wanted, own, language) if kind == SWAP else _type_cure(wanted, own, kind, language)
     except UserError as refused:
         return Cure((refused.lines()[0],), "")
 
@@ -57,7 +57,7 @@ def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
     return "\n".join(cure(theirs, ours, kind, language).source for kind in kinds)
 
 
-def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
+def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
     is_scl = language == "scl"
     found = padded_type(wanted, own, is_scl)
     name = plain(wanted.name)
@@ -69,11 +69,11 @@ def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cu
         comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
     comments += [plain(line) for line in list_notes(found)]
     if own.byte_order != wanted.rules.byte_order:
-        comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
+        comments.append(f"the byte order differs, too: {KIND_TITLES[SWAP]} (c)")
     if found.type is wanted.type:
         comments.append("nothing has to change: the gaps are the same")
     if is_scl and (unions := _unions(wanted.type)):
-        names = ", ".join(map(plain, unions[:MOST_NAMED])) + ", ..." * (len(unions) > MOST_NAMED)
+        names = ", ".join(map(plain, unions[:MOST_UNIONS])) + ", ..." * (len(unions) > MOST_UNIONS)
         comments.append(f"a UNION is bytes here, for SCL has none: {names}")
     name = found.layout.name
     text = scl_text(found.type, name, own) if is_scl else st_text(found.type, name)
@@ -93,7 +93,7 @@ def _unions(type_: Type) -> list[str]:
     return found
 
 
-def _swap(theirs: Layout, ours: LayoutRules, language: Language) -> Cure:
+def _swap_cure(theirs: Layout, ours: LayoutRules, language: Language) -> Cure:
     order = theirs.rules.byte_order
     if ours.byte_order == order:
         return Cure((f"both sides are {order}-endian: nothing is to be swapped",), "")

@@ -18,34 +18,34 @@ from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.command import constants_of
 from trcvtui.wording import count
 
-WHERE: Final = "udt"
+MISTAKE_PLACE: Final = "udt"
 CONSTANT, RELOAD = "constant", "reload"
 MOST_HEX: Final = 65_535  # bytes, as many as a job has
-LINES: Final = (
+LINE_SYNTAX: Final = (
     "open FILE, project, type NAME, ours|theirs LAYOUT little|big s7|cstr|nul, swap, bytes "
     "data|job|last|message, hex 01 02, fit, constant NAME=VALUE, or reload"
 )
 
 
-def obey_line(line: str, lab: Lab) -> str:
+def run_lab_line(line: str, lab: Lab) -> str:
     """Carry out a line; return the pane that it is about, "" for none; raise UserError."""
     verb, _, rest = line.strip().partition(" ")
     if verb == LAB and not rest.strip():
         return ""
     word, _, rest = rest.strip().partition(" ")
-    if verb != UDT or word not in _WORDS:
-        raise mistake(WHERE, f"'{plain(line.strip())[:60]}'", f"udt {LINES}")
-    pane, obey = _WORDS[word]
+    if verb != UDT or word not in _ACTIONS_BY_WORD:
+        raise mistake(MISTAKE_PLACE, f"'{plain(line.strip())[:60]}'", f"udt {LINE_SYNTAX}")
+    pane, obey = _ACTIONS_BY_WORD[word]
     obey(lab, rest.strip())
     return pane
 
 
-def for_engine(line: str) -> bool:
+def is_for_engine(line: str) -> bool:
     """Return whether the bench has to know of it, too: what `save project` keeps, what `resize` takes."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 
 
-def said_below(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
+def describe_outcome(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
     """Return the sentence below the panes, and its style: trouble first, then what has happened."""
     files, problems = lab.files, lab.files.types.problems
     bad = f"; w: {count(len(problems), 'problem')} in {files.name}" if problems else ""
@@ -60,40 +60,40 @@ def said_below(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
 
 def _open(lab: Lab, rest: str) -> None:
     if not rest:
-        raise mistake(WHERE, "no name of a file", "udt open FILE")
+        raise mistake(MISTAKE_PLACE, "no name of a file", "udt open FILE")
     path = Path(rest).expanduser()
     lab.open(path if path.exists() else lab.base / path)
 
 
-def _profile(side: str, lab: Lab, rest: str) -> None:
-    lab.choose_profile(side, profile_from(rest.split(), lab.profiles[side], f"{WHERE} {side}"))
+def _choose_profile(side: str, lab: Lab, rest: str) -> None:
+    lab.choose_profile(side, profile_from(rest.split(), lab.profiles[side], f"{MISTAKE_PLACE} {side}"))
 
 
-def _bytes(lab: Lab, rest: str) -> None:
+def _choose_bytes(lab: Lab, rest: str) -> None:
     if rest not in SOURCES:
-        raise mistake(f"{WHERE} bytes", f"'{plain(rest)[:40]}'", "one of " + ", ".join(SOURCES))
+        raise mistake(f"{MISTAKE_PLACE} bytes", f"'{plain(rest)[:40]}'", "one of " + ", ".join(SOURCES))
     lab.bytes.source, lab.bytes.back, lab.bytes.is_chosen = rest, 0, True
 
 
-def _hex(lab: Lab, rest: str) -> None:
-    content = parse_hex(rest, f"{WHERE} hex")
+def _use_hex(lab: Lab, rest: str) -> None:
+    content = parse_hex(rest, f"{MISTAKE_PLACE} hex")
     if len(content) > MOST_HEX:
-        raise mistake(f"{WHERE} hex", f"{len(content)} bytes", f"at most {MOST_HEX}")
+        raise mistake(f"{MISTAKE_PLACE} hex", f"{len(content)} bytes", f"at most {MOST_HEX}")
     lab.bytes.typed, lab.bytes.source, lab.bytes.is_chosen = content, HEX, True
 
 
 # By the word after `udt`: the pane that it is about, and what it does.
-_WORDS: Final[dict[str, tuple[str, Callable[[Lab, str], object]]]] = {
+_ACTIONS_BY_WORD: Final[dict[str, tuple[str, Callable[[Lab, str], object]]]] = {
     "open": ("tree", _open),
-    "project": ("tree", lambda lab, _: lab.go_home()),
+    "project": ("tree", lambda lab, _: lab.use_project_types()),
     "type": ("tree", Lab.choose_type),
-    OURS: ("tree", partial(_profile, OURS)),
-    THEIRS: ("tree", partial(_profile, THEIRS)),
+    OURS: ("tree", partial(_choose_profile, OURS)),
+    THEIRS: ("tree", partial(_choose_profile, THEIRS)),
     "swap": ("tree", lambda lab, _: lab.exchange()),
-    "bytes": ("hex", _bytes),
-    HEX: ("hex", _hex),
-    "fit": ("fit", lambda lab, _: lab.judge()),
-    CONSTANT: ("tree", lambda lab, rest: lab.know(constants_of(rest.split()))),
-    RELOAD: ("tree", lambda lab, _: lab.look()),
+    "bytes": ("hex", _choose_bytes),
+    HEX: ("hex", _use_hex),
+    "fit": ("fit", lambda lab, _: lab.rank_profiles()),
+    CONSTANT: ("tree", lambda lab, rest: lab.add_constants(constants_of(rest.split()))),
+    RELOAD: ("tree", lambda lab, _: lab.reload_if_changed()),
 }
-WORDS: Final = tuple(_WORDS)
+LAB_WORDS: Final = tuple(_ACTIONS_BY_WORD)

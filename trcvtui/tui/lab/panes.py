@@ -8,10 +8,10 @@ from typing import ClassVar, Final, cast
 from textual.binding import Binding
 
 from trcvtui.history.waveform_text import merge_pieces
-from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.formatting import clip, plain, wrap_text
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, SENDER, TITLES, Cure, cure
+from trcvtui.tui.lab.lab_fix import CURE_KINDS, CURE_LANGUAGES, KIND_TITLES, RECEIVER, SENDER, Cure, cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
@@ -35,7 +35,7 @@ def problem_rows(problems: Sequence[str], width: int) -> list[Row]:
     return [
         row(("  " if number else "✗ ", "error"), (line, ""))
         for problem in problems
-        for number, line in enumerate(wrapped(problem, width - 2))
+        for number, line in enumerate(wrap_text(problem, width - 2))
     ]
 
 
@@ -51,7 +51,7 @@ class NumberField(FormField):
         self.constant = name
 
     async def action_submit(self) -> None:
-        cast("ConstantsForm", self.screen).go_on(self)
+        cast("ConstantsForm", self.screen).submit_field(self)
 
     @property
     def number(self) -> int | None:
@@ -72,7 +72,7 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
         rows = [({"name": clip(plain(name), NAME - 1)}, NumberField(name)) for name in names[:MOST_FIELDS]]
         super().__init__({}, title, "↑↓ field · enter take · esc leave", rows)
 
-    def _judge(self) -> None:
+    def _check_fields(self) -> None:
         bad = [field for field in self._fields if field.value.strip() and field.number is None]
         for field in self._fields:
             field.set_class(field in bad, "-bad")
@@ -80,7 +80,7 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
         about = "bounds of arrays such as ARRAY[1..MAX]; `save project` keeps them"
         self._line.update(wrong if bad else about)
 
-    def go_on(self, field: NumberField) -> None:
+    def submit_field(self, field: NumberField) -> None:
         """Go to the next empty field; after the last one, end with what was given."""
         empty = [field for field in self._fields if not field.value.strip()]
         if field.value.strip() and empty:
@@ -93,10 +93,10 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
 
 
 GAP: Final = "░"
-THEIR_GAP: Final = "▒"
+THEIR_GAP_SIGN: Final = "▒"
 MOST_REASONS: Final = 12
-MOST_KEPT: Final = 64  # rows of gaps
-MOST_CURED: Final = 20_000  # leaves of a type whose cure is written unasked
+MOST_GAP_ROWS: Final = 64  # rows of gaps
+MOST_CURED_LEAVES: Final = 20_000  # leaves of a type whose cure is written unasked
 
 
 class LabHex(HexView):
@@ -127,17 +127,17 @@ class LabHex(HexView):
         self.show_bytes(lab.bytes.content, max(sizes, default=0), frozenset())
 
     @property
-    def linked(self) -> str:
+    def link_text(self) -> str:
         sides = (("", self.link), ("theirs ", self.their_link))
         return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
 
     def _signs(self, start: int, stop: int) -> dict[int, str]:
         key = start, stop, self._lab.revision
         if key not in self._gaps:
-            if len(self._gaps) > MOST_KEPT:
+            if len(self._gaps) > MOST_GAP_ROWS:
                 self._gaps.clear()
             ours, theirs = self._lab.layout(OURS), self._lab.layout(THEIRS)
-            signs = {place: THEIR_GAP for place in range(start, stop) if _is_gap(theirs, place)}
+            signs = {place: THEIR_GAP_SIGN for place in range(start, stop) if _is_gap(theirs, place)}
             self._gaps[key] = signs | {place: GAP for place in range(start, stop) if _is_gap(ours, place)}
         return self._gaps[key]
 
@@ -191,14 +191,14 @@ class FitList(LineView):
         self._drawn = known
         self.cursor = max(0, min(self.cursor, len(fits) - 1))
         said = self._lab.judgement or "f judges which profile fits the bytes at hand, and says why"
-        self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrapped(said, width)]
+        self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrap_text(said, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor
             parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
             parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrapped(f"no byte tells it from {same_readings_text(found)}", width - 5)
+                twins = wrap_text(f"no byte tells it from {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason(reason.points, reason.path, reason.text, width, number)
@@ -209,7 +209,7 @@ class FitList(LineView):
         sign, style = ("+", "done") if points > 0 else ("-", "error")
         head = f"     {sign}{abs(points):.1f} "
         said = text if text.startswith(path) else f"{plain(path)}: {text}"
-        first, *rest = wrapped(said, width - len(head))
+        first, *rest = wrap_text(said, width - len(head))
         lines = [row((head, style), (first, ""))] + [row((" " * len(head) + line, "")) for line in rest]
         return [(line, number) for line in lines]
 
@@ -240,11 +240,11 @@ class FitList(LineView):
         self.show()
 
 
-def _broken(line: str, width: int) -> list[str]:
+def _break_line(line: str, width: int) -> list[str]:
     if len(line) <= width:
         return [line]
     inner = " " * min(width // 2, len(line) - len(line.lstrip()) + 4)
-    first, *rest = wrapped(line.lstrip(), width - len(inner))
+    first, *rest = wrap_text(line.lstrip(), width - len(inner))
     return [line[: len(line) - len(line.lstrip())] + first, *(inner + part for part in rest)]
 
 
@@ -257,7 +257,7 @@ class CureText(TextView):
         super().__init__(id="lab-cure")
         self._lab = lab
         self.kind = RECEIVER
-        self.language = LANGUAGES[0]
+        self.language = CURE_LANGUAGES[0]
         self.asked = False
         self.found = Cure((), "")
         self._known: tuple[object, ...] = ()
@@ -266,10 +266,10 @@ class CureText(TextView):
         known = self._lab.revision, self.kind, self.language, self.asked, self.line_width
         if known != self._known and self.size.height:
             self._known = known
-            self._write()
+            self._write_rows()
         super().show()
 
-    def write(self) -> Cure:
+    def write_cure(self) -> Cure:
         """Return it, also while the pane is out of sight."""
         sides = (OURS, THEIRS) if self.kind == SENDER else (THEIRS, OURS)
         wanted = self._lab.layout(sides[0])
@@ -277,25 +277,25 @@ class CureText(TextView):
             return Cure((f"{sides[0]} has to be laid out first",), "")
         return cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
 
-    def _write(self) -> None:
-        self.set_title(4, "Cure", f"{TITLES[self.kind]}, {self.language.upper()}")
+    def _write_rows(self) -> None:
+        self.set_title(4, "Cure", f"{KIND_TITLES[self.kind]}, {self.language.upper()}")
         ours = self._lab.layout(OURS)
-        if not self.asked and ours is not None and ours.leaf_count > MOST_CURED:
+        if not self.asked and ours is not None and ours.leaf_count > MOST_CURED_LEAVES:
             self._rows = [row(("c writes it: the type is large", "dim"))]
             return
-        self.found = self.write()
+        self.found = self.write_cure()
         width = max(20, self.line_width)
         comments = [f"// {line}" for line in self.found.comments]
-        self._rows = [row((line, "dim")) for text in comments for line in wrapped(text, width)]
+        self._rows = [row((line, "dim")) for text in comments for line in wrap_text(text, width)]
         source = [plain(line) for line in self.found.text.rstrip("\n").split("\n")]
-        self._rows += [row((part, "")) for line in source for part in _broken(line, width)]
+        self._rows += [row((part, "")) for line in source for part in _break_line(line, width)]
 
     def next_kind(self) -> None:
-        self.kind = KINDS[(KINDS.index(self.kind) + 1) % len(KINDS)]
+        self.kind = CURE_KINDS[(CURE_KINDS.index(self.kind) + 1) % len(CURE_KINDS)]
         self.asked = True
         self.show()
 
     def next_language(self) -> None:
-        self.language = LANGUAGES[1 - LANGUAGES.index(self.language)]
+        self.language = CURE_LANGUAGES[1 - CURE_LANGUAGES.index(self.language)]
         self.asked = True
         self.show()

@@ -16,32 +16,32 @@ from textual.widget import Widget
 from trcvtui.errors import UserError
 from trcvtui.files import is_same_file
 from trcvtui.tui import messages
-from trcvtui.tui.copy_formats import Format
+from trcvtui.tui.copy_formats import CopyFormat
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import UDT, is_for_lab
-from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
-from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
+from trcvtui.tui.lab.lab import HEX, OURS, SOURCE_TITLES, SOURCES, THEIRS, Lab
+from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, describe_outcome, is_for_engine, run_lab_line
 from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, ProblemsScreen
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
-from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, hidden_keys, pane_title
 from trcvtui.tui.widgets.lines import TabLine
-from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
-from trcvtui.tui.widgets.typed_lines import AskLine
+from trcvtui.tui.widgets.screens import TABS_CLASS, PaletteCommand, SideScreen
+from trcvtui.tui.widgets.typed_lines import CommandLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.sources import formats_text
 
-KEYS: Final = (
+FOOTER_KEYS: Final = (
     ("e", "byte order"), ("f", "fit"), ("c", "cure"), ("o p", "profile"), ("s", "STRING"), ("x", "swap"),
     (":", "command"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
-OPEN: Final = "ask('udt open ')"
+OPEN_ACTION: Final = "ask('udt open ')"
 # Title, what stands after "key", action: the palette and the tests draw from it.
-COMMANDS: Final = (
+LAB_COMMANDS: Final = (
     ("Choose the type", "t", "type"),
     ("Choose our profile", "o", "profile('ours')"),
     ("Choose their profile", "p", "profile('theirs')"),
@@ -56,7 +56,7 @@ COMMANDS: Final = (
     ("Cure in ST or SCL", "d", "language"),
     ("Next difference", "n", "difference(1)"),
     ("Fold everything, open everything", "z", "fold_all"),
-    ("Open a type file", "O", OPEN),
+    ("Open a type file", "O", OPEN_ACTION),
     ("Hex to look at", "X", "ask('udt hex ')"),
     ("Constants that are unknown", "C", "constants"),
     ("Problems in the type files", "w", "problems"),
@@ -68,26 +68,26 @@ COMMANDS: Final = (
     ("Help", "?", "help"),
     ("Leave the lab", "esc", "leave"),
 )
-ACTIONS: Final = {**{key: action for _, key, action in COMMANDS}, "o p": "profile('theirs')"}
+KEY_ACTIONS: Final = {**{key: action for _, key, action in LAB_COMMANDS}, "o p": "profile('theirs')"}
 
 
-def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
+def find_yank_text(pane: str, lab: Lab, cure: CureText) -> tuple[CopyFormat, str] | None:
     """Return what a pane is about, with its name; None where there is nothing."""
     match pane:
         case "tree":
-            text, name, suffix = _compared(lab), "both sides", ".txt"
+            text, name, suffix = _comparison_text(lab), "both sides", ".txt"
         case "hex":
             text, name, suffix = hex_lines(lab.bytes.content, ""), "bytes as hex", ".txt"
         case "fit":
             text, name, suffix = _ranking(lab), "the ranking", ".txt"
         case _:
-            found = cure.write()
+            found = cure.write_cure()
             text = found.source if found.text else ""
             name, suffix = f"the cure in {cure.language.upper()}", f".{cure.language}"
-    return (Format(pane[0], name, lambda of: "", suffix), text) if text else None
+    return (CopyFormat(pane[0], name, lambda of: "", suffix), text) if text else None
 
 
-def _compared(lab: Lab) -> str:
+def _comparison_text(lab: Lab) -> str:
     from trcvtui.udt.compare.compare import compare_text  # read when first asked for
 
     comparison = lab.comparison()
@@ -105,19 +105,19 @@ def _ranking(lab: Lab) -> str:
     return "\n".join(lines) + "\n" if lines else ""
 
 
-LOOK_S: Final = 1.0  # between two looks at the files
+RELOAD_INTERVAL_S: Final = 1.0  # between two looks at the files
 TREE, BYTES, FIT, CURE = 1, 2, 3, 4
-NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
-PANES: Final = {"tree": TREE, "hex": BYTES, "fit": FIT, "cure": CURE}
-PANES_BY_DIGIT: Final = {digit: name for name, digit in PANES.items()}
+PANE_NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
+PANE_DIGITS: Final = {"tree": TREE, "hex": BYTES, "fit": FIT, "cure": CURE}
+PANES_BY_DIGIT: Final = {digit: name for name, digit in PANE_DIGITS.items()}
 
 
 class LabScreen(SideScreen[None]):
     """Hands what changed to the panes, and what they ask for to the lab."""
 
     BINDINGS: ClassVar = hidden_keys({
-        **{str(digit): f"pane({digit})" for digit, _ in NAMES},
-        **{key: action for _, key, action in COMMANDS if len(key) == 1 and key not in ":?"},
+        **{str(digit): f"pane({digit})" for digit, _ in PANE_NAMES},
+        **{key: action for _, key, action in LAB_COMMANDS if len(key) == 1 and key not in ":?"},
         "N": "difference(-1)", "left_square_bracket": "message(-1)", "right_square_bracket": "message(1)",
         "colon": "ask('udt ')", "escape,q,L": "leave",
     })  # fmt: skip
@@ -125,18 +125,18 @@ class LabScreen(SideScreen[None]):
     LEAST_SIZE = 120, 30
 
     def __init__(self, view_model: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
-        super().__init__(view_model, say, KEYS, ACTIONS)
+        super().__init__(view_model, say, FOOTER_KEYS, KEY_ACTIONS)
         self.lab = lab
         self._trouble = self._told = ""
         self._open = TREE
-        self.tabs = TabLine(NAMES, TREE)
+        self.tabs = TabLine(PANE_NAMES, TREE)
         self.head = LabHead(lab)
         self.columns = ColumnHead(lab)
         self.tree_view = LabTree(lab)
         self.hex = LabHex(lab)
         self.fit = FitList(lab)
         self.cure = CureText(lab)
-        self.ask = AskLine(self.obey)
+        self.ask = CommandLine(self.run_line)
         self._members = Vertical(id="lab-members")
         self._side = Vertical(id="lab-side")
 
@@ -153,50 +153,50 @@ class LabScreen(SideScreen[None]):
     def on_mount(self) -> None:
         self.fit.set_title(FIT, "Which profile fits?", "enter: as theirs")
         self.set_focus(self.tree_view)
-        self.set_interval(LOOK_S, self.look)
+        self.set_interval(RELOAD_INTERVAL_S, self.reload_files)
         self._ask_constants()
 
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        self.lab.follow()
+        self.lab.follow_bench()
         self._view_model.past_wanted = self.lab.bytes.request()
         for answer in self.answers():
             self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
         for line in (self.header, self.head, self.columns, self.tree_view):
             line.show()
-        self.hex.show_row(self.tree_view.chosen)
+        self.hex.show_row(self.tree_view.chosen_row)
         self.fit.show()
         self.cure.show()
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
-        self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
-        self.outcome.say(*said_below(self.lab, self._trouble, self._told))
+        self.hex.set_title(BYTES, "Bytes", f"{self.hex.link_text}░ padding, ▒ theirs")
+        self.outcome.write(*describe_outcome(self.lab, self._trouble, self._told))
         declared, name = self._view_model.declaration, self.lab.type_name
         is_other = declared is not None and name.casefold() not in ("", declared.type_name.casefold())
         self.show_keys((("u", f"use for {declared.name}"),) if declared is not None and is_other else ())
 
-    def look(self) -> None:
-        if self.lab.look():
+    def reload_files(self) -> None:
+        if self.lab.reload_if_changed():
             self._trouble = self._told = ""
             self._ask_constants()
             self.show()
 
     # -- lines --------------------------------------------------------------------------------------
 
-    def obey(self, line: str) -> None:
+    def run_line(self, line: str) -> None:
         """Carry out a line of the lab; any other goes to the bench."""
         self._trouble = self._told = ""
         if not is_for_lab(line):
             self.send(line)
             return
         try:
-            pane = obey_line(line, self.lab)
+            pane = run_lab_line(line, self.lab)
         except UserError as wrong:
             self._trouble = wrong.lines()[0]
         else:
             if pane:
-                self.action_pane(PANES[pane])
-            if for_engine(line):
+                self.action_pane(PANE_DIGITS[pane])
+            if is_for_engine(line):
                 self.send(line)
             self._ask_constants()
         self.show()
@@ -204,7 +204,7 @@ class LabScreen(SideScreen[None]):
     # -- what the panes say -------------------------------------------------------------------------
 
     def on_row_selected(self) -> None:
-        found = self.tree_view.chosen
+        found = self.tree_view.chosen_row
         if found is not None and found.key:
             self.hex.go_to(found.ours.offset)
         self.show()
@@ -220,7 +220,7 @@ class LabScreen(SideScreen[None]):
         found = self.lab.fits[message.number]
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
-        self.obey(f"udt theirs {profile.layout} {profile.byte_order} {text}")
+        self.run_line(f"udt theirs {profile.layout} {profile.byte_order} {text}")
         beside = f"; beside it: {found.cause}" if found.cause.kind else ""
         self._told = f"theirs is {profile} now{beside}; 4 or c: the cure"
         self.show()
@@ -236,7 +236,7 @@ class LabScreen(SideScreen[None]):
         return {TREE: self.tree_view, BYTES: self.hex, FIT: self.fit, CURE: self.cure}
 
     def arrange_panes(self) -> None:
-        alone = self.has_class(TABS)
+        alone = self.has_class(TABS_CLASS)
         self._members.display = not alone or self._open == TREE
         self._side.display = not alone or self._open != TREE
         for digit in (BYTES, FIT, CURE):
@@ -262,40 +262,40 @@ class LabScreen(SideScreen[None]):
         self._choose(f"Layout of {side}", rows, self.lab.profiles[side].layout, side)
 
     def action_bytes(self) -> None:
-        rows = [(name, ABOUT[name]) for name in SOURCES]
+        rows = [(name, SOURCE_TITLES[name]) for name in SOURCES]
         self._choose("Bytes", rows, self.lab.bytes.source, "bytes")
 
     def _choose(self, title: str, rows: list[tuple[str, str]], now: str, word: str) -> None:
         from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
-        def take(name: str | None) -> None:
+        def accept_choice(name: str | None) -> None:
             if name == HEX and word == "bytes":
                 self.action_ask(f"{UDT} {HEX} ")
             elif name is not None:
-                self.obey(f"{UDT} {word} {name}")
+                self.run_line(f"{UDT} {word} {name}")
 
-        self.app.push_screen(ChoiceScreen(title, rows, now), take)
+        self.app.push_screen(ChoiceScreen(title, rows, now), accept_choice)
 
     def action_order(self, side: str) -> None:
-        self._do(lambda: self.lab.swap_order(side))
+        self._apply_change(lambda: self.lab.swap_order(side))
 
     def action_text(self, side: str) -> None:
-        self._do(lambda: self.lab.next_text(side))
+        self._apply_change(lambda: self.lab.next_text_form(side))
 
     def action_exchange(self) -> None:
-        self._do(self.lab.exchange)
+        self._apply_change(self.lab.exchange)
 
     def action_message(self, step: int) -> None:
-        self._do(lambda: self.lab.bytes.step(step))
+        self._apply_change(lambda: self.lab.bytes.step(step))
 
-    def _do(self, change: Callable[[], None]) -> None:
+    def _apply_change(self, change: Callable[[], None]) -> None:
         self._trouble = self._told = ""
         change()
         self.show()
 
     def action_fit(self) -> None:
         self.fit.cursor = 0
-        self.obey("udt fit")
+        self.run_line("udt fit")
 
     def action_cure(self) -> None:
         if self.focused is self.cure:
@@ -308,7 +308,7 @@ class LabScreen(SideScreen[None]):
         self.cure.next_language()
 
     def action_difference(self, step: int) -> None:
-        found = self.tree_view.chosen
+        found = self.tree_view.chosen_row
         at = found.leaf if found is not None and found.key else -1
         leaf = self.lab.next_difference(at, step) if step > 0 or at >= 0 else None
         if leaf is None:
@@ -337,12 +337,12 @@ class LabScreen(SideScreen[None]):
         if not names or names == self.lab.asked_for:
             return
         self.lab.asked_for = names
-        self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._constants_given)
+        self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._handle_constants)
 
-    def _constants_given(self, given: dict[str, int] | None) -> None:
+    def _handle_constants(self, given: dict[str, int] | None) -> None:
         if given:
             pairs = " ".join(f"{name}={number}" for name, number in given.items())
-            self.obey(f"{UDT} {CONSTANT} {pairs}")
+            self.run_line(f"{UDT} {CONSTANT} {pairs}")
 
     def action_problems(self) -> None:
         lines = [str(problem) for problem in self.lab.files.types.problems]
@@ -364,7 +364,7 @@ class LabScreen(SideScreen[None]):
         first, self._trouble = f"{UDT} {RELOAD}", ""
         if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
             first = f"add udt {opened.paths[0].resolve()}"
-            self._trouble = fault_of(first, project)
+            self._trouble = find_mistake(first, project)
         if declared is None or not self.lab.type_name:
             what = "a type (t, O)" if declared is not None else "an instance with DATA to be selected"
             self._trouble = f"u takes the type for DATA, and needs {what}"
@@ -388,17 +388,17 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_yank(self) -> None:
-        from trcvtui.tui.clipboard_and_files import take
+        from trcvtui.tui.clipboard_and_files import yank
 
-        found = text_of(PANES_BY_DIGIT[self._open], self.lab, self.cure)
+        found = find_yank_text(PANES_BY_DIGIT[self._open], self.lab, self.cure)
         if found is None:
             self._trouble = "nothing is there to yank"
             self.show()
             return
-        self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
+        self.run_worker(yank(self.app, *found, self._show_text, partial(self._show_text, is_wrong=True)))
 
     def action_export(self, name: str) -> None:
-        from trcvtui.tui.clipboard_and_files import take
+        from trcvtui.tui.clipboard_and_files import yank
 
         layout, text = self.lab.layout(OURS), ""
         self._trouble, self._told = "nothing is there to export", ""
@@ -409,10 +409,10 @@ class LabScreen(SideScreen[None]):
         if not text:
             self.show()
             return
-        form = Format(name, LANGUAGES[name], lambda of: "", f".{name}")
-        self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, is_wrong=True)))
+        form = CopyFormat(name, LANGUAGES[name], lambda of: "", f".{name}")
+        self.run_worker(yank(self.app, form, text, self._show_text, partial(self._show_text, is_wrong=True)))
 
-    def _tell(self, text: str, is_wrong: bool = False) -> None:
+    def _show_text(self, text: str, is_wrong: bool = False) -> None:
         self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
         self.show()
 
@@ -420,8 +420,8 @@ class LabScreen(SideScreen[None]):
         """Go back to the bench; the lab keeps what was chosen."""
         self.dismiss()
 
-    def palette_rows(self) -> Iterator[Command]:
-        for title, key, action in COMMANDS:
-            yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
+    def palette_rows(self) -> Iterator[PaletteCommand]:
+        for title, key, action in LAB_COMMANDS:
+            yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN_ACTION else ""), action
         for name, title in LANGUAGES.items():
             yield f"Export ours: {title}", f".{name}", f"export('{name}')"

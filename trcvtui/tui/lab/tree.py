@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from trcvtui.tui.formatting import cells, clip, pad, plain
+from trcvtui.tui.formatting import clip, measure, pad, plain
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import KeyClicked, RowSelected
@@ -18,7 +18,7 @@ from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import leaf_type_text
 
 MOST_COMPARED: Final = 256  # rows of a type whose differences are counted with each picture
-ACTIONS: Final = ("type", "profile('ours')", "profile('theirs')")
+ROW_ACTIONS: Final = ("type", "profile('ours')", "profile('theirs')")
 
 
 class LabHead(LineView, can_focus=False):
@@ -34,10 +34,10 @@ class LabHead(LineView, can_focus=False):
 
     def row_at(self, y: int) -> Row:
         if y == 0:
-            return self._what()
+            return self._type_row()
         return self._side(OURS, "oES") if y == 1 else self._side(THEIRS, "pes") if y == 2 else EMPTY
 
-    def _what(self) -> Row:
+    def _type_row(self) -> Row:
         lab = self._lab
         name = plain(lab.type_name) or "no type"
         text = f" {clip(name, 28)} of {clip(plain(lab.files.name), 24)}"
@@ -70,13 +70,13 @@ class LabHead(LineView, can_focus=False):
         return "= the same places" if not tree.rows[0].moved else "≠ places differ"
 
     def click(self, x: int, y: int) -> None:
-        self.post_message(KeyClicked("bytes" if y == 0 and x > self._half else ACTIONS[y]))
+        self.post_message(KeyClicked("bytes" if y == 0 and x > self._half else ROW_ACTIONS[y]))
 
 
-MARK, OPEN, CLOSED, DIFFERS = 2, "▾ ", "▸ ", "≠"
-LEAST, WIDE_PLACE = 4, 8  # columns of an offset
-SIZE: Final = 5
-NARROW: Final = 90  # columns, below which nothing is wasted
+MARK_WIDTH, OPEN_SIGN, CLOSED_SIGN, DIFFERS_SIGN = 2, "▾ ", "▸ ", "≠"
+LEAST_OFFSET_WIDTH, WIDE_OFFSET_WIDTH = 4, 8  # columns of an offset
+LEAST_SIZE_WIDTH: Final = 5
+NARROW_WIDTH: Final = 90  # columns, below which nothing is wasted
 
 
 class LeafCell(NamedTuple):
@@ -100,9 +100,9 @@ def columns(width: int, lab: Lab) -> TreeColumns:
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
     bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
-    offset = max(LEAST if width < NARROW else WIDE_PLACE, digits + bits + 1)
-    size, type_ = max(SIZE, digits + 1), 11 if width < NARROW else 16
-    left = width - MARK - type_ - 2 * (offset + size)
+    offset = max(LEAST_OFFSET_WIDTH if width < NARROW_WIDTH else WIDE_OFFSET_WIDTH, digits + bits + 1)
+    size, type_ = max(LEAST_SIZE_WIDTH, digits + 1), 11 if width < NARROW_WIDTH else 16
+    left = width - MARK_WIDTH - type_ - 2 * (offset + size)
     name = max(12, min(44, left * 2 // 5))
     return TreeColumns(name, type_, offset, size, max(6, (left - name) // 2))
 
@@ -114,7 +114,7 @@ class ColumnHead(OneLine):
 
     def line(self) -> Row:
         width = columns(self.line_width, self._lab)
-        text = " " * MARK + pad("member", width.name) + pad("type", width.type)
+        text = " " * MARK_WIDTH + pad("member", width.name) + pad("type", width.type)
         offset = "offset " if width.offset > len("offset") else "at "
         for side in (OURS, THEIRS):
             text += pad(offset, width.offset, right=True) + pad("size ", width.size, right=True)
@@ -148,14 +148,14 @@ class LabTree(LineView):
             self._revision = self._lab.revision
             self._all_open = None
         self.cursor = max(0, min(self.cursor, self.row_count() - 1))
-        self._look(self.scroll_offset.y)
+        self._load_rows(self.scroll_offset.y)
         super().show()
 
     def row_count(self) -> int:
         tree = self._lab.tree
         return len(tree.rows) if tree is not None else 0
 
-    def _look(self, top: int) -> None:
+    def _load_rows(self, top: int) -> None:
         tree, content = self._lab.tree, self._lab.bytes.content
         known = self._lab.revision, self._folds, content, top, self.size.height
         if known == self._shown:
@@ -172,7 +172,7 @@ class LabTree(LineView):
 
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
-            self._look(self.scroll_offset.y)
+            self._load_rows(self.scroll_offset.y)
         found = self._rows.get(y)
         if found is None:
             return EMPTY
@@ -184,7 +184,7 @@ class LabTree(LineView):
         differs = self.differs(found)
         return [
             ("▸" if chosen else " ", "key"),
-            (DIFFERS if differs else " ", "warn strong"),
+            (DIFFERS_SIGN if differs else " ", "warn strong"),
             *self._member(found, width.name, chosen),
             (pad(clip(plain(self._type(found)), width.type - 1), width.type), "dim"),
             *self._side(OURS, found, found.ours, width, differs),
@@ -194,12 +194,12 @@ class LabTree(LineView):
     def _member(self, found: TreeRow, width: int, chosen: bool) -> list[Part]:
         depth = len(found.key) - (1 if found.key and found.key[-1] == -1 else 0)
         indent = min(2 * depth, max(0, width - 10))
-        fold = "" if found.is_open is None else OPEN if found.is_open else CLOSED
+        fold = "" if found.is_open is None else OPEN_SIGN if found.is_open else CLOSED_SIGN
         name = "(padding)" if found.is_gap else plain(found.name)
         style = "faint" if found.is_gap else "strong" if chosen else ""
         return [
             (" " * indent + fold, "key"),
-            (pad(clip(name, width - indent - cells(fold) - 1), width - indent - cells(fold)), style),
+            (pad(clip(name, width - indent - measure(fold) - 1), width - indent - measure(fold)), style),
         ]
 
     def _type(self, found: TreeRow) -> str:
@@ -242,7 +242,7 @@ class LabTree(LineView):
     # -- the cursor ---------------------------------------------------------------------------------
 
     @property
-    def chosen(self) -> TreeRow | None:
+    def chosen_row(self) -> TreeRow | None:
         tree = self._lab.tree
         return tree.rows[self.cursor] if tree is not None and self.cursor < len(tree.rows) else None
 
@@ -267,7 +267,7 @@ class LabTree(LineView):
 
     def action_fold(self, wanted: bool | None) -> None:
         """Open or close the branch under the cursor, None: the other one; closing the closed goes up."""
-        tree, found = self._lab.tree, self.chosen
+        tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return
         if found.is_open is not None and wanted in (None, not found.is_open):
@@ -288,8 +288,8 @@ class LabTree(LineView):
 
     def click(self, x: int, y: int) -> None:
         was, self.cursor = self.cursor, y
-        found = self.chosen
-        sign = MARK + 2 * len(found.key) if found is not None else 0
+        found = self.chosen_row
+        sign = MARK_WIDTH + 2 * len(found.key) if found is not None else 0
         if was == y or sign <= x < sign + 2:
             self.action_fold(None)
         self.go_to(y)

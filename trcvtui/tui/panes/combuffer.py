@@ -15,11 +15,11 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, hidden_keys, row
 from trcvtui.wording import count, duration
 
-GAP_BAR: Final = 12
-NO_WATCH: Final = "Timeout is 0: no gap ends a frame"
+GAP_BAR_WIDTH: Final = 12
+NO_GAP_TIMER: Final = "Timeout is 0: no gap ends a frame"
 
 
-class Gap(NamedTuple):
+class GapTimer(NamedTuple):
     """How long no byte has come, of `limit_ns`; `reason` says why nothing runs, "" where it does."""
 
     elapsed_ns: int
@@ -27,21 +27,21 @@ class Gap(NamedTuple):
     reason: str
 
 
-def gap_of(view_model: ViewModel, instance: InstanceSnapshot) -> Gap | None:
+def find_gap_timer(view_model: ViewModel, instance: InstanceSnapshot) -> GapTimer | None:
     """Return the gap timer of the selected instance, None where its block has none."""
     framer, snapshot = instance.framer, view_model.snapshot
     if framer is None or snapshot is None:
         return None
     limit = framer.timeout_ns
     if not limit:
-        return Gap(0, 0, NO_WATCH)
+        return GapTimer(0, 0, NO_GAP_TIMER)
     if not instance.outputs.busy or instance.last_receive_ns is None:
-        return Gap(0, limit, "waits for a first byte")
+        return GapTimer(0, limit, "waits for a first byte")
     elapsed = max(0, view_model.t_ns - instance.last_receive_ns)
-    return Gap(elapsed, limit, _frozen(view_model, snapshot.running))
+    return GapTimer(elapsed, limit, _explain_stop(view_model, snapshot.running))
 
 
-def _frozen(view_model: ViewModel, running: bool) -> str:
+def _explain_stop(view_model: ViewModel, running: bool) -> str:
     if not running:
         return "frozen: the PLC is in STOP"
     if view_model.is_frozen:
@@ -51,20 +51,20 @@ def _frozen(view_model: ViewModel, running: bool) -> str:
     return ""
 
 
-def gap_parts(gap: Gap) -> list[tuple[str, str]]:
+def gap_parts(gap: GapTimer) -> list[tuple[str, str]]:
     """Return the timer as a bar with its times, and its reason where it stands."""
     if not gap.limit_ns:
-        return [("─" * GAP_BAR, "faint"), (f" {gap.reason}", "dim")]
-    full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR)
+        return [("─" * GAP_BAR_WIDTH, "faint"), (f" {gap.reason}", "dim")]
+    full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR_WIDTH)
     near = gap.elapsed_ns * 4 >= gap.limit_ns * 3
     times = f" {duration(gap.elapsed_ns)} of {duration(gap.limit_ns)}"
     parts = [(full, "warn" if near else "busy"), (empty, "faint"), (times, "strong" if full else "dim")]
     return [*parts, (f" · {gap.reason}", "dim")] if gap.reason else parts
 
 
-LABEL: Final = 9
-BAR: Final = 8
-NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
+LABEL_WIDTH: Final = 9
+QUEUE_BAR_WIDTH: Final = 8
+TIGHT_DIVISOR: Final = 4  # a ComBuffer with less than a quarter of its room left
 ROOMY: Final = 72
 
 
@@ -77,14 +77,14 @@ def framer_lines(view_model: ViewModel, instance: InstanceSnapshot, width: int) 
     if instance.framer is None:
         return [*rows, _jobs(instance), data, row()]
     rows.append(_frames(instance.framer))
-    gap = gap_of(view_model, instance)
+    gap = find_gap_timer(view_model, instance)
     if gap is not None:
         rows += _labelled("gap", gap_parts(gap), width)
-    return [*rows, *_thrown(instance.framer, width), data, row()]
+    return [*rows, *_noise_rows(instance.framer, width), data, row()]
 
 
 def _label(text: str) -> Part:
-    return f" {text:<{LABEL - 1}}", "dim"
+    return f" {text:<{LABEL_WIDTH - 1}}", "dim"
 
 
 def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
@@ -92,15 +92,15 @@ def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
     if sum(len(text) for text, _ in whole) <= width or len(parts) < 2:
         return [row(*whole)]
     text, style = parts[-1]
-    return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL), style))]
+    return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL_WIDTH), style))]
 
 
 def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
     buffer = view_model.snapshot.combuffer(instance.connect) if view_model.snapshot is not None else None
     if buffer is None:
         return row(_label("queue"), (instance.connect, "strong"))
-    full, empty = bar(buffer.count, buffer.size, BAR)
-    tight = buffer.size - buffer.count < buffer.size // NEAR
+    full, empty = bar(buffer.count, buffer.size, QUEUE_BAR_WIDTH)
+    tight = buffer.size - buffer.count < buffer.size // TIGHT_DIVISOR
     parts = [
         _label("queue"), (buffer.name, "strong"), (" ", ""), (full, "warn" if tight else "busy"),
         (empty, "faint"), (f" {buffer.count}/{buffer.size} B", "strong" if buffer.count else ""),
@@ -140,7 +140,7 @@ def _frames(framer: FramerSnapshot) -> Row:
     return row(*parts)
 
 
-def _thrown(framer: FramerSnapshot, width: int) -> list[Row]:
+def _noise_rows(framer: FramerSnapshot, width: int) -> list[Row]:
     """Return how many bytes no frame has: noise before a prefix, and parts that had no end."""
     tally = framer.tally
     if not framer.discarded and not tally.parts:
@@ -151,20 +151,20 @@ def _thrown(framer: FramerSnapshot, width: int) -> list[Row]:
     parts.append(("  X: which", "dim"))
     rows = [row(_label("noise"), *parts)]
     if framer.discarded:
-        room = max(3, (width - LABEL - 2) // 3)
+        room = max(3, (width - LABEL_WIDTH - 2) // 3)
         newest = framer.noise[-room:]
         lead = "…" if framer.discarded > len(newest) else ""
         rows.append(row(_label(""), (lead + newest.hex(" ").upper(), "ghost")))
     return rows
 
 
-FEED: Final = "feed"
-FED_BAR: Final = 10
-LONGEST: Final = 65_536  # bytes that are kept to be fed again
+FEED_VERB: Final = "feed"
+LINE_BAR_WIDTH: Final = 10
+MOST_KEPT_BYTES: Final = 65_536  # bytes that are kept to be fed again
 GONE: Final = "›"  # after the bytes of a message that have been fed
 
 
-class LineFeed(LineView):
+class SerialLineList(LineView):
     """One line a ComBuffer; below them the last bytes that were fed to the one under the cursor."""
 
     KEYS: ClassVar = (
@@ -173,7 +173,7 @@ class LineFeed(LineView):
     BINDINGS: ClassVar = hidden_keys({
         "enter,i": "type", "s": "again", "right": "piece", "left": "back", "b": "break",
     })  # fmt: skip
-    DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
+    DEFAULT_CSS = "SerialLineList { height: auto; max-height: 8; min-height: 1; }"
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="lines")
@@ -191,7 +191,7 @@ class LineFeed(LineView):
         ]
 
     @property
-    def chosen(self) -> str:
+    def choice(self) -> str:
         names = self.names
         return names[min(self._cursor, len(names) - 1)] if names else ""
 
@@ -208,16 +208,16 @@ class LineFeed(LineView):
         return row((clip(keys, self.line_width), "dim"))
 
     def _line(self, name: str) -> Row:
-        chosen = name == self.chosen
+        chosen = name == self.choice
         parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(name, 12), 13), "strong")]
         snapshot = self._view_model.snapshot
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:
-            parts += _filled(buffer)
+            parts += _fill_parts(buffer)
         return row(*parts, style=self.cursor_style(chosen))
 
     def _message(self) -> Row:
-        payload, gone = self._fed.get(self.chosen, (b"", 0))
+        payload, gone = self._fed.get(self.choice, (b"", 0))
         if not payload:
             return row(("  nothing was fed yet", "dim"))
         room = max(4, (self.line_width - 26) // 3)
@@ -229,67 +229,67 @@ class LineFeed(LineView):
 
     # -- what is fed -------------------------------------------------------------------------------------
 
-    def heard(self, submit: Callable[[str], None]) -> Callable[[str], None]:
+    def wrap(self, submit: Callable[[str], None]) -> Callable[[str], None]:
         """Return `submit`, listening for bytes that are fed from the prompt."""
 
-        def say(line: str) -> None:
-            self._hear(line)
+        def submit_and_note(line: str) -> None:
+            self._note_fed_bytes(line)
             submit(line)
 
-        return say
+        return submit_and_note
 
-    def _hear(self, line: str) -> None:
-        if not line.startswith(f"{FEED} "):
+    def _note_fed_bytes(self, line: str) -> None:
+        if not line.startswith(f"{FEED_VERB} "):
             return
         from trcvtui.commands.table import parse_line  # read when the first line is fed
 
         try:
-            command = parse_line(line, self._view_model.project, FEED)
+            command = parse_line(line, self._view_model.project, FEED_VERB)
         except UserError:
             return  # the engine says what is wrong
-        if isinstance(command, FeedLine) and command.payload and len(command.payload) <= LONGEST:
+        if isinstance(command, FeedLine) and command.payload and len(command.payload) <= MOST_KEPT_BYTES:
             self._fed[command.buffer] = command.payload, len(command.payload)
             self.show()
 
     def action_type(self) -> None:
-        if self.chosen:
-            self._actions.open_prompt(f"{FEED} {self.chosen} hex ")
+        if self.choice:
+            self._actions.open_prompt(f"{FEED_VERB} {self.choice} hex ")
 
     def action_again(self) -> None:
-        payload, _ = self._fed.get(self.chosen, (b"", 0))
+        payload, _ = self._fed.get(self.choice, (b"", 0))
         self._feed(payload, len(payload))
 
     def action_piece(self) -> None:
         """Feed the next byte of the message; after its end it begins anew."""
-        payload, gone = self._fed.get(self.chosen, (b"", 0))
+        payload, gone = self._fed.get(self.choice, (b"", 0))
         place = gone % len(payload) if payload else 0
         self._feed(payload, place + 1, place)
 
     def action_back(self) -> None:
-        payload, _ = self._fed.get(self.chosen, (b"", 0))
-        self._fed[self.chosen] = payload, 0
+        payload, _ = self._fed.get(self.choice, (b"", 0))
+        self._fed[self.choice] = payload, 0
         self.show()
 
     def _feed(self, payload: bytes, stop: int, start: int = 0) -> None:
         if not payload:
             self.action_type()
             return
-        self._fed[self.chosen] = payload, stop
-        self._actions.submit(f"{FEED} {self.chosen} hex {payload[start:stop].hex(' ')}")
+        self._fed[self.choice] = payload, stop
+        self._actions.submit(f"{FEED_VERB} {self.choice} hex {payload[start:stop].hex(' ')}")
         self.show()
 
     def action_break(self) -> None:
         """Pull the cable: a frame that is half here has no end."""
-        if self.chosen:
-            self._actions.submit(f"{FEED} {self.chosen} break")
+        if self.choice:
+            self._actions.submit(f"{FEED_VERB} {self.choice} break")
 
     def action_move(self, rows: int) -> None:
         self._cursor = max(0, min(len(self.names) - 1, self._cursor + rows))
         self.show()
 
 
-def _filled(buffer: ComBufferSnapshot) -> list[Part]:
-    full, empty = bar(buffer.count, buffer.size, FED_BAR)
+def _fill_parts(buffer: ComBufferSnapshot) -> list[Part]:
+    full, empty = bar(buffer.count, buffer.size, LINE_BAR_WIDTH)
     return [
         (f"{source_words(buffer)}  ", "dim"), (full, "busy"), (empty, "faint"),
         (f" {buffer.count}/{buffer.size} B", ""), (f"  {buffer.arrived} B arrived", "dim"),

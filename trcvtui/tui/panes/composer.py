@@ -14,8 +14,8 @@ from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.messages import PaneActions
-from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
-from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.peer_commands import HEX, PAYLOAD_MODES, TEXT, UDT, make_send_line, make_try_line
+from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import OneLine, Part, Row, hidden_keys, row
 from trcvtui.tui.widgets.lines import ButtonLine
@@ -26,8 +26,8 @@ from trcvtui.wording import count
 if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
     from trcvtui.commands.words import PeerSend
 
-PAUSES: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
-FIRST_PAUSE: Final = 20 * MS
+PAUSES_MS: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
+FIRST_PAUSE_NS: Final = 20 * MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +40,18 @@ class Splits:
     def places(self) -> tuple[int, ...]:
         return tuple(sorted(self.pauses))
 
-    def toggled(self, place: int) -> Splits:
+    def toggle_at(self, place: int) -> Splits:
         """Return these with a cut more or less; a new one pauses as the one before it, or after it."""
         if place in self.pauses:
             return Splits({at: ns for at, ns in self.pauses.items() if at != place})
         near = [at for at in self.places if at < place][-1:] or list(self.places[:1])
-        return Splits({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE})
+        return Splits({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE_NS})
 
-    def paused(self, place: int, step: int) -> Splits:
+    def step_pause(self, place: int, step: int) -> Splits:
         """Return these with the next longer or shorter pause at a cut."""
         now = self.pauses[place]
-        longer = [ms * MS for ms in PAUSES if ms * MS > now]
-        shorter = [ms * MS for ms in PAUSES if ms * MS < now]
+        longer = [ms * MS for ms in PAUSES_MS if ms * MS > now]
+        shorter = [ms * MS for ms in PAUSES_MS if ms * MS < now]
         then = longer[:1] if step > 0 else shorter[-1:]
         return Splits({**self.pauses, place: then[0] if then else now})
 
@@ -68,16 +68,16 @@ class Splits:
         return ",".join(map(format_time, pauses[:1] if len(set(pauses)) == 1 else pauses))
 
 
-def splits_of(send: PeerSend) -> Splits:
+def read_splits(send: PeerSend) -> Splits:
     """Return the cuts of a send command; one after the message cuts nothing."""
     gaps = send.gaps_ns or (send.gap_ns,)
     places = [at for at in accumulate(send.split) if at < len(send.payload)]
     return Splits({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
 
 
-CELL: Final = 3  # two digits and the place before them
+BYTE_WIDTH: Final = 3  # two digits and the place before them
 NO_MESSAGE: Final = "no message yet: its bytes and cuts stand here"
-CUT, HERE, BOTH = "┃", "╎", "╂"
+CUT, CURSOR_SIGN, CUT_CURSOR = "┃", "╎", "╂"
 
 
 class SplitsLine(OneLine, can_focus=True):
@@ -114,21 +114,21 @@ class SplitsLine(OneLine, can_focus=True):
             return row((NO_MESSAGE, "faint"))
         self._keep_in_view()
         parts: list[Part] = [("‥" if self._first else " ", "dim")]
-        last = min(len(self.payload), self._first + self._room())
+        last = min(len(self.payload), self._first + self._bytes_in_view())
         for at in range(self._first, last):
             if at > self._first:
-                parts.append(self._before(at))
+                parts.append(self._cut_part(at))
             is_even = sum(place <= at for place in self.cuts.places) % 2 == 0
             parts.append((f"{self.payload[at]:02X}", "" if is_even else "strong"))
         parts.append(("‥" if last < len(self.payload) else " ", "dim"))
-        return row(*parts, (f" {self._told()}", "dim"))
+        return row(*parts, (f" {self._describe_place()}", "dim"))
 
-    def _before(self, at: int) -> Part:
+    def _cut_part(self, at: int) -> Part:
         is_cut, is_here = at in self.cuts.places, self.has_focus and at == self.place
-        sign = BOTH if is_cut and is_here else CUT if is_cut else HERE if is_here else " "
+        sign = CUT_CURSOR if is_cut and is_here else CUT if is_cut else CURSOR_SIGN if is_here else " "
         return sign, "key cursor" if is_here else "key"
 
-    def _told(self) -> str:
+    def _describe_place(self) -> str:
         size = count(len(self.payload), "byte")
         if not self.has_focus:
             return f"{size} in {count(len(self.cuts.places) + 1, 'piece')}"
@@ -136,11 +136,11 @@ class SplitsLine(OneLine, can_focus=True):
             return f"{size}, space cuts at {self.place}"
         return f"{size}, cut at {self.place}, pause {format_time(self.cuts.pauses[self.place])}"
 
-    def _room(self) -> int:
-        return max(1, (self.line_width - 2 - len(f" {self._told()}") + 1) // CELL)
+    def _bytes_in_view(self) -> int:
+        return max(1, (self.line_width - 2 - len(f" {self._describe_place()}") + 1) // BYTE_WIDTH)
 
     def _keep_in_view(self) -> None:
-        room = self._room()
+        room = self._bytes_in_view()
         if self.place <= self._first:
             self._first = max(0, self.place - 1)
         elif self.place >= self._first + room:
@@ -161,11 +161,11 @@ class SplitsLine(OneLine, can_focus=True):
 
     def action_cut(self) -> None:
         if len(self.payload) > 1:
-            self._changed(self.cuts.toggled(self.place))
+            self._changed(self.cuts.toggle_at(self.place))
 
     def action_pause(self, step: int) -> None:
         if self.place in self.cuts.places:
-            self._changed(self.cuts.paused(self.place, step))
+            self._changed(self.cuts.step_pause(self.place, step))
 
     def action_join(self) -> None:
         self._changed(Splits())
@@ -175,14 +175,14 @@ class SplitsLine(OneLine, can_focus=True):
 
     def click(self, x: int, y: int) -> None:
         """Cut or join where the mouse points between two bytes; on a byte: before it."""
-        place = self._first + x // CELL
-        if 0 < place < len(self.payload) and place < self._first + self._room():
+        place = self._first + x // BYTE_WIDTH
+        if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
             self.place = place
             self.action_cut()
 
 
 OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
-EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
+PAYLOAD_EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
 
 
 class PayloadField(TypedField):
@@ -198,10 +198,10 @@ class PayloadField(TypedField):
     async def action_submit(self) -> None:
         self._send()
 
-    def pasted(self, text: str) -> str:
+    def convert_paste(self, text: str) -> str:
         """Return the first line; a STRUCT takes the place of all, without its comments."""
         if not text.lstrip().upper().startswith("STRUCT"):
-            return super().pasted(text)
+            return super().convert_paste(text)
         self.clear()
         return " ".join(line.partition("//")[0].strip() for line in text.strip().splitlines())
 
@@ -230,15 +230,15 @@ class Composer(Vertical):
         self._view_model = view_model
         self._actions = actions
         self.mode = HEX
-        self._texts = dict.fromkeys(MODES, "")
+        self._texts = dict.fromkeys(PAYLOAD_MODES, "")
         self._seen = ""
         self.fault = ""
         self._above, self._below = Horizontal(), Horizontal()
         self._modes = ButtonLine(
-            "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
+            "mode", lambda: [("", mode) for mode in PAYLOAD_MODES], self._to_mode, self._mode_now
         )
-        self._payload = PayloadField(self.send, "payload", EXAMPLES[HEX])
-        self.split_row = SplitsLine(self._split, self.send)
+        self._payload = PayloadField(self.send, "payload", PAYLOAD_EXAMPLES[HEX])
+        self.split_row = SplitsLine(self._apply_splits, self.send)
         self._options = {
             name: PayloadField(self.send, f"option-{name}", example, "option") for name, example in OPTIONS
         }
@@ -250,7 +250,7 @@ class Composer(Vertical):
         yield self._below
         yield self.split_row
 
-    async def prepare(self) -> None:
+    async def mount_fields(self) -> None:
         await self._above.mount(self._payload)
         named = self._options.items()
         await self._below.mount_all(
@@ -265,15 +265,15 @@ class Composer(Vertical):
         if not self._payload.value.strip() or not self._view_model.peer:
             return ""
         options = tuple((name, option.value) for name, option in self._options.items())
-        return send_line(self._view_model.peer, self.mode, self._payload.value, options)
+        return make_send_line(self._view_model.peer, self.mode, self._payload.value, options)
 
-    def judge(self) -> None:
+    def check_line(self) -> None:
         line = self.line
         if line == self._seen:
             return
         self._seen = line
-        self.fault = fault_of(line, self._view_model.project) if line else ""
-        bad_options = bool(self.fault) and not fault_of(self._without_options(), self._view_model.project)
+        self.fault = find_mistake(line, self._view_model.project) if line else ""
+        bad_options = bool(self.fault) and not find_mistake(self._without_options(), self._view_model.project)
         self._draw(line if not self.fault else self._without_options() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
         for name, option in self._options.items():
@@ -285,38 +285,38 @@ class Composer(Vertical):
         from trcvtui.commands.words import PeerSend
 
         send = parse_line(line, self._view_model.project, "message") if line else None
-        drawn = (send.payload, splits_of(send)) if isinstance(send, PeerSend) else (b"", Splits())
+        drawn = (send.payload, read_splits(send)) if isinstance(send, PeerSend) else (b"", Splits())
         self.split_row.draw(*drawn)
 
-    def _split(self, cuts: Splits) -> None:
+    def _apply_splits(self, cuts: Splits) -> None:
         self._options["split"].value, self._options["gap"].value = cuts.split, cuts.gap
-        self.judge()
+        self.check_line()
 
-    def try_line(self, instance: str) -> str:
+    def make_try_line(self, instance: str) -> str:
         """Return the command that tries every split of the message, "" without one."""
         if not self._payload.value.strip():
             return ""
         gap = self._options["gap"].value
-        return try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
+        return make_try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
 
-    def put(self, mode: str, text: str) -> None:
-        self._to_mode(MODES.index(mode))
+    def set_payload(self, mode: str, text: str) -> None:
+        self._to_mode(PAYLOAD_MODES.index(mode))
         self._payload.value = text
-        self.judge()
+        self.check_line()
 
     @property
     def text(self) -> str:
         return self._payload.value
 
     def _without_options(self) -> str:
-        return send_line(self._view_model.peer, self.mode, self._payload.value, ())
+        return make_send_line(self._view_model.peer, self.mode, self._payload.value, ())
 
     def _is_bad(self, name: str, value: str) -> bool:
-        alone = send_line(self._view_model.peer, self.mode, self._payload.value, ((name, value),))
-        return bool(fault_of(alone, self._view_model.project))
+        alone = make_send_line(self._view_model.peer, self.mode, self._payload.value, ((name, value),))
+        return bool(find_mistake(alone, self._view_model.project))
 
     def send(self) -> None:
-        self.judge()
+        self.check_line()
         if not self.line:
             self.ask_for_payload("send")
         elif self.fault:
@@ -326,31 +326,31 @@ class Composer(Vertical):
 
     def ask_for_payload(self, what: str) -> None:
         self._actions.complain(f"the payload is empty, there is nothing to {what}: type it, enter sends it")
-        self.edit()
+        self.focus_payload()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        self.judge()
+        self.check_line()
 
-    def edit(self) -> None:
+    def focus_payload(self) -> None:
         self.screen.set_focus(self._payload)
 
     # -- the mode -----------------------------------------------------------------------------------
 
     def _mode_now(self) -> int:
-        return MODES.index(self.mode)
+        return PAYLOAD_MODES.index(self.mode)
 
     def next_mode(self) -> None:
-        self._to_mode((self._mode_now() + 1) % len(MODES))
+        self._to_mode((self._mode_now() + 1) % len(PAYLOAD_MODES))
 
     def _to_mode(self, index: int) -> None:
         self._texts[self.mode] = self._payload.value
-        self.mode = MODES[index]
+        self.mode = PAYLOAD_MODES[index]
         text = self._texts[self.mode]
         if self.mode == UDT and not text:
             declared = self._view_model.declaration
             text = f"{declared.type_name} {{}}" if declared else ""
-        self._payload.placeholder = EXAMPLES[self.mode]
+        self._payload.placeholder = PAYLOAD_EXAMPLES[self.mode]
         self._payload.value = text
         self._payload.cursor_position = len(text) - 1 if text.endswith("}") else len(text)
         self._modes.show()
-        self.judge()
+        self.check_line()

@@ -13,26 +13,26 @@ from textual.widget import Widget
 from trcvtui.history.records import HistoryRequest
 from trcvtui.plc.snapshot import DataSnapshot, FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar
-from trcvtui.tui.panes.combuffer import gap_of, gap_parts
-from trcvtui.tui.panes.face import Face, OriginLine
+from trcvtui.tui.panes.combuffer import find_gap_timer, gap_parts
+from trcvtui.tui.panes.face import OriginLine, ReceivedFace
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import (
-    CLOSES,
+    DATA_BEGIN_SIGN,
+    DATA_END,
     NOT_CAPTURED,
-    OPENS,
     HexView,
-    marked,
+    make_marks,
     marks_of_data,
     marks_of_part,
     numbers_at,
 )
-from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, ruled
-from trcvtui.tui.widgets.typed_lines import Goal
+from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, rule
+from trcvtui.tui.widgets.typed_lines import Jump
 from trcvtui.udt.byte_text import SearchPatterns, describe_hit
 from trcvtui.wording import stamp
 
-BAR: Final = 12
-GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
+BAR_WIDTH: Final = 12
+LEAST_GAP_WIDTH: Final = 74  # columns in which the gap timer stands beside the unfinished frame
 
 
 class JobLine(OneLine):
@@ -47,44 +47,44 @@ class JobLine(OneLine):
         if instance is None:
             return EMPTY
         if instance.sends:
-            return ruled(self.line_width, *self._sent(instance))
+            return rule(self.line_width, *self._sent_parts(instance))
         if instance.framer is not None:
-            return ruled(self.line_width, *self._framed(instance, instance.framer))
+            return rule(self.line_width, *self._frame_parts(instance, instance.framer))
         if not instance.need:
-            return ruled(self.line_width, ("── no job running ", "dim"))
-        full, empty = bar(instance.have, instance.need, BAR)
+            return rule(self.line_width, ("── no job running ", "dim"))
+        full, empty = bar(instance.have, instance.need, BAR_WIDTH)
         mode = "ad-hoc, at most" if instance.adhoc else "of"
         numbers = f" {instance.have} {mode} {instance.need} B "
-        return ruled(
+        return rule(
             self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
             ("not in DATA yet ", "dim"),
         )  # fmt: skip
 
-    def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
+    def _frame_parts(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
         if instance.outputs.busy:
-            full, empty = bar(instance.have, framer.size, BAR)
+            full, empty = bar(instance.have, framer.size, BAR_WIDTH)
             told: list[Part] = [
                 ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
                 (f" {instance.have} of ≤{framer.size} B ", "strong"),
             ]  # fmt: skip
-            gap = gap_of(self._view_model, instance)
-            if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
+            gap = find_gap_timer(self._view_model, instance)
+            if gap is not None and gap.limit_ns and self.line_width >= LEAST_GAP_WIDTH:
                 told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
             return told
         last = framer.last
         if last is None:
             return [("── no frame has begun ", "dim")]
         data = last.size - last.prefix - last.suffix
-        marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
+        marks = f"prefix {last.prefix} {DATA_BEGIN_SIGN} data {data} {DATA_END} suffix {last.suffix}"
         style = "dim" if last.is_good else "warn"
         return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
                 (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
 
-    def _sent(self, instance: InstanceSnapshot) -> list[Part]:
+    def _sent_parts(self, instance: InstanceSnapshot) -> list[Part]:
         """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
         parts: list[Part] = [("── ", "dim")]
         if instance.need:
-            full, empty = bar(instance.have, instance.need, BAR)
+            full, empty = bar(instance.have, instance.need, BAR_WIDTH)
             numbers = f" {instance.have} of {instance.need} B in the stack  "
             parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
         connection = self._view_model.connection
@@ -104,7 +104,7 @@ MOST_JOB_ROWS: Final = 4
 LEAST_ROWS: Final = 6  # with fewer there is no line of numbers below DATA
 
 
-class DataFace(Face):
+class DataFace(ReceivedFace):
     """Both hex views: DATA, and the bytes of the running job."""
 
     DEFAULT_CSS = """
@@ -125,7 +125,7 @@ class DataFace(Face):
     def compose(self) -> Iterator[Widget]:
         yield from (self.data, self._line, self.job)
 
-    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+    def make_title(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
         if instance is None:
             return "Received", ""
         declared = self._view_model.declaration
@@ -143,20 +143,20 @@ class DataFace(Face):
             return None
         return next((d for d in snapshot.data if d.name == instance.data and d.newest < d.longest), None)
 
-    def ask(self, instance: InstanceSnapshot) -> None:
-        wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.in_view()))
+    def request_past(self, instance: InstanceSnapshot) -> None:
+        wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.range_in_view()))
         self._view_model.past_wanted = None if instance.sends else wanted
 
     @property
-    def _room(self) -> int:
+    def _pane_height(self) -> int:
         """Return the rows of the whole pane."""
         return self.parent.size.height if isinstance(self.parent, Widget) else 0
 
-    def rest(self) -> None:
+    def hide_job(self) -> None:
         self.job.display, self._job_rows = False, 0
 
     def show(self) -> None:
-        instance, partial = self._view_model.instance, self._view_model.partial
+        instance, partial = self._view_model.instance, self._view_model.job_bytes
         self._line.show()
         if instance is None:  # its bytes go with it
             for view in (self.data, self.job):
@@ -166,13 +166,13 @@ class DataFace(Face):
             return
         self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
         if self.data.frame is None and (new := self._newest()) is not None:
-            self.data.frame = marked(0, new.newest, 0, 0)
+            self.data.frame = make_marks(0, new.newest, 0, 0)
         declared = self._view_model.declaration
         if declared is not None:  # as high before its bytes have come: one layout, not two
-            self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines
+            self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.row_lines
         self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
         self._size_job(instance)
-        self._stand_together()
+        self._fit_data_height()
         grown = len(partial) > len(self.job.content)
         self.job.show_bytes(partial, instance.need, *self._marks(True))
         self._show_origin()
@@ -184,13 +184,13 @@ class DataFace(Face):
         return index.list_message_starts(selected, of_job), index.list_holes(selected, of_job)
 
     def _show_origin(self) -> None:
-        lack = self.lack() if self._view_model.instance is not None else ""
+        lack = self.explain_lack() if self._view_model.instance is not None else ""
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
-        has_room = byte is not None and self._room >= LEAST_ROWS and not lack
-        numbers = numbers_at(view.known_from(byte or 0), self.size.width - 2) if has_room else ""
-        self._below.say(numbers, may_break=False)
+        has_room = byte is not None and self._pane_height >= LEAST_ROWS and not lack
+        numbers = numbers_at(view.read_known_bytes(byte or 0), self.size.width - 2) if has_room else ""
+        self._below.show_text(numbers, may_break=False)
         self.subtitle = lack or self.note or self._with_hit(byte, text)
 
     def _origin(self, view: HexView, byte: int) -> str:
@@ -216,7 +216,7 @@ class DataFace(Face):
         else:
             self.note = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
 
-    def go_to_offset(self, goal: Goal) -> None:
+    def go_to_offset(self, goal: Jump) -> None:
         self._select_offset(goal, self.data.select, range(self.data.need))
 
     # -- layout ------------------------------------------------------------------------------------------
@@ -236,9 +236,9 @@ class DataFace(Face):
             self.job.styles.height = max(1, rows)
             self.job.display = rows > 0
 
-    def _stand_together(self) -> None:
+    def _fit_data_height(self) -> None:
         rows = max(1, self.data.row_count())
-        wanted = rows if rows + 2 + self._job_rows <= self._room else None
+        wanted = rows if rows + 2 + self._job_rows <= self._pane_height else None
         if wanted != self._data_rows:
             self._data_rows = wanted
             self.data.styles.height = "1fr" if wanted is None else wanted

@@ -7,13 +7,13 @@ from typing import Final
 
 from textual.containers import Vertical
 
-from trcvtui.tui.formatting import clip, wrapped
+from trcvtui.tui.formatting import clip, wrap_text
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.typed_lines import Goal
+from trcvtui.tui.widgets.typed_lines import Jump
 
 ROOMY: Final = 100
-NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
+BYTES_NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
 
 
 class OriginLine(LineView, can_focus=False):
@@ -30,19 +30,19 @@ class OriginLine(LineView, can_focus=False):
         return 1 if self.line_width >= ROOMY or not self._may_break else 2
 
     def row_at(self, y: int) -> Row:
-        texts = wrapped(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
+        texts = wrap_text(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
         return row((clip(texts[y], self.line_width), "strong")) if y < len(texts) else EMPTY
 
     def on_resize(self) -> None:
         self.styles.height = self.row_count()
         self.show()
 
-    def say(self, text: str, may_break: bool) -> None:
+    def show_text(self, text: str, may_break: bool) -> None:
         self.text, self._may_break, self.display = text, may_break, bool(text) or may_break
         self.on_resize()
 
 
-class Face(Vertical):
+class ReceivedFace(Vertical):
     """One way to see what was received; `first` is what the keys go to, `subtitle` stands in the frame."""
 
     def __init__(self, view_model: ViewModel, below: OriginLine, first: LineView) -> None:
@@ -59,14 +59,14 @@ class Face(Vertical):
     def byte_in_job(self) -> int:
         return -1
 
-    def lack(self) -> str:
+    def explain_lack(self) -> str:
         """Return why the bytes of what is shown cannot be had, "" where they can."""
-        return NOT_KEPT if self._view_model.lacks_bytes else ""
+        return BYTES_NOT_KEPT if self._view_model.lacks_bytes else ""
 
     def show_field(self, field: range, goes_there: bool) -> None:
         """Mark the bytes of a member."""
 
-    def _select_offset(self, goal: Goal, select: Callable[[int], None], kept: range, lack: str = "") -> None:
+    def _select_offset(self, goal: Jump, select: Callable[[int], None], kept: range, lack: str = "") -> None:
         is_here, is_older = goal.number in kept, lack and goal.number < kept.start
         why = lack if is_older else f"not here: bytes {kept.start} to {kept.stop - 1} are"
         self.note = "" if is_here else f"{goal.about} is {why}"

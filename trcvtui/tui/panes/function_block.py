@@ -11,7 +11,7 @@ from trcvtui.diagnosis.link import LISTENING
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import cells, clip, lamp, status_word
+from trcvtui.tui.formatting import clip, lamp, measure, status_word
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.combuffer import data_parts, framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
@@ -37,8 +37,8 @@ class DrawnPin(NamedTuple):
     is_fixed: bool = False
 
 
-UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
-ID: Final = DrawnPin(
+PINS_BELOW_BOX: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
+ID_PIN: Final = DrawnPin(
     "ID", "the ID of the connection, as its description has it", False, False, "", "ID", is_fixed=True
 )
 LAMP_STYLES: Final = {
@@ -48,7 +48,7 @@ LAMP_STYLES: Final = {
 DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
 
 
-class Drawing(NamedTuple):
+class BlockDrawing(NamedTuple):
     inputs: tuple[DrawnPin, ...] = ()
     outputs: tuple[DrawnPin, ...] = ()
 
@@ -82,7 +82,7 @@ def wired_pins(block: str) -> dict[str, DrawnPin]:
     return {name: DrawnPin(name, text, False, False, letter, name, True) for name, text, letter in found}
 
 
-def placed(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
+def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
     """Return the inputs as the manual draws them: a pointer before its length, the ComBuffer at the end."""
     of_block = block_row(block)
     pointer_of = dict(zip(of_block.mark_lengths, of_block.pointers, strict=False))
@@ -96,9 +96,9 @@ def placed(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tupl
     return (*rest.values(), *found, *buffer)
 
 
-def drawing_of(project: Project, block: str, connect: str) -> Drawing:
+def drawing_of(project: Project, block: str, connect: str) -> BlockDrawing:
     """Return the drawing of a block that works on a CONNECT; its ID stands after the first pin."""
-    pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
+    pins = [pin for pin in project.pins(block) if pin.name not in PINS_BELOW_BOX]
     wired = wired_pins(block)
     names = [pin.name for pin in pins if pin.direction != "out"]
     letters = letters_of(names, {pin.letter for pin in wired.values()})
@@ -107,10 +107,10 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
         letter, label = letters.get(pin.name, ""), pin.label or pin.name
         drawn = DrawnPin(pin.name, pin.text, pin.is_bool, pin.edge, letter, label)
         sides[pin.direction == "out"].append(drawn)
-    inputs = placed(block, sides[False], wired)
+    inputs = order_inputs(block, sides[False], wired)
     if project.connection_id(block, connect) is not None:
-        inputs = (*inputs[:1], ID, *inputs[1:])
-    return Drawing(inputs, tuple(sides[True]))
+        inputs = (*inputs[:1], ID_PIN, *inputs[1:])
+    return BlockDrawing(inputs, tuple(sides[True]))
 
 
 def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
@@ -144,9 +144,9 @@ def _status_style(instance: InstanceSnapshot | None) -> str:
     return "error" if instance.outputs.error else "done" if instance.outputs.done else "strong"
 
 
-SHOWN: Final = 9  # columns of a mark inside the box
-NULL: Final = "0"
-FEEDABLE: Final = ("sim", "serial")
+MARK_WIDTH: Final = 9  # columns of a mark inside the box
+NULL_POINTER: Final = "0"
+FEEDABLE_SOURCES: Final = ("sim", "serial")
 ROWS, FRAMER_ROWS = 14, 20  # that a block needs with its frame; a block with a framer
 
 
@@ -158,13 +158,13 @@ def rows_needed(project: Project) -> int:
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
     """Return what stands at such a pin: bytes of a mark, a variable, a ComBuffer."""
     if pin in buffer_pins():
-        return clip(instance.connect, SHOWN)
+        return clip(instance.connect, MARK_WIDTH)
     if pin == instance.data_pin:
-        return clip(instance.data or NULL, SHOWN)
+        return clip(instance.data or NULL_POINTER, MARK_WIDTH)
     mark = mark_of(pin, instance.framer)
     if mark is None:
-        return NULL
-    return clip(mark.hex(" ").upper(), SHOWN) if mark else "none"
+        return NULL_POINTER
+    return clip(mark.hex(" ").upper(), MARK_WIDTH) if mark else "none"
 
 
 def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
@@ -174,11 +174,11 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
     return framer.prefix if pin.endswith("Prefix") else framer.suffix
 
 
-def line_for(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
+def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
     """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
     if pin in buffer_pins():
         decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
-        return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE else ""
+        return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE_SOURCES else ""
     if pin == instance.data_pin:
         decl_data = view_model.project.data_decl(instance.data) if instance.data else None
         return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
@@ -189,7 +189,7 @@ def line_for(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str
     return f"{'prefix' if pin.endswith('Prefix') else 'suffix'} {instance.name} {written}"
 
 
-def why_not(pin: str, instance: InstanceSnapshot) -> str:
+def pin_hint(pin: str, instance: InstanceSnapshot) -> str:
     if pin in buffer_pins():
         return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
     return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
@@ -197,12 +197,12 @@ def why_not(pin: str, instance: InstanceSnapshot) -> str:
 
 IN_BOX: Final = 6
 OUT_BOX: Final = 8
-TIGHT_BOX: Final = 6  # where long names need the room
-LEAST_BOX: Final = 4
+TIGHT_BOX_WIDTH: Final = 6  # where long names need the room
+LEAST_BOX_WIDTH: Final = 4
 JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
-LEAD: Final = 2  # the letter of an input
+LETTER_WIDTH: Final = 2  # the letter of an input
 ROOMY: Final = 72  # room for what each output means
-LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
+LATE_DETECTION_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
 
 
 class FunctionBlock(LineView):
@@ -217,12 +217,12 @@ class FunctionBlock(LineView):
         super().__init__(id="block")
         self._view_model = view_model
         self._actions = actions
-        self._drawings: dict[tuple[str, str], Drawing] = {}
+        self._drawings: dict[tuple[str, str], BlockDrawing] = {}
         self._pending: dict[tuple[str, str], tuple[int, int]] = {}
         self._cursor = 0
         self._told: list[Row] = []  # below the box of a block on a ComBuffer
         self._hover: int | None = None
-        self.proposed: Callable[[str], str] = lambda pin: ""  # the value of a number that a remedy names
+        self.propose_value: Callable[[str], str] = lambda pin: ""  # the value of a number that a remedy names
 
     def keys(self) -> tuple[tuple[str, str], ...]:
         """Return the letters of the pins of this very block."""
@@ -239,10 +239,10 @@ class FunctionBlock(LineView):
 
     # -- what is drawn ------------------------------------------------------------------------------
 
-    def drawing(self) -> Drawing:
+    def drawing(self) -> BlockDrawing:
         instance = self._view_model.instance or self._view_model.project.instance(self._view_model.selected)
         if instance is None:
-            return Drawing()
+            return BlockDrawing()
         drawn = instance.block, instance.connect
         if drawn not in self._drawings:
             self._drawings[drawn] = drawing_of(self._view_model.project, *drawn)
@@ -250,20 +250,20 @@ class FunctionBlock(LineView):
 
     def show(self) -> None:
         instance = self._view_model.instance
-        about = f"{instance.block}{self._called_by(instance)}" if instance else ""
+        about = f"{instance.block}{self._describe_task(instance)}" if instance else ""
         self.set_title(2, self._view_model.selected or "Block", about)
-        self._settle()
+        self._clear_pending()
         self._told = framer_lines(self._view_model, instance, self.line_width) if instance else []
         super().show()
 
-    def _called_by(self, instance: InstanceSnapshot) -> str:
+    def _describe_task(self, instance: InstanceSnapshot) -> str:
         """Return the task of an instance where there are several: ` · SLOW T#40ms priority 2`."""
         task = self._view_model.project.task(instance.task)
         if task is None or len(self._view_model.project.tasks) < 2:
             return ""
         return f" · {task.name} {format_time(task.interval_ns)} priority {task.priority}"
 
-    def _settle(self) -> None:
+    def _clear_pending(self) -> None:
         snapshot, instance = self._view_model.snapshot, self._view_model.instance
         if snapshot is None or instance is None:
             return
@@ -277,37 +277,37 @@ class FunctionBlock(LineView):
 
     def row_at(self, y: int) -> Row:
         drawing = self.drawing()
-        left = " " * self._left()
+        left = " " * self._left_width()
         if y == 0:
             instance = self._view_model.instance
-            width, name = self._box() + self._out_box(), instance.block if instance else ""
-            name = f" {name} " if name and cells(name) + 2 <= width else name
+            width, name = self._in_box_width() + self._out_box_width(), instance.block if instance else ""
+            name = f" {name} " if name and measure(name) + 2 <= width else name
             return row((f"{left}┌{name.center(width, '─')}┐", "dim"))
         if y <= drawing.height:
             return self._pin_row(drawing, y - 1)
         if y == drawing.height + 1:
-            return row((f"{left}└{'─' * (self._box() + self._out_box())}┘", "dim"))
+            return row((f"{left}└{'─' * (self._in_box_width() + self._out_box_width())}┘", "dim"))
         return self._below(y - drawing.height - 2)
 
-    def _box(self) -> int:
+    def _in_box_width(self) -> int:
         values = (len(self._value_text(pin)) for pin in self.drawing().inputs if not pin.is_bool)
         tight = self._is_tight()
-        return max(TIGHT_BOX if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
+        return max(TIGHT_BOX_WIDTH if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
 
-    def _out_box(self) -> int:
+    def _out_box_width(self) -> int:
         if not self._is_tight():
             return OUT_BOX
         instance = self._view_model.instance
         shown = (len(output_text(pin, instance, False)[0]) for pin in self.drawing().outputs)
         if instance is None:
-            return TIGHT_BOX
-        return max(LEAST_BOX, max(shown, default=0) + 1, len(instance.block) - self._box())
+            return TIGHT_BOX_WIDTH
+        return max(LEAST_BOX_WIDTH, max(shown, default=0) + 1, len(instance.block) - self._in_box_width())
 
     def _joints(self) -> tuple[str, str]:
         return TIGHT_JOINTS if self._is_tight() else JOINTS
 
-    def _left(self) -> int:
-        return self.drawing().name_width + LEAD + len(self._joints()[0])
+    def _left_width(self) -> int:
+        return self.drawing().name_width + LETTER_WIDTH + len(self._joints()[0])
 
     def _is_tight(self) -> bool:
         drawing = self.drawing()
@@ -317,31 +317,31 @@ class FunctionBlock(LineView):
         instance = self._view_model.instance
         if pin.is_wired:
             return wired_value(pin.name, instance) if instance is not None else ""
-        return f"{self.value_of(pin)[0]}{' ms' if is_time(pin.name) else ''}"
+        return f"{self.read_pin(pin)[0]}{' ms' if is_time(pin.name) else ''}"
 
-    def _pin_row(self, drawing: Drawing, y: int) -> Row:
+    def _pin_row(self, drawing: BlockDrawing, y: int) -> Row:
         parts: list[Part] = []
         if y < len(drawing.inputs):
             pointed = y == self._cursor and self.has_focus
             style = "cursor" if pointed else "hover" if y == self._hover else ""
             parts += [(text, f"{names} {style}") for text, names in self._input(drawing, drawing.inputs[y])]
         else:
-            parts.append((f"{' ' * (self._left() - 1)}│{'':<{self._box()}}", "dim"))
+            parts.append((f"{' ' * (self._left_width() - 1)}│{'':<{self._in_box_width()}}", "dim"))
         if y < len(drawing.outputs):
             parts += self._output(drawing.outputs[y])
         else:
-            parts.append((" " * self._out_box() + "│", "dim"))
+            parts.append((" " * self._out_box_width() + "│", "dim"))
         return row(*parts)
 
-    def _input(self, drawing: Drawing, pin: DrawnPin) -> list[Part]:
-        value, pending = self.value_of(pin)
+    def _input(self, drawing: BlockDrawing, pin: DrawnPin) -> list[Part]:
+        value, pending = self.read_pin(pin)
         text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else self._value_text(pin)
         style = "busy" if pending else "on" if pin.is_bool and value else ""
         return [
             (f"{pin.letter or ' '} ", "key"),
             (pin.name.rjust(drawing.name_width), "strong" if value else ""),
             (" ▷┤" if pin.edge else self._joints()[0], "dim"),
-            (f" {text}{'…' if pending else ''}".ljust(self._box()), style),
+            (f" {text}{'…' if pending else ''}".ljust(self._in_box_width()), style),
         ]
 
     def _output(self, pin: DrawnPin) -> list[Part]:
@@ -351,13 +351,13 @@ class FunctionBlock(LineView):
         roomy = self.line_width >= ROOMY
         joint = self._joints()[1]
         name = pin.label if roomy or not glow else pin.label.partition(" ")[0]
-        used = self._left() + self._box() + self._out_box() + len(joint)
-        if used + cells(name + glow) > self.line_width:  # pane 3 has it whole
+        used = self._left_width() + self._in_box_width() + self._out_box_width() + len(joint)
+        if used + measure(name + glow) > self.line_width:  # pane 3 has it whole
             name, glow = pin.label, ""
-        gap = " " * (1 + self.drawing().label_width - cells(name))
+        gap = " " * (1 + self.drawing().label_width - measure(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
-            (text.rjust(self._out_box() - 1) + " ", style),
+            (text.rjust(self._out_box_width() - 1) + " ", style),
             (joint.rstrip(), "dim"),
             (" " * (len(joint) - len(joint.rstrip())) + name, style),
             (glow, "error" if pin.name in ("ERROR", "STATUS") else "done"),
@@ -376,14 +376,14 @@ class FunctionBlock(LineView):
         if y == 0:
             link = " CONFIG  " if instance.on_config else " CONNECT "
             end = (instance.connect, "strong")
-            return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
+            return row((link, "dim"), end, *self._security_parts(instance), (self._connection(), "dim"))
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *data_parts(self._view_model, instance))
         if y == 2:
             errors = f"  {count(instance.errors, 'error')}" + ", expected" * instance.last_is_expected
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
         if y == 3:
-            return row((" last    ", "dim"), (_last(instance), "dim"))
+            return row((" last    ", "dim"), (_describe_last_done(instance), "dim"))
         pin = self._pin_under_cursor()
         if pin and self.has_focus:
             return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
@@ -402,7 +402,7 @@ class FunctionBlock(LineView):
         interval = connection.keep_alive_s
         if connection.unacknowledged:
             limited = self._view_model.project.options.get("user_timeout", True)
-            when = f"in {3 * interval}–{3 * interval + LATE_S} s" if limited else "in minutes"
+            when = f"in {3 * interval}–{3 * interval + LATE_DETECTION_S} s" if limited else "in minutes"
             return f"unacknowledged: dead link {when}"
         return f"keep-alive {interval} s: dead link in {2 * interval}–{3 * interval} s"
 
@@ -417,7 +417,7 @@ class FunctionBlock(LineView):
         listens = connection.state == "establishing" and connection.retry_in_ns is None
         return f"  passive, {LISTENING if listens else connection.state}"
 
-    def _secured(self, instance: InstanceSnapshot) -> list[Part]:
+    def _security_parts(self, instance: InstanceSnapshot) -> list[Part]:
         found = security_of(self._view_model.project.connect(instance.connect))
         return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
 
@@ -431,7 +431,7 @@ class FunctionBlock(LineView):
 
     # -- toggling -----------------------------------------------------------------------------------
 
-    def value_of(self, pin: DrawnPin) -> tuple[int, bool]:
+    def read_pin(self, pin: DrawnPin) -> tuple[int, bool]:
         instance = self._view_model.instance
         if instance is None:
             return 0, False
@@ -464,15 +464,15 @@ class FunctionBlock(LineView):
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return
-        value, _ = self.value_of(pin)
+        value, _ = self.read_pin(pin)
         if pin.is_wired:
-            line = line_for(pin.name, instance, self._view_model)
-            self._actions.open_prompt(line) if line else self._actions.complain(why_not(pin.name, instance))
+            line = make_pin_line(pin.name, instance, self._view_model)
+            self._actions.open_prompt(line) if line else self._actions.complain(pin_hint(pin.name, instance))
         elif pin.is_fixed:
             why = f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
             self._actions.complain(why)
         elif not pin.is_bool:
-            self._actions.open_prompt(f"set {instance.name} {pin.name}={self.proposed(pin.name)}")
+            self._actions.open_prompt(f"set {instance.name} {pin.name}={self.propose_value(pin.name)}")
         elif pin.edge:
             self._actions.submit(f"pulse {instance.name} {pin.name}")
         else:
@@ -513,10 +513,10 @@ class FunctionBlock(LineView):
         place, drawing = self.place_of(event), self.drawing()
         if place is None or not 1 <= place[1] <= len(drawing.inputs):
             return None
-        return place[1] - 1 if place[0] < self._left() + 1 + self._box() else None
+        return place[1] - 1 if place[0] < self._left_width() + 1 + self._in_box_width() else None
 
 
-def _last(instance: InstanceSnapshot) -> str:
+def _describe_last_done(instance: InstanceSnapshot) -> str:
     if instance.last_done_scan is None:
         return "no DONE yet"
     moved = instance.last_rcvd_len if block_row(instance.block).moves_bytes else None

@@ -10,19 +10,19 @@ from textual.binding import Binding
 from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS_TEXT, security_of
-from trcvtui.tui.formatting import bar, cells, clip, lamp, pad, squeeze, status_word
+from trcvtui.tui.formatting import bar, clip, clip_middle, lamp, measure, pad, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.wording import age
 
 ROOMY: Final = 110
-MIDDLE: Final = 90  # below: the lamps alone tell of a pulse
-NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
-BAR: Final = 10
-MANY: Final = 8  # from here on there are keys to find one
+MIDDLE_WIDTH: Final = 90  # below: the lamps alone tell of a pulse
+NARROW_WIDTH: Final = 60  # below: neither partner nor condition, the lamps stay
+BAR_WIDTH: Final = 10
+MANY_INSTANCES: Final = 8  # from here on there are keys to find one
 # What stands where no instance is.
-SHADOW: Final = "◌"  # before an instance that lives on a conversation of others
-EMPTY_BENCH: Final = (
+SHADOW_SIGN: Final = "◌"  # before an instance that lives on a conversation of others
+EMPTY_HINTS: Final = (
     "  empty: press A, then enter, for an instance with its CONNECT and DATA",
     "  then t raises CONT (it listens) and n raises EN_R (it receives)",
 )
@@ -59,10 +59,10 @@ class InstanceList(LineView):
         self._columns = self._measure()
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        many = self.words or len(self._view_model.instances) > MANY
+        many = self.words or len(self._view_model.instances) > MANY_INSTANCES
         return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
 
-    def narrow(self, words: str) -> None:
+    def set_filter(self, words: str) -> None:
         self.words = words.casefold().split()
         self.show()
         names = [instance.name for instance in self._listed]
@@ -72,7 +72,7 @@ class InstanceList(LineView):
     def row_count(self) -> int:
         if self.words:
             return max(1, len(self._listed))
-        return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_BENCH)
+        return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
         """Repaint what changed; the title says how many a filter lets through, and how many show an ERROR."""
@@ -81,8 +81,8 @@ class InstanceList(LineView):
         told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
         told = told if self.words else []
         if self._view_model.shadows:
-            told.append(f"{SHADOW} looks on")
-        if len(instances) > MANY and (errors := sum(map(self._shows_error, instances))):
+            told.append(f"{SHADOW_SIGN} looks on")
+        if len(instances) > MANY_INSTANCES and (errors := sum(map(self._shows_error, instances))):
             told.append(f"{errors} with ERROR")
         self.set_title(self._digit, "Instances", " · ".join(told))
         self._columns = self._measure()
@@ -95,14 +95,14 @@ class InstanceList(LineView):
             return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
         declared = self._view_model.project.instances
         if not declared:
-            return row((EMPTY_BENCH[y], "key" if y == 0 else "dim")) if y < len(EMPTY_BENCH) else EMPTY
+            return row((EMPTY_HINTS[y], "key" if y == 0 else "dim")) if y < len(EMPTY_HINTS) else EMPTY
         return row((f"  {declared[y].name}", "dim")) if y < len(declared) else EMPTY
 
     def _has_words(self, instance: InstanceSnapshot) -> bool:
         pulses = self._pulses(instance)
         codes = {instance.outputs.status, *(pulse.status for pulse in pulses.values())}
         spoken = (
-            f"{instance.name} {instance.block} {self._word(instance)}",
+            f"{instance.name} {instance.block} {self._describe_condition(instance)}",
             _partner(self._view_model.connection_of(instance), True),
             " ".join(f"16#{code:04X}" for code in codes),
             "error" if self._shows_error(instance) else "",
@@ -110,7 +110,7 @@ class InstanceList(LineView):
         text = " ".join(spoken).casefold()
         return all(word in text for word in self.words)
 
-    def _word(self, instance: InstanceSnapshot) -> str:
+    def _describe_condition(self, instance: InstanceSnapshot) -> str:
         return describe_condition(self._view_model.project, instance.name, instance)
 
     def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
@@ -124,18 +124,18 @@ class InstanceList(LineView):
 
     def _measure(self) -> ListColumns:
         shown, roomy = self._view_model.instances, self.line_width >= ROOMY
-        if 0 < self.line_width < NARROW:
-            return ListColumns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
-        name = min(max((cells(instance.name) for instance in shown), default=8), 24 if roomy else 12)
+        if 0 < self.line_width < NARROW_WIDTH:
+            return ListColumns(min(max((measure(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
+        name = min(max((measure(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
         # Where no block has a connection, what a block is doing may be told in full.
         spare = 13 if not any(self._view_model.connection_of(instance) for instance in shown) else 0
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
-        numbers = max((len(_numbers(instance)) for instance in shown), default=0)
+        numbers = max((len(_format_bytes(instance)) for instance in shown), default=0)
         return (
-            ListColumns(name, partner, 7, 18 + spare, BAR, both, numbers)
+            ListColumns(name, partner, 7, 18 + spare, BAR_WIDTH, both, numbers)
             if roomy
             else ListColumns(name, partner, 4, 18 + min(1, spare), 0, both)
         )
@@ -143,7 +143,7 @@ class InstanceList(LineView):
     def _partner_width(self, both: bool) -> int:
         links = {instance.connect: instance for instance in self._view_model.instances}  # one of each will do
         partners = (
-            _partner(self._view_model.connection_of(instance), both) + self._mark(name)[0]
+            _partner(self._view_model.connection_of(instance), both) + self._security_part(name)[0]
             for name, instance in links.items()
         )
         return max(map(len, partners), default=20)
@@ -154,16 +154,16 @@ class InstanceList(LineView):
         connection = self._view_model.connection_of(instance)
         parts: list[Part] = [
             ("▸" if selected else " ", "key"),
-            (SHADOW if instance.name in self._view_model.shadows else " ", "dim"),
-            (pad(squeeze(instance.name, columns.name), columns.name) + " ", "strong"),
+            (SHADOW_SIGN if instance.name in self._view_model.shadows else " ", "dim"),
+            (pad(clip_middle(instance.name, columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
-            *_status(instance, self._word(instance), columns),
+            *_status(instance, self._describe_condition(instance), columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
         ]
         return row(*parts, style=style)
 
-    def _mark(self, connect: str) -> Part:
+    def _security_part(self, connect: str) -> Part:
         """Return what stands after the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
         found = security_of(self._view_model.project.connect(connect))
         if found is None:
@@ -172,11 +172,11 @@ class InstanceList(LineView):
 
     def _partner(self, connection: ConnectionSnapshot | None, columns: ListColumns) -> list[Part]:
         width, text = columns.partner, _partner(connection, columns.both)
-        mark, style = self._mark(connection.name) if connection and width else ("", "")
-        if connection is not None and mark and cells(text) + len(mark) > width:  # the port says more
+        mark, style = self._security_part(connection.name) if connection and width else ("", "")
+        if connection is not None and mark and measure(text) + len(mark) > width:  # the port says more
             text = text.replace(connection.local.partition(":")[0] + ":", ":")
         text = clip(text, width - len(mark))
-        gap = " " * (width - cells(text) - len(mark) + 2 * bool(width))
+        gap = " " * (width - measure(text) - len(mark) + 2 * bool(width))
         return [(text, "dim"), (mark, style), (gap, "")]
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
@@ -193,15 +193,15 @@ class InstanceList(LineView):
         scan = f"scan {pulses[style].scan}" if style else ""
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
-            return [(have, ""), (f" {scan}" * (self.line_width >= MIDDLE), style)]
-        parts: list[Part] = [(" " * (2 + BAR + columns.numbers), "")]
+            return [(have, ""), (f" {scan}" * (self.line_width >= MIDDLE_WIDTH), style)]
+        parts: list[Part] = [(" " * (2 + BAR_WIDTH + columns.numbers), "")]
         if instance.need:
-            full, empty = bar(instance.have, instance.need, BAR)
+            full, empty = bar(instance.have, instance.need, BAR_WIDTH)
             parts = [
                 ("  ", ""),
                 (full, "busy"),
                 (empty, "faint"),
-                (_numbers(instance).ljust(columns.numbers), ""),
+                (_format_bytes(instance).ljust(columns.numbers), ""),
             ]
         if scan:
             return [*parts, (f"  {scan}", style)]
@@ -238,7 +238,7 @@ class InstanceList(LineView):
         if y < len(self._listed):
             self._choose(y)
 
-    def choose_listed(self) -> None:
+    def choose_first(self) -> None:
         """Select the first one that a filter has left, where it has left the selected one out."""
         if self._listed and self._view_model.selected not in {each.name for each in self._listed}:
             self._choose(0)
@@ -254,7 +254,7 @@ def _has_had_an_error(instance: InstanceSnapshot) -> bool:
     return instance.last_error_scan is not None and not instance.last_is_expected
 
 
-def _numbers(instance: InstanceSnapshot) -> str:
+def _format_bytes(instance: InstanceSnapshot) -> str:
     return f" {instance.have}/{instance.need} B" if instance.need else ""
 
 

@@ -13,7 +13,7 @@ from trcvtui.errors import UserError
 from trcvtui.history.messages import MessageRow
 from trcvtui.history.records import MAX_SCAN
 from trcvtui.project.project import DataDecl
-from trcvtui.tui.formatting import cells, clip, pad, plain, squeeze
+from trcvtui.tui.formatting import clip, clip_middle, measure, pad, plain
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -36,7 +36,7 @@ class MessageColumn(NamedTuple):
     style: str = "dim"
 
 
-COLUMNS: Final = (
+MESSAGE_COLUMNS: Final = (
     MessageColumn("n", 5, lambda shown: str(shown.number)),
     MessageColumn("scan", 7, lambda shown: str(shown.scan)),
     MessageColumn("t in s", 9, lambda shown: stamp(shown.t_ns)),
@@ -44,8 +44,8 @@ COLUMNS: Final = (
     MessageColumn("B", 6, lambda shown: str(shown.size), "strong"),
     MessageColumn("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
 )
-WITH_SCAN: Final = 96  # columns of the pane from which there is room for the scan
-LEAST, ENOUGH, MOST = 6, 9, 18  # columns of a member; with less than enough none is cut
+LEAST_SCAN_WIDTH: Final = 96  # columns of the pane from which there is room for the scan
+LEAST_WIDTH, ENOUGH_WIDTH, MOST_WIDTH = 6, 9, 18  # columns of a member; with less than enough none is cut
 
 
 def all_pass(shown: MessageRow) -> bool:
@@ -80,36 +80,36 @@ class MessageLines(LineView):
     # -- rows ------------------------------------------------------------------------------------------
 
     @property
-    def _known(self) -> KnownMessages:
+    def _known_messages(self) -> KnownMessages:
         """Return the rows of the selected instance: before they come, none of another one."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 
     def _row(self, number: int) -> MessageRow | None:
         """Return a row, None where it has gone since `show`."""
-        known = self._known
+        known = self._known_messages
         return known.rows[number - known.first] if known.first <= number < known.stop else None
 
     def rows(self) -> list[MessageRow]:
         return [shown for number in self._found if (shown := self._row(number)) is not None]
 
-    def chosen(self) -> MessageRow | None:
-        return self._row(self._found[self._place]) if self._place >= 0 else None
+    def find_chosen_row(self) -> MessageRow | None:
+        return self._row(self._found[self._chosen_place]) if self._chosen_place >= 0 else None
 
     @property
     def is_followed(self) -> bool:
         return self._at is None
 
     @property
-    def _place(self) -> int:
+    def _chosen_place(self) -> int:
         """Return which of the rows that pass is chosen, -1: none, as all are still to come."""
         last = len(self._found) - 1
         if self._at is not None:
             return min(last, bisect_left(self._found, self._at))
-        return bisect_right(self._found, self._now, key=self._scan_of) - 1 if self._now < MAX_SCAN else last
+        return bisect_right(self._found, self._scan, key=self._scan_of) - 1 if self._scan < MAX_SCAN else last
 
     @property
-    def _now(self) -> int:
+    def _scan(self) -> int:
         """Return the scan after which messages are still to come."""
         position = self._view_model.position
         return position.scan if position is not None else MAX_SCAN
@@ -126,18 +126,18 @@ class MessageLines(LineView):
         self._measure()
         self.resize_rows()
         if self._at is None:
-            self.keep_in_view(max(0, self._place))
+            self.keep_in_view(max(0, self._chosen_place))
         super().show()
 
     def _catch_up(self) -> None:
-        view_model, known = self._view_model, self._known
+        view_model, known = self._view_model, self._known_messages
         of = view_model.known_messages, view_model.selected
         if of != self._of or view_model.message_type is not self._declared:
             self._at = self._at if of == self._of else None
             self._of, self._declared, self._longest = of, view_model.message_type, {}
             self._forget_rows()
             self._text, self._passes = "", all_pass
-            self.narrow(self._typed)
+            self.set_filter(self._typed)
         if known.stop < self._looked:
             self._forget_rows()
         if gone := bisect_left(self._found, known.first):
@@ -146,11 +146,11 @@ class MessageLines(LineView):
                 self.scroll_to(y=max(0, self.scroll_offset.y - gone), animate=False)
         if self._oldest != known.oldest:  # a condition on members is false where there are none any more
             first, stop = (bisect_left(self._found, each) for each in (self._oldest, known.oldest))
-            self._oldest, self._found[first:stop] = known.oldest, self._passing(self._found[first:stop])
-        self._found += self._passing(range(max(self._looked, known.first), known.stop))
+            self._oldest, self._found[first:stop] = known.oldest, self._filter(self._found[first:stop])
+        self._found += self._filter(range(max(self._looked, known.first), known.stop))
         self._looked = known.stop
 
-    def _passing(self, rows: range | list[int]) -> list[int]:
+    def _filter(self, rows: range | list[int]) -> list[int]:
         return [each for each in rows if (shown := self._row(each)) is not None and self._passes(shown)]
 
     def _forget_rows(self) -> None:
@@ -161,15 +161,15 @@ class MessageLines(LineView):
         last = self._row(self._found[-1]) if self._found else None
         self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
-            for each in COLUMNS
-            if each.name != "scan" or self.line_width >= WITH_SCAN
+            for each in MESSAGE_COLUMNS
+            if each.name != "scan" or self.line_width >= LEAST_SCAN_WIDTH
         ]
         room = self.line_width - 1 - sum(width for _, width in self.columns)
         layout, self.members = self._declared.layout if self._declared is not None else None, []
-        for leaf in layout.leaves(0, min(max(0, room) // LEAST, layout.leaf_count)) if layout else ():
-            longest = max(cells(leaf.path), self._longest.get(leaf.path, 0))
-            width = min(max(LEAST, longest + 1), MOST, room)
-            if width <= longest and width < ENOUGH:
+        for leaf in layout.leaves(0, min(max(0, room) // LEAST_WIDTH, layout.leaf_count)) if layout else ():
+            longest = max(measure(leaf.path), self._longest.get(leaf.path, 0))
+            width = min(max(LEAST_WIDTH, longest + 1), MOST_WIDTH, room)
+            if width <= longest and width < ENOUGH_WIDTH:
                 break
             self.members.append((leaf, width))
             room -= width
@@ -183,7 +183,7 @@ class MessageLines(LineView):
         shown = self._row(self._found[y]) if y < len(self._found) else None
         if shown is None:
             return EMPTY
-        is_chosen, is_to_come = y == self._place, shown.scan > self._now
+        is_chosen, is_to_come = y == self._chosen_place, shown.scan > self._scan
         parts = ((text, "faint" if is_to_come else style) for text, style in self._parts(shown))
         return row(("▸" if is_chosen else " ", "key"), *parts, style=self.cursor_style(is_chosen))
 
@@ -198,13 +198,13 @@ class MessageLines(LineView):
             for (leaf, width), value in zip(self.members, values, strict=True):
                 part = content[leaf.offset : leaf.offset + leaf.size]
                 text = plain(value_text(leaf, value, part)) if value is not None else ""
-                self._longest[leaf.path] = max(cells(text), self._longest.get(leaf.path, 0))
-                yield fitted(text, width), "printable"
+                self._longest[leaf.path] = max(measure(text), self._longest.get(leaf.path, 0))
+                yield fit_text(text, width), "printable"
 
     # -- moving ----------------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        place = self._place
+        place = self._chosen_place
         if place >= 0 if rows < 0 else place < len(self._found) - 1 or self._at is not None:
             self._choose(place + rows)
 
@@ -221,13 +221,13 @@ class MessageLines(LineView):
     def action_leave(self) -> None:
         """Let all rows through; without a filter, follow the newest."""
         if self._typed:
-            self.narrow("")
+            self.set_filter("")
         else:
             self.action_edge(1)
 
     def on_mouse_scroll_up(self) -> None:
-        if self._at is None and self._place >= 0:
-            self._choose(self._place)
+        if self._at is None and self._chosen_place >= 0:
+            self._choose(self._chosen_place)
 
     def click(self, x: int, y: int) -> None:
         self._choose(y)
@@ -237,11 +237,11 @@ class MessageLines(LineView):
             place = max(0, min(len(self._found) - 1, place))
             self._at = self._found[place]
             self.keep_in_view(place)
-            self.post_message(MessageChosen(self.chosen()))
+            self.post_message(MessageChosen(self.find_chosen_row()))
 
     # -- the filter ------------------------------------------------------------------------------------
 
-    def narrow(self, text: str) -> None:
+    def set_filter(self, text: str) -> None:
         """Let through what a condition says; one that cannot be read leaves the last in force."""
         from trcvtui.engine.message_filter import read_filter  # read when first asked for
 
@@ -255,13 +255,13 @@ class MessageLines(LineView):
         except UserError as wrong:
             self._wrong = wrong.lines()[0]
 
-    def words(self) -> str:
+    def describe_rows(self) -> str:
         """Return what is to be known of the rows as a whole, for the title."""
-        known, here = self._known, len(self._known.rows)
+        known, here = self._known_messages, len(self._known_messages.rows)
         size = f"{here} of {known.count}" if here != known.count else f"{here}"
         passing = f"{len(self._found)} of {size} with {self._text}" if self._text else size
         state = "frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows"
-        words = self._wrong, f"{self._view_model.selected}, {passing}", *known.words(), state
+        words = self._wrong, f"{self._view_model.selected}, {passing}", *known.describe_rows(), state
         return " · ".join(filter(None, words))
 
 
@@ -274,10 +274,10 @@ class MessageHead(OneLine):
 
     def line(self) -> Row:
         names = [pad(column.name, width, right=True) for column, width in self._lines.columns]
-        names += [fitted(leaf.path, width) for leaf, width in self._lines.members]
+        names += [fit_text(leaf.path, width) for leaf, width in self._lines.members]
         return row((" " + "".join(names), "dim"))
 
 
-def fitted(text: str, width: int) -> str:
+def fit_text(text: str, width: int) -> str:
     """Return a text in the columns of a member: its beginning and its end, where it is too long."""
-    return pad(squeeze(text, width - 1), width, right=True)
+    return pad(clip_middle(text, width - 1), width, right=True)

@@ -12,15 +12,15 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot, SentMessage
-from trcvtui.tui.formatting import cells, clip, pad, plain
+from trcvtui.tui.formatting import clip, measure, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
-from trcvtui.tui.panes.combuffer import LineFeed
+from trcvtui.tui.panes.combuffer import SerialLineList
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.talks import ConversationList
 from trcvtui.tui.peer_commands import (
-    CHECK,
-    EVERY_SPLIT,
-    FAULT,
+    CHECK_BUTTON,
+    EVERY_SPLIT_LETTER,
+    FAULT_BUTTON,
     NO_PEER,
     SEND,
     UDT,
@@ -35,7 +35,7 @@ from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.wording import count
 
 ROOMY = 110
-STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
+STATE_STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
 
 
 class PeerList(LineView):
@@ -72,12 +72,12 @@ class PeerList(LineView):
     def _row(self, peer: PeerSnapshot) -> Row:
         selected = peer.name == self._view_model.peer
         style = self.cursor_style(selected)
-        width = min(12, max(cells(each.name) for each in self._view_model.peers))
+        width = min(12, max(measure(each.name) for each in self._view_model.peers))
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (pad(clip(peer.name, 12), width) + " ", "strong"),
             (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
-            (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
+            (f"{peer.state:<10} ", STATE_STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
             *self._counters(peer),
         ]
@@ -91,15 +91,15 @@ class PeerList(LineView):
         return row(*parts, style=style)
 
     def _ends(self, peer: PeerSnapshot) -> str:
-        roomy = self._roomy()
-        width = max((cells(_ends(each, roomy)) for each in self._view_model.peers), default=0)
+        roomy = self._is_roomy()
+        width = max((measure(_ends(each, roomy)) for each in self._view_model.peers), default=0)
         return pad(_ends(peer, roomy), width) + "  "
 
-    def _roomy(self) -> bool:
+    def _is_roomy(self) -> bool:
         return self.line_width >= ROOMY
 
     def _counters(self, peer: PeerSnapshot) -> list[Part]:
-        if not self._roomy() or peer.check is not None:
+        if not self._is_roomy() or peer.check is not None:
             return [(f"sent {peer.bytes_sent}, got {peer.bytes_received} B", "")]
         parts: list[Part] = [
             (f"sent {count(peer.messages_sent, 'message')}, {peer.bytes_sent} B", ""),
@@ -150,7 +150,7 @@ def _tally(tally: CheckTally) -> str:
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 
 
-def _sent(sent: SentMessage) -> Row:
+def _sent_row(sent: SentMessage) -> Row:
     """Return a message that went out, by a key, a line, `every` or a rule."""
     shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
     return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
@@ -173,7 +173,7 @@ class PeerNotes(TextView, can_focus=False):
         if peer is None:
             return []
         check = [row(check_text(peer.check))] if peer.check is not None else []
-        replies, sent = self._replies(peer), [*map(_sent, peer.last_sent)]
+        replies, sent = self._replies(peer), [*map(_sent_row, peer.last_sent)]
         return [*check, *self._trial(peer), *([*replies, *sent] if peer.replies else [*sent, *replies])]
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
@@ -195,9 +195,9 @@ class PeerNotes(TextView, can_focus=False):
         return rows
 
 
-WAITING: Final = "waits for the engine"
-HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space lets them go on"
-LETTERS = "scfrhzuleadb"
+WAITING_FOR_ENGINE: Final = "waits for the engine"
+SCANS_HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space lets them go on"
+BUTTON_LETTERS = "scfrhzuleadb"
 
 
 class PeerPanel(Vertical):
@@ -205,7 +205,7 @@ class PeerPanel(Vertical):
 
     DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
     BINDINGS: ClassVar = [
-        *[(letter, f"button('{letter}')", "") for letter in LETTERS],
+        *[(letter, f"button('{letter}')", "") for letter in BUTTON_LETTERS],
         ("m", "mode", "payload as hex, text or udt"),
         ("o", "form", "a UDT as a form, its members as fields"),
         ("x", "cuts", "cut points of the message"),
@@ -220,12 +220,12 @@ class PeerPanel(Vertical):
         self._view_model = view_model
         self._actions = actions
         self._title = ""
-        self.lines = LineFeed(view_model, actions)
+        self.lines = SerialLineList(view_model, actions)
         self.peers = PeerList(view_model)
         self.talks = ConversationList(view_model, actions)
         self.composer = Composer(view_model, actions)
         self._buttons = ButtonLine(
-            "buttons", self._labels, lambda index: self._do(self._buttons_now()[index])
+            "buttons", self._labels, lambda index: self._press_button(self._buttons_now()[index])
         )
         self._notes = PeerNotes(view_model)
         self._preview = "", ""
@@ -238,39 +238,39 @@ class PeerPanel(Vertical):
         if self._speaks:
             yield from (self.composer, self._buttons, self._notes)
 
-    async def prepare(self) -> None:
+    async def mount_fields(self) -> None:
         if self._speaks:
-            await self.composer.prepare()
+            await self.composer.mount_fields()
 
-    async def _begin_to_speak(self) -> None:
+    async def _mount_composer(self) -> None:
         await self.mount(self.composer, self._buttons, self._notes)
-        await self.prepare()
+        await self.mount_fields()
 
     @property
-    def first(self) -> LineView:
+    def focus_target(self) -> LineView:
         """Return where the focus goes: the lines of a project without peers, else the peers."""
-        if self._view_model.talks or (self._view_model.shadows and self._view_model.project.taps):
+        if self._view_model.conversations or (self._view_model.shadows and self._view_model.project.taps):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
     def show(self) -> None:
-        name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.chosen
-        kind = "Peer" if self.first is self.peers else "Line"
-        title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
+        name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.choice
+        kind = "Peer" if self.focus_target is self.peers else "Line"
+        title = self.talks.title if self.focus_target is self.talks else f"{kind} {clip(name, 20)}".rstrip()
         if title != self._title or not self.border_title:
             self._title = title
             self.border_title = pane_title(7, title)
-        self.talks.display = self.first is self.talks
+        self.talks.display = self.focus_target is self.talks
         self.talks.show()
-        self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
+        self.lines.display, self.peers.display = bool(self.lines.names), self.focus_target is self.peers
         self.lines.show()
         self.peers.show()
         focused = self.screen.focused if self.is_attached else None  # a picture may come before the panes
         if focused in (self.lines, self.peers, self.talks) and not focused.display:
-            self.screen.set_focus(self.first)  # at once: the next key is for what stands here now
+            self.screen.set_focus(self.focus_target)  # at once: the next key is for what stands here now
         if self._view_model.project.peers and not self._speaks:
             self._speaks = True
-            self.run_worker(self._begin_to_speak())
+            self.run_worker(self._mount_composer())
         if self._view_model.project.peers and self._notes.is_mounted:
             self._buttons.show()
             self._notes.draw()
@@ -296,12 +296,12 @@ class PeerPanel(Vertical):
             self._preview = "✗ ", self.composer.fault
         elif send or button is None:
             self._preview = "▸ ", self.composer.line or f"peer {peer.name} send …"
-        elif button.letter == EVERY_SPLIT:
-            self._preview = "▸ ", self._try_line(peer) or f"{button.line(peer)} …"
+        elif button.letter == EVERY_SPLIT_LETTER:
+            self._preview = "▸ ", self._make_try_line(peer) or f"{button.line(peer)} …"
         else:
             self._preview = "▸ ", button.line(peer)
         sign, text = self._preview
-        text = sign + _shortened(plain(text), max(16, self.size.width - 6))
+        text = sign + _clip_middle(plain(text), max(16, self.size.width - 6))
         self.border_subtitle = Content.assemble((text, "$error" if sign == "✗ " else "$text-muted"))
 
     def _buttons_now(self) -> tuple[Button, ...]:
@@ -318,41 +318,41 @@ class PeerPanel(Vertical):
             return []
         return [(button.letter, button.label(peer)) for button in self._buttons_now()]
 
-    def _do(self, button: Button) -> None:
+    def _press_button(self, button: Button) -> None:
         peer = self._view_model.peer_snapshot
         if peer is None:
             return
         if button.letter == SEND:
             self.composer.send()
-        elif button.letter == EVERY_SPLIT:
+        elif button.letter == EVERY_SPLIT_LETTER:
             self._try_splits(peer)
         elif button.edit:
-            self._actions.open_prompt(button.line(peer) + self._aim(button, peer))
+            self._actions.open_prompt(button.line(peer) + self._command_target(button, peer))
         else:
             self._actions.submit(button.line(peer))
 
-    def _aim(self, button: Button, peer: PeerSnapshot) -> str:
-        if button is CHECK:
+    def _command_target(self, button: Button, peer: PeerSnapshot) -> str:
+        if button is CHECK_BUTTON:
             instance = receiver_for(peer.link, self._view_model.selected, self._view_model.project)
             return f" on {instance}" if instance else ""
         connection = self._view_model.connection
-        return connection.name if connection is not None and button is FAULT else ""
+        return connection.name if connection is not None and button is FAULT_BUTTON else ""
 
-    def _try_line(self, peer: PeerSnapshot) -> str:
+    def _make_try_line(self, peer: PeerSnapshot) -> str:
         instance = receiver_for(peer.link, self._view_model.selected, self._view_model.project)
-        return self.composer.try_line(instance) if instance else ""
+        return self.composer.make_try_line(instance) if instance else ""
 
     def _try_splits(self, peer: PeerSnapshot) -> None:
         trial = self._view_model.picture.trial if self._view_model.picture else None
-        line = self._try_line(peer)
+        line = self._make_try_line(peer)
         if line and (trial is None or trial.state != "running"):
             self._actions.submit(line)
         elif not line and trial is None:
-            self._tell_what_is_missing(peer)
+            self._show_what_is_missing(peer)
             return
         self.open_trial(line)
 
-    def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
+    def _show_what_is_missing(self, peer: PeerSnapshot) -> None:
         if self.composer.text.strip():
             self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {peer.name} talks to")
         else:
@@ -361,7 +361,7 @@ class PeerPanel(Vertical):
     def open_trial(self, line: str = "") -> None:
         self._trial_line = line
         self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
-        self.app.push_screen(self._trial, self._trial_left)
+        self.app.push_screen(self._trial, self._handle_trial_closed)
 
     def _trial_rows(self, width: int) -> list[Row]:
         from trcvtui.bench.split_test import trial_text  # read when first asked for
@@ -369,11 +369,11 @@ class PeerPanel(Vertical):
         picture = self._view_model.picture
         trial = picture.trial if picture is not None else None
         if trial is None:
-            return [row((WAITING, "dim"))]
+            return [row((WAITING_FOR_ENGINE, "dim"))]
         held = trial.state == "running" and picture is not None and picture.holding
-        return [*([row((HELD, "hold"))] if held else []), *text_rows(trial_text(trial), width)]
+        return [*([row((SCANS_HELD, "hold"))] if held else []), *text_rows(trial_text(trial), width)]
 
-    def _trial_left(self, nothing: None) -> None:
+    def _handle_trial_closed(self, nothing: None) -> None:
         self._trial = None
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -394,7 +394,7 @@ class PeerPanel(Vertical):
             return
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
         if button is not None:
-            self._do(button)
+            self._press_button(button)
         else:
             self._actions.complain(f"{letter} does nothing: {self._view_model.peer} has no such button now")
 
@@ -402,7 +402,7 @@ class PeerPanel(Vertical):
         """Write the payload in the next way; what is typed now goes into it."""
         if not self.lacks_peer():
             self.composer.next_mode()
-            self.composer.edit()
+            self.composer.focus_payload()
 
     def action_cuts(self) -> None:
         if self.lacks_peer():
@@ -415,13 +415,13 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("cut")
 
     def action_library(self) -> None:
-        from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
+        from trcvtui.tui.forms.messages import LibraryScreen  # read when first asked for
 
         if not self.lacks_peer():
-            shown = MessagesScreen(self._view_model.peer, self._view_model.project)
-            self.app.push_screen(shown, self._picked)
+            shown = LibraryScreen(self._view_model.peer, self._view_model.project)
+            self.app.push_screen(shown, self._submit_line)
 
-    def _picked(self, line: str | None) -> None:
+    def _submit_line(self, line: str | None) -> None:
         if line:
             self._actions.submit(line)
 
@@ -434,7 +434,7 @@ class PeerPanel(Vertical):
         text = self.composer.line.partition(" send ")[2]
         if text:
             form = AddScreen(lambda: self._view_model.project, "message", {"text": text})
-            self.app.push_screen(form, self._picked)
+            self.app.push_screen(form, self._submit_line)
         else:
             self.composer.ask_for_payload("keep")
 
@@ -445,20 +445,20 @@ class PeerPanel(Vertical):
 
         found = form_of(self.composer.text, self.composer.mode, self._view_model)
         if found is not None:
-            self.app.push_screen(found, self._form_left)
+            self.app.push_screen(found, self._handle_form_result)
         else:
             self._actions.complain("no UDT to fill in: DATA of the selected instance has none")
 
-    def _form_left(self, payload: str | None) -> None:
+    def _handle_form_result(self, payload: str | None) -> None:
         if payload:
-            self.composer.put(UDT, payload)
+            self.composer.set_payload(UDT, payload)
             self._show_preview()
 
     def action_payload(self) -> None:
         if not self.lacks_peer():
-            self.composer.edit()
+            self.composer.focus_payload()
 
 
-def _shortened(text: str, width: int) -> str:
+def _clip_middle(text: str, width: int) -> str:
     tail = width // 2
     return text if len(text) <= width else f"{clip(text, width - tail)}{text[-tail:]}"

@@ -18,16 +18,16 @@ from trcvtui.tui.panes.stream_face import StreamFace
 from trcvtui.tui.panes.table_face import TableFace
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
-from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.tui.widgets.typed_lines import FindLine, Jump
 
-MOST: Final = 1 << 62  # after every position
-NEXT_HIT: Final = (("n N", "next hit, hit before"),)
+END_POSITION: Final = 1 << 62  # after every position
+SEARCH_KEYS: Final = (("n N", "next hit, hit before"),)
 
 
-class Received(Vertical):
+class ReceivedPane(Vertical):
     """Holds the faces and switches them; its keys act on the one that is seen."""
 
-    DEFAULT_CSS = "Received { background: $surface; }"
+    DEFAULT_CSS = "ReceivedPane { background: $surface; }"
     BINDINGS: ClassVar = [
         Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
         Binding("D", "messages", "messages as a table: values, filter, CSV; or DATA", show=False),
@@ -45,7 +45,7 @@ class Received(Vertical):
     def __init__(self, view_model: ViewModel, tell: Callable[[str], None]) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes, tell)
+        self._find = FindLine(lambda: self._continue_search(True, again=False), self._focus_face, tell)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
@@ -73,18 +73,18 @@ class Received(Vertical):
         for each in self._faces:
             each.is_seen = each.display = each is face
             each.note = ""
-        self.now.rest()
+        self.now.hide_job()
 
     def show(self) -> None:
         instance, face = self._view_model.instance, self.face
         if instance is not None:
-            self.past.take(instance)
-            if (window := self._view_model.past) is not None and window.connect == instance.connect:
+            self.past.update_stream(instance)
+            if (window := self._view_model.past_window) is not None and window.connect == instance.connect:
                 self.data.show_before(window.data)
-            face.ask(instance)
+            face.request_past(instance)
         shown = self.now if instance is None and self.is_past else face
         shown.show()
-        name, detail = self.face.head(instance)
+        name, detail = self.face.make_title(instance)
         title = pane_title(5, name, clip(detail, max(60, self.size.width - len(name) - 9)))
         if (title, shown.subtitle) != self._titles:
             self._titles = title, shown.subtitle
@@ -113,7 +113,7 @@ class Received(Vertical):
             self.post_message(MessageChosen(None))
         self._turn_to(face)
         self.post_message(PastSelected())
-        self._back_to_bytes()
+        self._focus_face()
         self.show()
 
     def _open_past(self) -> None:
@@ -123,19 +123,19 @@ class Received(Vertical):
     def action_done(self, is_forward: bool) -> None:
         """Go to the DONE before or the next one; from the present to the newest."""
         self._open_past()
-        self._look_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
+        self._search_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 
     def action_dropped(self) -> None:
         if not self.is_past:
             self.action_past()
             self.stream.cursor = None
         self.past.seeks_drop = True
-        self._look_from(MOST, False, dropped=True)
+        self._search_from(END_POSITION, False, dropped=True)
 
-    def _look_from(self, end: int, is_forward: bool, **what: Any) -> None:
+    def _search_from(self, end: int, is_forward: bool, **what: Any) -> None:
         """Look for a place in the stream, from the cursor or else from `end` on."""
         here = self.stream.cursor
-        self.stream.look_for(here if here is not None else end, is_forward, **what)
+        self.stream.search(here if here is not None else end, is_forward, **what)
         self.past.note = ""
         self.show()
 
@@ -145,7 +145,7 @@ class Received(Vertical):
         self.post_message(PastSelected())
 
     def action_before(self) -> None:
-        self.stream.change_before()
+        self.stream.toggle_before()
         self.data.shows_before = self.stream.shows_before
         self.show()
 
@@ -164,42 +164,42 @@ class Received(Vertical):
         if self.is_table:
             await self.table.open_filter()
         else:
-            self._let_search(True)
+            self._set_searched(True)
             await self._find.open()
 
     def end_search(self) -> None:
         if self.face.is_searched:
-            self._let_search(False)
+            self._set_searched(False)
             self.action_end_find()
 
-    def _let_search(self, is_searched: bool) -> None:
+    def _set_searched(self, is_searched: bool) -> None:
         for face in self._faces:
             face.is_searched = is_searched
         for view in (self.data, self.job, self.stream):
-            view.more_keys = NEXT_HIT if is_searched else ()
+            view.more_keys = SEARCH_KEYS if is_searched else ()
 
-    def _back_to_bytes(self) -> None:
+    def _focus_face(self) -> None:
         self.screen.set_focus(self.face.first)
 
     def action_find_next(self, is_forward: bool) -> None:
         if self.face.is_searched or self.is_table:
-            self._go_on(is_forward, again=True)
+            self._continue_search(is_forward, again=True)
         else:
             self.action_done(is_forward)
 
-    def _go_on(self, is_forward: bool, again: bool) -> None:
-        wanted, face = self._find.wanted, self.face
+    def _continue_search(self, is_forward: bool, again: bool) -> None:
+        wanted, face = self._find.target, self.face
         if isinstance(face, TableFace):
             face.messages.action_move(1 if is_forward else -1)
         elif wanted is None:  # nothing was typed, or what cannot be looked for
             self.run_worker(self.action_find())
-        elif not isinstance(wanted, Goal):
-            self._let_search(True)  # by name, from the palette
+        elif not isinstance(wanted, Jump):
+            self._set_searched(True)  # by name, from the palette
             self._mark(wanted.patterns)
             face.find(wanted, is_forward, again)
         elif wanted.is_job:
             self._open_past()
-            self.stream.look_for(MOST, False, job=(self._view_model.selected, wanted.number))
+            self.stream.search(END_POSITION, False, job=(self._view_model.selected, wanted.number))
         else:
             face.go_to_offset(wanted)
         self.show()

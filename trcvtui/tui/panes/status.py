@@ -11,19 +11,19 @@ from trcvtui.diagnosis.link import describe_condition
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import UNVERIFIED_WARNING, security_of
-from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wrapped
+from trcvtui.tui.formatting import GLOW_SIGN, ON_SIGN, clip, lamp, measure, status_word, wrap_text
 from trcvtui.tui.messages import EdgeSelected, PaneActions
-from trcvtui.tui.view_model.explain import Explainer, why
+from trcvtui.tui.view_model.explain import StatusExplainer, explain_status
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.wording import stamp
 
-WORD: Final = 14  # at least; wider where a condition or a lamp is
-LAMP: Final = 7
-LEAST_CONDITION, MOST_CONDITION = 19, 32  # columns; `waiting for a frame` is never cut
-CURSOR: Final = "▸"
+WORD_WIDTH: Final = 14  # at least; wider where a condition or a lamp is
+LAMP_WIDTH: Final = 7
+LEAST_CONDITION_WIDTH, MOST_CONDITION_WIDTH = 19, 32  # columns; `waiting for a frame` is never cut
+CURSOR_SIGN: Final = "▸"
 HISTORY_DIGIT: Final = 4  # of the bench
-LEAST_WHY: Final = 10  # characters; less would say nothing
+LEAST_REASON_WIDTH: Final = 10  # characters; less would say nothing
 
 
 class StatusHistory(LineView):
@@ -43,7 +43,7 @@ class StatusHistory(LineView):
         self._digit, self._view_model, self._actions = digit, view_model, actions
         self._edges: list[Line] = []
         self._chosen: int | None = None
-        self._longest, self._lamp = WORD, LAMP
+        self._longest, self._lamp = WORD_WIDTH, LAMP_WIDTH
         self.code: int | None = None  # that `find` looks for, until escape
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -53,9 +53,9 @@ class StatusHistory(LineView):
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
         before = self._edges[0].seq if self._edges else 0
-        self._edges = list(reversed(self._view_model.history.of(self._view_model.selected)))
+        self._edges = list(reversed(self._view_model.history.list_edges(self._view_model.selected)))
         self._measure(before)
-        self.set_title(self._digit, "History", self._detail())
+        self.set_title(self._digit, "History", self._describe_skipped())
         if self.scroll_offset.y:
             fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
             self.resize_rows()
@@ -67,10 +67,10 @@ class StatusHistory(LineView):
         fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
         looks = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
         for edge in looks.values():
-            self._longest = max(self._longest, len(self._label(edge, MOST_CONDITION)))
+            self._longest = max(self._longest, len(self._label(edge, MOST_CONDITION_WIDTH)))
             self._lamp = max(self._lamp, len(_lamp(edge)))
 
-    def _detail(self) -> str:
+    def _describe_skipped(self) -> str:
         skipped = self._view_model.history.skipped
         return f"{skipped} lines came too fast for this list" if skipped else ""
 
@@ -79,11 +79,11 @@ class StatusHistory(LineView):
         return f"{status_word(edge.outputs.status)} {clip(condition, width)}"
 
     @property
-    def _word(self) -> int:
+    def _word_width(self) -> int:
         return min(self._longest, len(status_word(0)) + 1 + self._condition_width())
 
     def _condition_width(self) -> int:
-        return max(LEAST_CONDITION, min(MOST_CONDITION, self.line_width - 65))
+        return max(LEAST_CONDITION_WIDTH, min(MOST_CONDITION_WIDTH, self.line_width - 65))
 
     def row_count(self) -> int:
         return len(self._edges) + 1
@@ -104,22 +104,22 @@ class StatusHistory(LineView):
 
     def _head(self) -> Row:
         scan, time = self._widths()
-        why = "why" if self._room() >= LEAST_WHY else ""
-        outputs = f"{'STATUS':<{self._word}}  {'lamp':<{self._lamp}}"
+        why = "why" if self._reason_width() >= LEAST_REASON_WIDTH else ""
+        outputs = f"{'STATUS':<{self._word_width}}  {'lamp':<{self._lamp}}"
         return row((f" {'scan':>{scan}}  {'t in s':>{time}}  {outputs}  {why}", "dim"))
 
-    def _room(self) -> int:
-        return self.line_width - sum(self._widths()) - self._word - self._lamp - 9
+    def _reason_width(self) -> int:
+        return self.line_width - sum(self._widths()) - self._word_width - self._lamp - 9
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
         style = "dim" if edge.cause.is_expected else edge.outputs.lit_lamp
-        room = self._room()
-        reason = clip(why(edge), room) if room >= LEAST_WHY else ""
+        room = self._reason_width()
+        reason = clip(explain_status(edge), room) if room >= LEAST_REASON_WIDTH else ""
         return [
-            (CURSOR if line.seq == self._chosen else " ", "key"),
+            (CURSOR_SIGN if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {stamp(line.t_ns):>{time}}  ", "dim"),
-            (self._label(edge, self._condition_width()).ljust(self._word + 2), style),
+            (self._label(edge, self._condition_width()).ljust(self._word_width + 2), style),
             (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
         ]
@@ -163,7 +163,7 @@ class StatusHistory(LineView):
         self._chosen = self._edges[y].seq if y >= 0 else None
         self.resize_rows()
         self.keep_in_view(y + 1 if y >= 0 else 0)
-        self.post_message(EdgeSelected(self._chosen, self.chosen()))
+        self.post_message(EdgeSelected(self._chosen, self.find_chosen_line()))
         self.show()
 
     def point_at(self, seq: int | None) -> None:
@@ -177,10 +177,10 @@ class StatusHistory(LineView):
 
     def forget(self) -> None:
         self._chosen = self.code = None
-        self._edges, self._longest, self._lamp = [], WORD, LAMP
+        self._edges, self._longest, self._lamp = [], WORD_WIDTH, LAMP_WIDTH
         self.scroll_to(y=0, animate=False)
 
-    def chosen(self) -> Line | None:
+    def find_chosen_line(self) -> Line | None:
         return next((line for line in self._edges if line.seq == self._chosen), None)
 
 
@@ -189,7 +189,7 @@ def _lamp(edge: StatusEdge) -> str:
     size = f" {out.rcvd_len} B" if out.rcvd_len is not None else ""
     ends = [f"DONE{size}"] * out.done + ["ERROR"] * out.error  # both: a frame that had no end in its size
     lit = ends or ["BUSY"] * out.busy
-    return f"{ON} {', '.join(lit)}" if lit else ""
+    return f"{ON_SIGN} {', '.join(lit)}" if lit else ""
 
 
 if TYPE_CHECKING:
@@ -197,11 +197,11 @@ if TYPE_CHECKING:
     from trcvtui.diagnosis.data_view import Offer
     from trcvtui.diagnosis.job import SuggestedAction
 
-LABEL: Final = 7
-BENCH_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
-MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
+LABEL_WIDTH: Final = 7
+BENCH_STATUS_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
+KEY_MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
 PIN_COMMAND: Final = re.compile(r"(?:pulse|set) (\S+) (\w+)(=\w+)?")
-A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
+FIRST_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 
 class StatusCard(TextView):
@@ -210,7 +210,7 @@ class StatusCard(TextView):
     BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        messages = (("D", "messages"),) if self._digit == BENCH_DIGIT else ()
+        messages = (("D", "messages"),) if self._digit == BENCH_STATUS_DIGIT else ()
         if self._past is not None:
             return (*messages, ("esc", "now"))
         has_lines = any(do.lines for do in self._do) and not self._commands_nothing
@@ -218,7 +218,7 @@ class StatusCard(TextView):
 
     @property
     def _commands_nothing(self) -> bool:
-        is_bench = self._digit == BENCH_DIGIT and self._view_model.position is None
+        is_bench = self._digit == BENCH_STATUS_DIGIT and self._view_model.position is None
         return not is_bench or getattr(self.app, "only_looks", False)
 
     def __init__(
@@ -231,12 +231,12 @@ class StatusCard(TextView):
         """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
         super().__init__(id="status")
         self._letter_of, self._digit, self._view_model, self._actions = letter_of, digit, view_model, actions
-        self._explainer = Explainer(view_model)
+        self._explainer = StatusExplainer(view_model)
         self._past: Line | None = None
         self._do: tuple[SuggestedAction, ...] = ()
         self._do_rows = range(0)
 
-    def _lines(self) -> tuple[str, ...]:
+    def _remedy_lines(self) -> tuple[str, ...]:
         """Return the bench lines of the first remedy that is to do, and was tried or needs no trial."""
         instance = self._view_model.instance
         if instance is None or self._past is not None:
@@ -245,10 +245,10 @@ class StatusCard(TextView):
         some = (do.lines for do in self._do if do.lines and not do.needs_trial)
         return next((lines for lines in some if lines[0] not in done), ())
 
-    def proposed(self, pin: str) -> str:
+    def propose_value(self, pin: str) -> str:
         """Return the value that the remedy gives a number of the selected instance, "": none."""
         begin = f"set {self._view_model.selected} {pin}="
-        return next((line.removeprefix(begin) for line in self._lines() if line.startswith(begin)), "")
+        return next((line.removeprefix(begin) for line in self._remedy_lines() if line.startswith(begin)), "")
 
     def action_remedy(self) -> None:
         """Type the bench lines of the remedy, or say why there is none."""
@@ -257,7 +257,7 @@ class StatusCard(TextView):
             self._actions.complain("`do` is a text here: this screen commands nothing")
         elif self._past is not None:
             self._actions.complain("this is the past: esc leads back to now, and to what to do")
-        elif lines := self._lines():
+        elif lines := self._remedy_lines():
             self._actions.open_prompt(*lines)
         else:
             wrong = "no bench line does what stands here"
@@ -284,11 +284,11 @@ class StatusCard(TextView):
     def _card(self) -> list[Row]:
         instance = self._view_model.instance
         if instance is None:
-            return self._nothing()
+            return self._empty_rows()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
             when = f"in scan {self._past.scan}, at {stamp(self._past.t_ns)} s"
-            return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
-        told = self._explainer.now(instance)
+            return self._rows_for(edge, when, self._explainer.explain_edge(self._past, edge), [])
+        told = self._explainer.explain_now(instance)
         when = f"since scan {instance.since_scan}"
         return self._rows_for(instance, when, told, self._lamps(instance), self._warnings(instance))
 
@@ -299,7 +299,7 @@ class StatusCard(TextView):
 
         return list_framing_warnings(self._view_model.snapshot, self._view_model.project, instance.name)
 
-    def _nothing(self) -> list[Row]:
+    def _empty_rows(self) -> list[Row]:
         if self._view_model.project.instances or self._view_model.picture is None:
             return [row(("waiting for the first scan", "dim"))]
         texts = (
@@ -325,7 +325,7 @@ class StatusCard(TextView):
             (flag, "error"),
             (title, style),
         ]
-        fits = sum(cells(text) for text, _ in head) + 2 + len(when) <= self.line_width
+        fits = sum(measure(text) for text, _ in head) + 2 + len(when) <= self.line_width
         rows = [row(*head, (f"  {when}", "dim"))] if fits else [row(*head), row((when, "dim"))]
         if sum(len(text) for text, _ in lamps) > self.line_width:
             lamps, rest = lamps[:-1], lamps[-1:]
@@ -333,13 +333,13 @@ class StatusCard(TextView):
         elif lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("warn", warnings, "warn")
-        rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
+        rows += self._paragraph("TLS", self._list_tls_warnings(shown), "error strong")
         is_error = shown.outputs.error
         # The cause of an ERROR comes first; else what is proven, then what is waited for.
         reasons = tuple(dict.fromkeys((told.why, *told.causes) if is_error else (*told.causes, told.why)))
         style = "warn" if shown.cause.injected else ""
         rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
-        rows += self._paragraph("note", self._expected(shown), "dim")
+        rows += self._paragraph("note", self._list_notes(shown), "dim")
         self._do, first = told.do, len(rows)
         rows += self._paragraph("do", [self._with_keys(do) for do in told.do], "")
         self._do_rows = range(first, len(rows))
@@ -350,14 +350,14 @@ class StatusCard(TextView):
             rows += self._paragraph("usually means", found.causes_of(shown.block), "dim")
         return rows
 
-    def _expected(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+    def _list_notes(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         link = self._view_model.connection
         if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
             return []
         code = status_word(shown.last_error_status or 0)
         return [f"{code} expected: EN_R was set before the connection; it receives once it is up"]
 
-    def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+    def _list_tls_warnings(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         project = self._view_model.project
         name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
         decl = project.instance(name)
@@ -366,24 +366,24 @@ class StatusCard(TextView):
 
     def _paragraph(self, label: str, texts: Sequence[str], *styles: str) -> list[Row]:
         rows: list[Row] = []
-        if len(label) >= LABEL and texts:
+        if len(label) >= LABEL_WIDTH and texts:
             rows, label = [row((label, "label"))], ""
         bullet = "· " if len(texts) > 1 else ""
         for text, style in zip_longest(texts, styles[: len(texts)], fillvalue=styles[-1]):
-            lead, is_key = label.ljust(LABEL) + bullet, False
-            for line in wrapped(self._sentence(text), self.line_width - len(lead)):
+            lead, is_key = label.ljust(LABEL_WIDTH) + bullet, False
+            for line in wrap_text(self._sentence(text), self.line_width - len(lead)):
                 pieces = [(piece, f"key {style}" if (n % 2 == 1) != is_key else style)
-                          for n, piece in enumerate(line.split(MARK))]  # fmt: skip
+                          for n, piece in enumerate(line.split(KEY_MARK))]  # fmt: skip
                 is_key ^= len(pieces) % 2 == 0  # a command may go on in the next line
-                rows.append(row((lead[:LABEL], "label"), (lead[LABEL:], style), *pieces))
+                rows.append(row((lead[:LABEL_WIDTH], "label"), (lead[LABEL_WIDTH:], style), *pieces))
                 lead, label = " " * len(lead), ""
         return rows
 
     def _sentence(self, text: str) -> str:
-        first = A_WORD.match(text)
+        first = FIRST_WORD.match(text)
         if first is not None and first.group() not in self._names():
             text = text[:1].upper() + text[1:]
-        return text if text.endswith((".", "?", "!", MARK)) else f"{text}."
+        return text if text.endswith((".", "?", "!", KEY_MARK)) else f"{text}."
 
     def _with_keys(self, do: SuggestedAction) -> str:
         """Return the sentence with the letter of a pin in place of each bench line that one does."""
@@ -416,7 +416,7 @@ class StatusCard(TextView):
                 continue
             what = f" {pulse.rcvd_len} B" if pulse.rcvd_len else ""
             what = f" {status_word(pulse.status)}" if name == ERROR and pulse.status else what
-            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", style))
+            parts.append((f"{name} {GLOW_SIGN}{what} in scan {pulse.scan}   ", style))
         if (
             instance.last_error_status is not None
             and not instance.last_is_expected

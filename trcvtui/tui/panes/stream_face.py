@@ -12,11 +12,11 @@ from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes.face import Face, OriginLine
+from trcvtui.tui.panes.face import OriginLine, ReceivedFace
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
-from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.tui.widgets.typed_lines import FindLine, Jump
 from trcvtui.udt.byte_text import SearchPatterns
 from trcvtui.wording import stamp
 
@@ -38,7 +38,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
         words.append(f"{message.peer} #{message.number} byte {byte}")
     byte = place - job.position + job.first
     words.append(_job_words(job, byte))
-    if job.done and (field := field_at(project, job.instance, byte)):
+    if job.done and (field := find_member_path(project, job.instance, byte)):
         words.append(field)
     if recv is not None and recv.number:
         words += [f"recv {recv.number}", f"scan {recv.scan}", f"{stamp(recv.t_ns)} s"]
@@ -66,7 +66,7 @@ def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
     return f"16#{value:02X} = {value}" + (f" (was {was:02X})" if differs else " · dropped" * is_dropped)
 
 
-def field_at(project: Project, instance: str, byte: int) -> str:
+def find_member_path(project: Project, instance: str, byte: int) -> str:
     """Return the path of the member of an instance's DATA that holds a byte, "" for padding."""
     declared = project.received_data(instance)
     number = declared.layout.leaf_number_at(byte) if declared is not None else None
@@ -77,7 +77,7 @@ NO_MESSAGE: Final = "nothing to mark: H, then choose a byte of a message"
 NO_DROP: Final = "no bytes were thrown away before this place"
 
 
-class StreamFace(Face):
+class StreamFace(ReceivedFace):
     """The stream; also while another face is seen it takes what comes."""
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
@@ -92,19 +92,19 @@ class StreamFace(Face):
     def compose(self) -> Iterator[Widget]:
         yield self.stream
 
-    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+    def make_title(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
         kept = self.stream.window
         detail = f"{instance.connect}, {kept.end - kept.begin} B kept · H: DATA now" if instance else ""
         return "Received so far", detail
 
-    def take(self, instance: InstanceSnapshot) -> None:
+    def update_stream(self, instance: InstanceSnapshot) -> None:
         known = instance.connect, self._view_model.bench
         if known != self._known:
             self._known, self.past_job, self._job_here = known, None, None
-            self.stream.begin_anew()
-        window = self._view_model.past
+            self.stream.reset_stream()
+        window = self._view_model.past_window
         if window is not None and window.connect == instance.connect:
-            found = self.stream.take(window)
+            found = self.stream.accept_window(window)
             self.stream.cut_rows([each.positions for each in self._view_model.messages])
             if found is not None:
                 self.hit = found, window.sought.hit if window.sought is not None else ""
@@ -114,7 +114,7 @@ class StreamFace(Face):
                 self.past_job = window.job
                 self.post_message(PastSelected())
 
-    def ask(self, instance: InstanceSnapshot) -> None:
+    def request_past(self, instance: InstanceSnapshot) -> None:
         if self._view_model.is_frozen:
             self.stream.follows = False
         job = self.job_here()
@@ -130,18 +130,18 @@ class StreamFace(Face):
         self.stream.show()
         text, place = self._search_text() or self.note or self._past_origin(), self.stream.cursor
         width = self.size.width - 4
-        self.subtitle = "" if place is None else numbers_at(self.stream.known_from(place), width)
-        self._below.say(text, may_break=True)
+        self.subtitle = "" if place is None else numbers_at(self.stream.read_known_bytes(place), width)
+        self._below.show_text(text, may_break=True)
 
     def _search_text(self) -> str:
-        window = self._view_model.past
+        window = self._view_model.past_window
         sought = window.sought if window is not None else None
         if self.stream.seek is not None:
             self.note = ""
             return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
         if self.seeks_drop and sought is not None:
             self.seeks_drop, self.note = False, NO_DROP if sought.position is None else ""
-        if sought is not None and sought.position is None and (wanted := self._find.wanted) is not None:
+        if sought is not None and sought.position is None and (wanted := self._find.target) is not None:
             self.note = f"{wanted.about}: not found there"
         return ""
 
@@ -149,7 +149,7 @@ class StreamFace(Face):
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
         project = self._view_model.project
-        origin = origin_words(self.stream.cursor, self.stream.values(), self.stream.labels(), project)
+        origin = origin_words(self.stream.cursor, self.stream.cursor_values(), self.stream.spans(), project)
         window = self.stream.window
         if window.lack and self.stream.cursor == window.begin:
             origin += f" · the oldest byte here, others are {window.lack}"
@@ -162,7 +162,7 @@ class StreamFace(Face):
         found = [each.positions for each in self._view_model.messages if place in each.positions]
         return found[0] if found else of_job if self.stream.window.has_values(of_job) else range(0)
 
-    def copied(self) -> tuple[bytes, bytes]:
+    def bytes_to_copy(self) -> tuple[bytes, bytes]:
         """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
         window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
         between = range(0)
@@ -179,7 +179,7 @@ class StreamFace(Face):
 
     def job_here(self) -> JobSpan | None:
         """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
-        job, place, last = self.stream.labels()[0], self.stream.cursor, self._job_here
+        job, place, last = self.stream.spans()[0], self.stream.cursor, self._job_here
         if job is None and last is not None and place is not None and last.position <= place < last.stop:
             return last
         self._job_here = job
@@ -195,9 +195,9 @@ class StreamFace(Face):
             return None
         return job.instance, job.number * job.done, known[1]
 
-    def lack(self) -> str:
+    def explain_lack(self) -> str:
         if self.stream.cursor is None:
-            return super().lack()
+            return super().explain_lack()
         job = self.job_here()
         if job is not None and (job.is_open or not job.is_kept):
             return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
@@ -222,7 +222,7 @@ class StreamFace(Face):
 
     # -- looking for bytes -------------------------------------------------------------------------------
 
-    def go_to_offset(self, goal: Goal) -> None:
+    def go_to_offset(self, goal: Jump) -> None:
         kept = self.stream.window
         self._select_offset(goal, self.stream.select, range(kept.begin, kept.end), kept.lack)
 
@@ -230,4 +230,4 @@ class StreamFace(Face):
         self.note, stream = "", self.stream
         here = stream.cursor if stream.cursor is not None else stream.window.begin
         after = is_forward and again and stream.cursor is not None
-        stream.look_for(here + after, is_forward, wanted.patterns)
+        stream.search(here + after, is_forward, wanted.patterns)

@@ -37,15 +37,15 @@ from trcvtui.wording import duration, stamp
 # The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
 # marked between the two bytes that it splits, in the row and in its ruler, by a stroke, not by colour alone.
 
-SPLIT: Final = "╱"
-START: Final = "▕"
-MESSAGES, RECVS, JOBS, MARK = "msg", "recv", "job", "mark"
-PACKETS: Final = "packet"  # of a capture: in place of messages and recv calls
-OF_A_CAPTURE: Final = frozenset((A_PACKET, A_HOLE))
-RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
+SPLIT_SIGN: Final = "╱"
+START_SIGN: Final = "▕"
+MESSAGES, RECV_RULER, JOB_RULER, MARK_RULER = "msg", "recv", "job", "mark"
+PACKET_RULER: Final = "packet"  # of a capture: in place of messages and recv calls
+CAPTURE_PEERS: Final = frozenset((A_PACKET, A_HOLE))
+RULERS: Final = ((MESSAGES, RECV_RULER, JOB_RULER), (MESSAGES, JOB_RULER), ())
 
 
-class Pen(NamedTuple):
+class BracketStyle(NamedTuple):
     """How one kind of span is drawn: beginning, in between, end, and the style."""
 
     begin: str
@@ -54,20 +54,20 @@ class Pen(NamedTuple):
     style: str
 
 
-MESSAGE: Final = Pen("└", "─", "┘", "key")
-RECV: Final = Pen("╰", "┄", "╯", "dim")
-JOB: Final = Pen("╚", "═", "╝", "busy")
-DROPPED: Final = Pen("×", "×", "×", "warn")
+MESSAGE_STYLE: Final = BracketStyle("└", "─", "┘", "key")
+RECV_STYLE: Final = BracketStyle("╰", "┄", "╯", "dim")
+JOB_STYLE: Final = BracketStyle("╚", "═", "╝", "busy")
+DROPPED_STYLE: Final = BracketStyle("×", "×", "×", "warn")
 
 
-class Stroke(NamedTuple):
+class RulerBracket(NamedTuple):
     """A bracket over columns `first` .. `last` of a ruler; names from the longest to the shortest."""
 
     first: int
     last: int
     begins: bool
     ends: bool
-    pen: Pen
+    pen: BracketStyle
     names: tuple[str, ...]
 
 
@@ -80,17 +80,17 @@ def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[in
     return frozenset(found)
 
 
-def before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
+def sign_before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
     """Return what stands before a byte: a sign, the beginning of a message, or room."""
     if position in signs:
         return signs[position], "warn strong"
-    return (START, "key") if position in begins else (" ", "")
+    return (START_SIGN, "key") if position in begins else (" ", "")
 
 
 # -- one ruler -----------------------------------------------------------------------------------------------
 
 
-def ruler_parts(strokes: Sequence[Stroke], width: int) -> list[tuple[str, str]]:
+def ruler_parts(strokes: Sequence[RulerBracket], width: int) -> list[tuple[str, str]]:
     parts: list[tuple[str, str]] = []
     reached = 0
     for stroke in strokes:
@@ -102,7 +102,7 @@ def ruler_parts(strokes: Sequence[Stroke], width: int) -> list[tuple[str, str]]:
     return parts
 
 
-def _bracket(stroke: Stroke) -> str:
+def _bracket(stroke: RulerBracket) -> str:
     pen, width = stroke.pen, stroke.last - stroke.first + 1
     begin = pen.begin if stroke.begins else pen.between
     end = pen.end if stroke.ends else pen.between
@@ -116,54 +116,54 @@ def brackets(
     start: int,
     stop: int,
     column: Callable[[int], int],
-    drawn: Callable[[Span], tuple[bool, bool, Pen, tuple[str, ...]]],
-) -> list[Stroke]:
+    drawn: Callable[[Span], tuple[bool, bool, BracketStyle, tuple[str, ...]]],
+) -> list[RulerBracket]:
     """Return the brackets of the spans over a row; `column` tells where a byte of it stands."""
     found = []
     for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
         first, last = max(span.position, start), min(span.stop, stop) - 1
         here = begins and span.position >= start, ends and span.stop <= stop
-        found.append(Stroke(column(first - start), column(last - start) + 1, *here, pen, names))
+        found.append(RulerBracket(column(first - start), column(last - start) + 1, *here, pen, names))
     return found
 
 
-def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, BracketStyle, tuple[str, ...]]:
     peer, number = "" if span.peer == A_PACKET else f"{span.peer} ", f"#{span.number}"
     size = f"{span.first}.." if span.first else f"{span.whole} B"
-    return span.begins, span.ends, MESSAGE, (f"{peer}{number} {size}", f"{peer}{number}", number)
+    return span.begins, span.ends, MESSAGE_STYLE, (f"{peer}{number} {size}", f"{peer}{number}", number)
 
 
-def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, BracketStyle, tuple[str, ...]]:
     """Return how a recv call is drawn; 0 is none: the bytes were never read."""
     if not span.number:
-        return True, True, RECV, ("never read", "")
+        return True, True, RECV_STYLE, ("never read", "")
     number, scan = span.number, span.scan
-    return True, True, RECV, (f"recv {number} scan {scan}", f"r{number} s{scan}", f"{number}", "")
+    return True, True, RECV_STYLE, (f"recv {number} scan {scan}", f"r{number} s{scan}", f"{number}", "")
 
 
-def bracket_of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+def bracket_of_job(span: JobSpan) -> tuple[bool, bool, BracketStyle, tuple[str, ...]]:
     name, ends = span.instance, (span.first == 0, span.first + span.size == span.whole)
     if span.is_open:
-        return True, False, RECV, (f"{name} {span.reason}".strip(), span.reason, "")
+        return True, False, RECV_STYLE, (f"{name} {span.reason}".strip(), span.reason, "")
     if not span.done:
-        return True, True, DROPPED, (f"{span.whole} B dropped: {span.reason}", "dropped", "")
+        return True, True, DROPPED_STYLE, (f"{span.whole} B dropped: {span.reason}", "dropped", "")
     number = f"{'frame' if span.is_frame else 'job'} {span.number}"
-    return *ends, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
+    return *ends, JOB_STYLE, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
 
 
 # -- beside the rulers ---------------------------------------------------------------------------------------
 
 
-def beside_messages(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
+def describe_cuts(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
     """Return what a cut means."""
     message = span_at(messages, marks[0]) if marks else None
     if message is None:
         return ""
-    return f"{SPLIT} #{message.number} cut at {message.first + marks[0] - message.position}"
+    return f"{SPLIT_SIGN} #{message.number} cut at {message.first + marks[0] - message.position}"
 
 
-def beside_recvs(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
+def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     """Return when the first chunk arrived that begins in a row, and how long after the one before."""
     first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
     if first is None:
@@ -173,7 +173,7 @@ def beside_recvs(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     return f"{stamp(span.t_ns)}{gap}"
 
 
-def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
+def describe_job_end(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     job = next((span for span in jobs if start < span.stop <= stop), None)
     if job is None:
         return ""
@@ -182,7 +182,7 @@ def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     return job.reason if job.is_open else f"{stamp(job.t_ns)} dropped"
 
 
-FULL: Final = 0.6  # of the room in rows that are cut at messages, at least
+LEAST_FILL: Final = 0.6  # of the room in rows that are cut at messages, at least
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
@@ -217,7 +217,7 @@ class StreamView(ByteLines):
 
     # -- what comes in ----------------------------------------------------------------------------------
 
-    def begin_anew(self) -> None:
+    def reset_stream(self) -> None:
         self.window, self.cursor, self.follows, self.seek = NO_WINDOW, None, True, None
         self.link = range(0)
         self._knows_messages = False
@@ -226,21 +226,21 @@ class StreamView(ByteLines):
     def request(self, connect: str, job_at: int | None) -> HistoryRequest:
         """Return what to ask for: what is in view, one page before and one after it."""
         if self.size.height:  # out of sight it stays where it was
-            page = -(-self.size.height // self.lines) * self.per_row
+            page = -(-self.size.height // self.row_lines) * self.per_row
             start, stop = max(0, self._top() - page), self._top() + 2 * page
             if self.marked is not None and stop - self.marked[0].start < MOST_WINDOW:
                 start = min(start, self.marked[0].start)  # what lies between can be copied
             self._asked = AT_END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
-    def take(self, window: HistoryWindow) -> int | None:
+    def accept_window(self, window: HistoryWindow) -> int | None:
         """Take a window; return the position that was sought when it has been found."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
-            self._is_capture = self._is_capture or any(m.peer in OF_A_CAPTURE for m in window.messages)
+            self._is_capture = self._is_capture or any(m.peer in CAPTURE_PEERS for m in window.messages)
             self._find_matches()
-            self._find_before()
+            self._find_compared()
         self._rebase()
         sought = window.sought
         found = None
@@ -253,7 +253,7 @@ class StreamView(ByteLines):
             self.scroll_to(y=self.row_count(), animate=False)
         return found
 
-    def _find_before(self) -> None:
+    def _find_compared(self) -> None:
         """Find what to compare each byte with: the marked message where there is one, else the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
@@ -263,7 +263,7 @@ class StreamView(ByteLines):
     def compare(self, marked: tuple[range, bytes] | None, with_: range) -> None:
         if (marked, with_) != (self.marked, self._compared):
             self.marked, self._compared = marked, with_
-            self._find_before()
+            self._find_compared()
             self._drawn = None
 
     def difference(self) -> str:
@@ -283,10 +283,10 @@ class StreamView(ByteLines):
 
     def _rebase(self) -> None:
         """Rows are counted from the oldest byte that is kept: when it goes, what is in view stays in view."""
-        base = self.window.begin - (self.window.begin - self._cut[1]) % self._unit[0]
+        base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_unit[0]
         if base == self._base:
             return
-        rows = (base - self._base) // self._unit[0] * self._unit[1] * self.lines
+        rows = (base - self._base) // self._row_unit[0] * self._row_unit[1] * self.row_lines
         self._base = base
         self._rows.clear()
         self.resize_rows()
@@ -304,27 +304,27 @@ class StreamView(ByteLines):
             self._stay_at(self.window.end if self.follows else top)
 
     @property
-    def _unit(self) -> tuple[int, int]:
+    def _row_unit(self) -> tuple[int, int]:
         """Return after how many bytes a row begins in any case, and how many rows they are."""
         size, most = self._cut[0], self.per_row
         unit = max(1, most // size) * size if size else most
         rows = -(-unit // most)
-        return (unit, rows) if unit >= FULL * rows * most else (most, 1)
+        return (unit, rows) if unit >= LEAST_FILL * rows * most else (most, 1)
 
     def _row_of(self, position: int) -> int:
-        size, rows = self._unit
+        size, rows = self._row_unit
         unit, rest = divmod(position - self._base, size)
         return unit * rows + rest // self.per_row
 
     def _row(self, number: int) -> range:
         """Return the bytes of a row, without those that have not come yet."""
-        size, rows = self._unit
+        size, rows = self._row_unit
         unit, rest = divmod(number, rows)
         first = self._base + unit * size
         start = first + rest * self.per_row
         return range(max(0, start), min(start + self.per_row, first + size, self.window.end))
 
-    def look_for(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
+    def search(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
         """Look for a place; `what`: other things that a Seek can be for."""
         self._seeks += 1
         self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
@@ -339,7 +339,7 @@ class StreamView(ByteLines):
         self._rulers = (self._rulers + 1) % len(RULERS)
         self._stay_at(top)
 
-    def change_before(self) -> None:
+    def toggle_before(self) -> None:
         top = self._top()
         self.shows_before = not self.shows_before
         self._stay_at(top)
@@ -347,28 +347,28 @@ class StreamView(ByteLines):
     def _stay_at(self, position: int) -> None:
         self._rows.clear()
         self.resize_rows()
-        y = self._row_of(position) * self.lines
+        y = self._row_of(position) * self.row_lines
         if self.cursor is not None and not self.follows:  # it stands in the middle
-            y = max(0, self._row_of(self.cursor) * self.lines - self.size.height // 2)
+            y = max(0, self._row_of(self.cursor) * self.row_lines - self.size.height // 2)
         self.scroll_to(y=y, animate=False)
         self.show()
 
     # -- rows -------------------------------------------------------------------------------------------
 
     @property
-    def tracks(self) -> tuple[str, ...]:
+    def ruler_names(self) -> tuple[str, ...]:
         known = [track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages]
         if self._is_capture:
-            known = [PACKETS if track == MESSAGES else track for track in known if track != RECVS]
+            known = [PACKET_RULER if track == MESSAGES else track for track in known if track != RECV_RULER]
         return (*((WAS,) if self.shows_before else ()), *known)
 
     @property
-    def lines(self) -> int:
-        return 1 + len(self.tracks)
+    def row_lines(self) -> int:
+        return 1 + len(self.ruler_names)
 
     @property
     def digits(self) -> int:
-        least = len(PACKETS) if self._is_capture else LEAST_DIGITS
+        least = len(PACKET_RULER) if self._is_capture else LEAST_DIGITS
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
@@ -377,14 +377,14 @@ class StreamView(ByteLines):
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
-        return (self._row_of(self.window.end - 1) + 1) * self.lines if self.window.end > self._base else 0
+        return (self._row_of(self.window.end - 1) + 1) * self.row_lines if self.window.end > self._base else 0
 
     def _top(self) -> int:
-        return max(self.window.begin, self._row(self.scroll_offset.y // self.lines).start)
+        return max(self.window.begin, self._row(self.scroll_offset.y // self.row_lines).start)
 
     def show(self) -> None:
         shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
-        drawn = *shown, self.tracks, self.line_width, self._base
+        drawn = *shown, self.ruler_names, self.line_width, self._base
         if drawn != self._drawn:
             self._drawn = drawn
             self._rows.clear()
@@ -392,9 +392,9 @@ class StreamView(ByteLines):
 
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
-            row, track = divmod(y, self.lines)
+            row, track = divmod(y, self.row_lines)
             at = self._row(row)
-            self._rows[y] = self._ruler(self.tracks[track - 1], at) if track else self._bytes(at)
+            self._rows[y] = self._ruler(self.ruler_names[track - 1], at) if track else self._bytes(at)
         return self._rows[y]
 
     @property
@@ -409,16 +409,16 @@ class StreamView(ByteLines):
         start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
-        signs = dict.fromkeys(message_splits(self.window, start, stop), SPLIT)
+        signs = dict.fromkeys(message_splits(self.window, start, stop), SPLIT_SIGN)
         signs |= frame_signs(find_spans(self.window.jobs, start, stop))
         begins = {m.position for m in find_spans(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
-        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]
+        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), sign_before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
             parts.append((self._signs_of(position)[0], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
-                parts.append(before_byte(position + 1, signs, begins))
+                parts.append(sign_before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._signs_of(position)[1] for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
@@ -431,7 +431,7 @@ class StreamView(ByteLines):
         job = span_at(window.jobs, place)
         return window.content[place - window.start] if job is not None and job.is_kept else None
 
-    def _before(self, place: int) -> int | None:
+    def _byte_before(self, place: int) -> int | None:
         return self._compared_to.get(place)
 
     def is_hole(self, place: int) -> bool:
@@ -460,25 +460,25 @@ class StreamView(ByteLines):
             return EMPTY
         width = self._width
         if track == WAS:
-            return self._was(start, stop, WAS if self.marked is None else MARK)
+            return self._before_row(start, stop, WAS if self.marked is None else MARK_RULER)
         head: Part = (f"{track:>{self.digits}} ", "faint")
-        parts, side = self._drawn_ruler(track, start, stop)
-        marks = message_splits(self.window, start, stop) if track != RECVS else frozenset()
-        first: Part = (SPLIT, "warn strong") if start in marks else (" ", "")
+        parts, side = self._draw_ruler(track, start, stop)
+        marks = message_splits(self.window, start, stop) if track != RECV_RULER else frozenset()
+        first: Part = (SPLIT_SIGN, "warn strong") if start in marks else (" ", "")
         side = clip(side, max(0, self.line_width - self.digits - 4 - width))
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
 
-    def _drawn_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
+    def _draw_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
         window, column = self.window, self._column
-        if track in (MESSAGES, PACKETS):
+        if track in (MESSAGES, PACKET_RULER):
             drawn = brackets(window.messages, start, stop, column, bracket_of_message)
-            side = beside_messages(sorted(message_splits(window, start, stop)), window.messages)
-        elif track == RECVS:
+            side = describe_cuts(sorted(message_splits(window, start, stop)), window.messages)
+        elif track == RECV_RULER:
             drawn = brackets(window.recvs, start, stop, column, bracket_of_recv)
-            side = beside_recvs(window.recvs, start, stop)
+            side = describe_arrival(window.recvs, start, stop)
         else:
             drawn = brackets(window.jobs, start, stop, column, bracket_of_job)
-            side = beside_jobs(window.jobs, start, stop)
+            side = describe_job_end(window.jobs, start, stop)
         return ruler_parts(drawn, self._width), side
 
     def _with_cuts(self, parts: list[Part], marks: frozenset[int], start: int, width: int) -> list[Part]:
@@ -490,22 +490,22 @@ class StreamView(ByteLines):
         place = 0
         for text, style in parts:
             for character in text:
-                found.append((SPLIT, "warn strong") if place in columns else (character, style))
+                found.append((SPLIT_SIGN, "warn strong") if place in columns else (character, style))
                 place += 1
         return merge_pieces(found)
 
     # -- one byte -----------------------------------------------------------------------------------------
 
-    def labels(self) -> tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]:
+    def spans(self) -> tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]:
         if self.cursor is None:
             return None, None, None
         window, place = self.window, self.cursor
         return span_at(window.jobs, place), span_at(window.recvs, place), span_at(window.messages, place)
 
-    def values(self) -> tuple[int | None, int | None]:
+    def cursor_values(self) -> tuple[int | None, int | None]:
         """Return the byte under the cursor, and what it was in the job before."""
         place = -1 if self.cursor is None else self.cursor
-        return self._byte(place), None if self.marked else self._before(place)
+        return self._byte(place), None if self.marked else self._byte_before(place)
 
     # -- the cursor ---------------------------------------------------------------------------------------
 
@@ -533,8 +533,8 @@ class StreamView(ByteLines):
 
     def action_page(self, pages: int) -> None:
         self.follows = False
-        rows = max(1, self.size.height // self.lines)
-        self.scroll_to(y=max(0, self.scroll_offset.y + pages * rows * self.lines), animate=False)
+        rows = max(1, self.size.height // self.row_lines)
+        self.scroll_to(y=max(0, self.scroll_offset.y + pages * rows * self.row_lines), animate=False)
         if self.cursor is not None:
             self.select(self.cursor + pages * rows * self.per_row)
 
@@ -561,5 +561,5 @@ class StreamView(ByteLines):
             return
         index = self._index_at(place[0])
         if index is not None:
-            found = self._row(place[1] // self.lines)
+            found = self._row(place[1] // self.row_lines)
             self.select(min(found.start + index, found.stop - 1))

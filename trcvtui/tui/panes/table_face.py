@@ -11,22 +11,22 @@ from textual.widget import Widget
 from trcvtui.history.messages import MessageRow
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected, PastSelected
-from trcvtui.tui.panes.face import Face, OriginLine
+from trcvtui.tui.panes.face import OriginLine, ReceivedFace
 from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.typed_lines import FilterLine
 
 MOST_HEX_ROWS: Final = 4
-GONE: Final = "its values have gone out of the ring"
-NEVER_KEPT: Final = "its bytes were not kept"
+VALUES_GONE: Final = "its values have gone out of the ring"
+BYTES_NEVER_KEPT: Final = "its bytes were not kept"
 
 
 class MessageBytes(HexView):
     KEYS: ClassVar = (("hjkl", "byte"), ("y", "yank"), ("D", "DATA now"))
 
 
-class TableFace(Face):
+class TableFace(ReceivedFace):
     """Pane 6 shows the members of the chosen message."""
 
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
@@ -36,7 +36,7 @@ class TableFace(Face):
         super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
         self._bytes = MessageBytes("message", of_job=False)
-        self._filter = FilterLine(self._narrow, self.messages.action_move, self.messages)
+        self._filter = FilterLine(self._set_filter, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the one that pane 6 knows of
 
     def compose(self) -> Iterator[Widget]:
@@ -47,20 +47,20 @@ class TableFace(Face):
             await self.mount(self._filter, before=0)
         self._filter.open()
 
-    def _narrow(self, text: str) -> None:
-        self.messages.narrow(text)
+    def _set_filter(self, text: str) -> None:
+        self.messages.set_filter(text)
         self.post_message(PastSelected())
 
-    def head(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
-        return "Messages", self.messages.words() if instance is not None else ""
+    def make_title(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
+        return "Messages", self.messages.describe_rows() if instance is not None else ""
 
-    def ask(self, instance: InstanceSnapshot) -> None:
+    def request_past(self, instance: InstanceSnapshot) -> None:
         self._view_model.past_wanted = None
 
     def show(self) -> None:
         self.messages.show()
         self._head.show()
-        shown = self.messages.chosen()
+        shown = self.messages.find_chosen_row()
         if shown != self._chosen:
             self._chosen = shown
             self.post_message(PastSelected())
@@ -73,7 +73,7 @@ class TableFace(Face):
         self._bytes.styles.height = max(1, min(MOST_HEX_ROWS, rows))
         about = f"message {shown.number}, scan {shown.scan}, {shown.size} B" if shown is not None else ""
         self.subtitle = self.note or about
-        self._below.say(self.lack(), may_break=False)
+        self._below.show_text(self.explain_lack(), may_break=False)
 
     async def csv(self) -> str:
         """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
@@ -104,8 +104,8 @@ class TableFace(Face):
         if goes_there and field:
             self._bytes.go_to(field.start)
 
-    def lack(self) -> str:
+    def explain_lack(self) -> str:
         shown = self._chosen
         if shown is None or shown.content is not None:
             return ""
-        return f"message {shown.number}: {GONE if shown.position >= 0 else NEVER_KEPT}"
+        return f"message {shown.number}: {VALUES_GONE if shown.position >= 0 else BYTES_NEVER_KEPT}"

@@ -11,11 +11,11 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import duration
 
-BARS: Final = " ▁▂▃▄▅▆▇█"
-SPARKS: Final = 15  # seconds that are drawn
+SPARK_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
+SPARK_SECONDS: Final = 15  # seconds that are drawn
 ROOMY: Final = 110
-STYLES: Final = {"open": "on", "reset": "error", "ended": "dim", "connecting": "warn"}
-MOST_EDITED: Final = 64  # held bytes that the prompt is filled with
+STATE_STYLES: Final = {"open": "on", "reset": "error", "ended": "dim", "connecting": "warn"}
+MOST_EDITED_BYTES: Final = 64  # held bytes that the prompt is filled with
 
 
 class Intervention(NamedTuple):
@@ -57,27 +57,27 @@ class ConversationList(LineView):
     @property
     def title(self) -> str:
         """Return how many there are, and whether anything is held."""
-        talks = self._view_model.talks
+        talks = self._view_model.conversations
         going = sum(talk.state not in ("ended", "reset") for talk in talks)
         return f"Line · {going} open of {len(talks)}"
 
     def row_count(self) -> int:
         """Return two for each conversation; before the first one the taps."""
-        return 2 * len(self._view_model.talks) or len(self._view_model.project.taps)
+        return 2 * len(self._view_model.conversations) or len(self._view_model.project.taps)
 
     def row_at(self, y: int) -> Row:
-        talks, taps = self._view_model.talks, self._view_model.project.taps
+        talks, taps = self._view_model.conversations, self._view_model.project.taps
         if not talks:
             tap = taps[y]
             return row((f"  {tap.name}: {tap.listen} to {tap.to}: nobody has come yet", "dim"))
         talk, to_plc = talks[y // 2], not y % 2
-        is_chosen = (talk.number, to_plc) == self._here()
+        is_chosen = (talk.number, to_plc) == self._chosen_direction()
         way = talk.to_plc if to_plc else talk.from_plc
         parts: list[Part] = [
             ("▸ " if is_chosen else "  ", "key"),
             (pad(f"C{talk.number}" if to_plc else "", 5), "strong"),
             (pad("to PLC" if to_plc else "from PLC", 9), ""),
-            *_lamp(way),
+            *_held_parts(way),
             (f"{way.size:>9} B {way.rate:>7} B/s ", ""),
         ]
         parts += _ends(talk, self.line_width >= ROOMY) if to_plc else _spark(talk)
@@ -85,30 +85,30 @@ class ConversationList(LineView):
         parts += _remarks(way)
         return row(*parts, style=self.cursor_style(is_chosen))
 
-    def _here(self) -> tuple[int, bool]:
-        talks = self._view_model.talks
+    def _chosen_direction(self) -> tuple[int, bool]:
+        talks = self._view_model.conversations
         if self._chosen[0] not in {talk.number for talk in talks}:
             self._chosen = talks[0].number if talks else 0, True
         return self._chosen
 
-    def _talk(self) -> ConversationSnapshot | None:
-        number = self._here()[0]
-        return next((talk for talk in self._view_model.talks if talk.number == number), None)
+    def _find_conversation(self) -> ConversationSnapshot | None:
+        number = self._chosen_direction()[0]
+        return next((talk for talk in self._view_model.conversations if talk.number == number), None)
 
     def action_move(self, rows: int) -> None:
-        numbers = [talk.number for talk in self._view_model.talks]
+        numbers = [talk.number for talk in self._view_model.conversations]
         if numbers:
-            number, to_plc = self._here()
+            number, to_plc = self._chosen_direction()
             self._choose(2 * numbers.index(number) + (not to_plc) + rows)
 
     def click(self, x: int, y: int) -> None:
         self._choose(y)
 
     def _choose(self, y: int) -> None:
-        if not self._view_model.talks:
+        if not self._view_model.conversations:
             return
         y = max(0, min(self.row_count() - 1, y))
-        self._chosen = self._view_model.talks[y // 2].number, not y % 2
+        self._chosen = self._view_model.conversations[y // 2].number, not y % 2
         self.keep_in_view(y)
         self.show()
 
@@ -117,14 +117,14 @@ class ConversationList(LineView):
 
     def action_intervene(self, key: str) -> None:
         """Open the prompt with the command of a key; hold and go, and on an armed tap RST and FIN, act."""
-        talk, picture = self._talk(), self._view_model.live
+        talk, picture = self._find_conversation(), self._view_model.live
         if talk is None or not talk.tap:
             waits = talk is None and self._view_model.project.taps
             why = "nobody has come yet" if waits else "only a tap can intervene: trcvtui tap LISTEN CONNECT"
             self._actions.complain(why)
             return
         what = next(each for each in INTERVENTIONS if each.key == key)
-        to_plc = self._here()[1]
+        to_plc = self._chosen_direction()[1]
         way = talk.to_plc if to_plc else talk.from_plc
         if what.verb in ("edit", "drop") and not way.held:
             self._actions.complain("nothing is held in this direction: h holds")
@@ -132,27 +132,27 @@ class ConversationList(LineView):
         verb = "go" if what.verb == "hold" and way.held is not None else what.verb
         line, number = f"tap {talk.tap} {'to-plc' if to_plc else 'from-plc'}", f"conversation {talk.number}"
         if what.is_asked:
-            line, held = f"{line} {number} {verb}", way.first[:MOST_EDITED].hex(" ")
-            self._actions.open_prompt(f"{line} 0 hex {held}" if verb == "edit" else _asking(line, way))
+            line, held = f"{line} {number} {verb}", way.first[:MOST_EDITED_BYTES].hex(" ")
+            self._actions.open_prompt(f"{line} 0 hex {held}" if verb == "edit" else _prompt_text(line, way))
         else:
             acts = what.verb == "hold" or (picture is not None and picture.kernel == ARMED_TAP)
             (self._actions.submit if acts else self._actions.open_prompt)(f"{line} {verb} {number}")
 
 
-def _asking(line: str, way: DirectionSnapshot) -> str:
+def _prompt_text(line: str, way: DirectionSnapshot) -> str:
     """Return the beginning of a line; `drop` begins with all that is held."""
     if line.endswith(" drop"):
         return f"{line} {way.held or 0}"
     return line if line.endswith("#") else f"{line} "
 
 
-def _lamp(way: DirectionSnapshot) -> list[Part]:
+def _held_parts(way: DirectionSnapshot) -> list[Part]:
     return [("       ", "")] if way.held is None else [(" HELD ", "hold"), (" ", "")]
 
 
 def _ends(talk: ConversationSnapshot, is_roomy: bool) -> list[Part]:
     ends = f"{talk.partner} → {talk.plc}" if is_roomy else talk.partner
-    parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
+    parts: list[Part] = [(f" {talk.state} ", STATE_STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
     if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
         parts.append((f"round trip {duration(talk.handshake_ns)} ", "dim"))
     return parts
@@ -166,9 +166,9 @@ def _figures(way: DirectionSnapshot, is_roomy: bool) -> list[Part]:
 
 
 def _spark(talk: ConversationSnapshot) -> list[Part]:
-    shown = talk.seconds[-SPARKS:]
+    shown = talk.seconds[-SPARK_SECONDS:]
     most = max(shown, default=0)
-    bars = "".join(BARS[-(-size * (len(BARS) - 1) // most) if most else 0] for size in shown)
+    bars = "".join(SPARK_BLOCKS[-(-size * (len(SPARK_BLOCKS) - 1) // most) if most else 0] for size in shown)
     return [(f" {bars} ", "key")]
 
 

@@ -29,13 +29,13 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import count, duration
 
-ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+ZOOM_LEVELS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 NAME: Final = 12  # columns of a row's name, where none is longer
-LABEL: Final = 20  # columns: mark, name, value under the cursor
-MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
+LABEL_WIDTH: Final = 20  # columns: mark, name, value under the cursor
+CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
 
 
-class TimingView:
+class TimingViewport:
     """`cursor` None is the present. Scans count from 1."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class TimingView:
 
     @property
     def zoom(self) -> int:
-        return ZOOMS[self._level]
+        return ZOOM_LEVELS[self._level]
 
     def window(self, count: int, until: int) -> Window:
         """Return the columns to draw in a pane of this width; `until` is the newest scan."""
@@ -66,28 +66,28 @@ class TimingView:
             return  # the whole run is in view already
         anchor = until if self.cursor is None else self.cursor
         place = self._column(anchor) - self._first
-        self._level = max(0, min(len(ZOOMS) - 1, self._level + steps))
+        self._level = max(0, min(len(ZOOM_LEVELS) - 1, self._level + steps))
         self._first = max(0, self._column(anchor) - place)
 
     def go_to(self, scan: int, until: int) -> None:
         """Put the cursor into a scan and have it in view; what comes in no longer moves the view."""
         self.cursor, self.follows = max(1, min(scan, max(1, until))), False
-        margin = min(MARGIN, (self._count - 1) // 2)
+        margin = min(CURSOR_MARGIN, (self._count - 1) // 2)
         column = self._column(self.cursor)
         if column < self._first + margin:
             self._first = max(0, column - margin)
         elif column > self._first + self._count - 1 - margin:
             self._first = column - self._count + 1 + margin
 
-    def now(self) -> None:
+    def follow_now(self) -> None:
         self.cursor, self.follows = None, True
 
-    def mark(self, until: int) -> None:
+    def set_marker(self, until: int) -> None:
         here = until if self.cursor is None else self.cursor
         self.markers = [*self.markers, here] if len(self.markers) < 2 else [here]
 
     @property
-    def stretch(self) -> tuple[int, int] | None:
+    def measured_scans(self) -> tuple[int, int] | None:
         """Return the scans between two markers, or between the one and the cursor."""
         ends = self.markers if len(self.markers) == 2 else [*self.markers, self.cursor or 0]
         if not self.markers or not ends[1]:
@@ -98,31 +98,31 @@ class TimingView:
 STYLES: Final = {"": "faint", "pulse": "strong", "gap": "warn", "mark": "key", "high": "strong"}
 
 
-class Drawn(NamedTuple):
+class TimingRow(NamedTuple):
     """One row of one instance; without a name it is the head of that instance."""
 
     wave: Waveform
     name: str
 
 
-def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[Drawn]:
+def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
     """Return the rows of these instances, each with a head where there are several; a strip has no codes.
 
     Below each row of an instance stands that of the same pin in a run with another parameter.
     """
     others = {wave.instance: wave for wave in waves if wave.instance.startswith(WHAT_IF)}
     own = [wave for wave in waves if wave.instance not in others]
-    rows = list[Drawn]()
+    rows = list[TimingRow]()
     for wave in own:
         other = others.get(WHAT_IF + wave.instance)
-        rows += [Drawn(wave, "")] if len(own) > 1 else []
-        for names in _with_codes(row_names(wave)):
-            rows += [Drawn(wave, name) for name in names]
-            rows += [Drawn(other, name) for name in names if name in row_names(other)] if other else []
+        rows += [TimingRow(wave, "")] if len(own) > 1 else []
+        for names in _group_with_codes(row_names(wave)):
+            rows += [TimingRow(wave, name) for name in names]
+            rows += [TimingRow(other, name) for name in names if name in row_names(other)] if other else []
     return [shown for shown in rows if not (is_strip and shown.name == CODES)]
 
 
-def _with_codes(names: Sequence[str]) -> list[list[str]]:
+def _group_with_codes(names: Sequence[str]) -> list[list[str]]:
     found = list[list[str]]()
     for name in names:
         if name == CODES and found:
@@ -132,12 +132,12 @@ def _with_codes(names: Sequence[str]) -> list[list[str]]:
     return found
 
 
-def label_width(rows: Sequence[Drawn]) -> int:
+def label_width(rows: Sequence[TimingRow]) -> int:
     """Return the columns in front of the waves: as wide as the longest name asks for."""
-    return LABEL + max(0, *(len(shown.name) - NAME for shown in rows)) if rows else LABEL
+    return LABEL_WIDTH + max(0, *(len(shown.name) - NAME for shown in rows)) if rows else LABEL_WIDTH
 
 
-def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
+def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> Row:
     marks = [RulerMark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
     if view.cursor is not None:
         marks.append(RulerMark(view.cursor, "▼"))
@@ -146,7 +146,7 @@ def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
 
 
 def wave_row(
-    shown: Drawn, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
+    shown: TimingRow, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
     """Return one row after `label` columns; `label_style` None: it is not the chosen one."""
     wave, name = shown
@@ -162,7 +162,7 @@ def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: i
         name = f"  {WHAT_IF}"
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
-    return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]
+    return [(f"{sign}{name:<{NAME + label - LABEL_WIDTH}}", f"{kind} {style}"), (f"{value:>6} ", style)]
 
 
 def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> list[Part]:
@@ -179,9 +179,9 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
     return restyle_column(parts, window.find_column(cursor), lambda style: f"{style} byte-cursor")
 
 
-NOT_KEPT: Final = "its wave begins after the frozen scan"
-EXPORT_TIMING: Final = "export timing vcd"
-STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
+WAVE_NOT_KEPT: Final = "its wave begins after the frozen scan"
+EXPORT_LINE: Final = "export timing vcd"
+STRIP_ROWS: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
 
 
 class Timing(LineView):
@@ -211,9 +211,9 @@ class Timing(LineView):
     def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 8) -> None:
         super().__init__(id="timing")
         self._digit, self._view_model, self._actions = digit, view_model, actions
-        self.view = TimingView()
-        self._rows: list[Drawn] = []
-        self._label = LABEL
+        self.view = TimingViewport()
+        self._rows: list[TimingRow] = []
+        self._label = LABEL_WIDTH
         self._chosen = 0
         self._ready: dict[int, Row] = {}
         self._note = ""
@@ -240,10 +240,10 @@ class Timing(LineView):
     def show(self) -> None:
         self._ready.clear()
         if self.size.height:
-            self._rows = rows_of(self.waves, self.size.height <= STRIP)
+            self._rows = rows_of(self.waves, self.size.height <= STRIP_ROWS)
             self._label = label_width(self._rows)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
-            self.set_title(self._digit, "Timing", self._detail())
+            self.set_title(self._digit, "Timing", self._describe_cursor())
             self._set_subtitle()
         super().show()
 
@@ -259,16 +259,16 @@ class Timing(LineView):
         if self.border_subtitle != text:
             self.border_subtitle = text
 
-    def _detail(self) -> str:
+    def _describe_cursor(self) -> str:
         if self._note:
             return self._note
         if self._view_model.is_frozen and self._view_model.selected in self._view_model.waves.too_late:
-            return NOT_KEPT
-        cursor, stretch = self.view.cursor, self.view.stretch
+            return WAVE_NOT_KEPT
+        cursor, stretch = self.view.cursor, self.view.measured_scans
         parts = [f"scan {cursor} at {self._time(cursor)}"] if cursor is not None else []
         if stretch is not None:
             parts.append(self._distance(*stretch))
-        return " · ".join(parts) or self._what_a_watch_table_saw()
+        return " · ".join(parts) or self._describe_watch_table()
 
     def _time(self, scan: int) -> str:
         t_ns, is_exact = self.wave.time_at(scan)
@@ -280,7 +280,7 @@ class Timing(LineView):
         sign = "" if exact and also else "≈"
         return f"{ends}: {count(abs(last - first), 'scan')}, {sign}{abs(end - begin) / MS:.3f} ms"
 
-    def _what_a_watch_table_saw(self) -> str:
+    def _describe_watch_table(self) -> str:
         window = self._window
         first, last = window.column_scans(0)[0], window.column_scans(window.width - 1)[1]
         pin = self.wave.find_pin("done")
@@ -320,19 +320,19 @@ class Timing(LineView):
         self.show()
 
     @property
-    def _here(self) -> int:
+    def _scan(self) -> int:
         return self._until if self.view.cursor is None else self.view.cursor
 
     def action_step(self, scans: int) -> None:
-        self.go_to(self._here + scans)
+        self.go_to(self._scan + scans)
 
     def action_any_edge(self, direction: int) -> None:
-        self.go_to(self.wave.find_next_edge(self._here, direction), "no further edge is known")
+        self.go_to(self.wave.find_next_edge(self._scan, direction), "no further edge is known")
 
     def action_row_edge(self, direction: int) -> None:
         lane = self._lane()
         if lane is not None:
-            self.go_to(lane.find_next_edge(self._here, direction), "no further edge of this row is known")
+            self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; from the present to the newest one, after the last to the first."""
@@ -360,7 +360,7 @@ class Timing(LineView):
         self.show()
 
     def action_page(self, pages: int) -> None:
-        self.go_to(self._here + pages * self._window.width * self.view.zoom)
+        self.go_to(self._scan + pages * self._window.width * self.view.zoom)
 
     def action_edge(self, direction: int) -> None:
         self.go_to(self._until if direction > 0 else self.wave.first_scan)
@@ -375,7 +375,7 @@ class Timing(LineView):
         self.show()
 
     def action_mark(self) -> None:
-        self.view.mark(self._until)
+        self.view.set_marker(self._until)
         self.show()
 
     def action_neighbours(self) -> None:
@@ -384,20 +384,20 @@ class Timing(LineView):
 
     def action_now(self) -> None:
         self._note = ""
-        self.view.now()
+        self.view.follow_now()
         self.view.markers = []
         self.post_message(EdgeSelected(None))
         self.show()
 
     def point_at(self, scan: int | None, seq: int | None) -> None:
         if scan is None:
-            self.view.now()
-        elif (line := self.wave.edge_at(self._here)) is None or line.seq != seq or self.view.cursor is None:
+            self.view.follow_now()
+        elif (line := self.wave.edge_at(self._scan)) is None or line.seq != seq or self.view.cursor is None:
             self.view.go_to(scan, self._until)
         self.show()
 
     def forget(self) -> None:
-        self.view.now()
+        self.view.follow_now()
         self.view.markers, self._note = [], ""
 
     # -- mouse --------------------------------------------------------------------------------------
@@ -427,9 +427,9 @@ class Timing(LineView):
     # -- files --------------------------------------------------------------------------------------
 
     def action_write(self) -> None:
-        self._actions.submit(EXPORT_TIMING)
+        self._actions.submit(EXPORT_LINE)
 
-    def write(self, path: Path | None) -> tuple[Path, int]:
+    def write_vcd(self, path: Path | None) -> tuple[Path, int]:
         """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
         from trcvtui.history.waveform_text import (  # read when asked for
             ScanRange,

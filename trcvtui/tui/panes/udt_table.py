@@ -12,7 +12,7 @@ from textual import events
 from textual.binding import Binding
 
 from trcvtui.project.project import DataDecl
-from trcvtui.tui.formatting import cells, clip, pad
+from trcvtui.tui.formatting import clip, measure, pad
 from trcvtui.tui.messages import CurveWanted, FieldSelected, KeyClicked
 from trcvtui.tui.view_model.member_numbers import MemberNumbers, is_number
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -26,12 +26,12 @@ from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.types import type_text
 
-OFFSET: Final = 6
+OFFSET_WIDTH: Final = 6
 TYPE: Final = 11
-VALUE: Final = 13  # columns that are left to a value, where there are more than its sparkline needs
+VALUE_WIDTH: Final = 13  # columns that are left to a value, where there are more than its sparkline needs
 LEAST_SPARKS, MOST_SPARKS = 8, 60  # messages of a sparkline
-SPARKS: Final = "busy"
-MOST_KEPT: Final = 1024  # members whose numbers are kept
+SPARK_STYLE: Final = "busy"
+MOST_KEPT_MEMBERS: Final = 1024  # members whose numbers are kept
 
 
 class UdtTable(LineView):
@@ -71,7 +71,7 @@ class UdtTable(LineView):
             self.set_title(6, "Members", "no DATA" if self._view_model.instance else "")
             return
         name = clip(declared.type_name, 32)
-        room = self.outer_size.width - cells(name) - 9  # the corners, the digit, the dot
+        room = self.outer_size.width - measure(name) - 9  # the corners, the digit, the dot
         self.set_title(6, name, self._source(declared, room))
 
     def _source(self, declared: DataDecl, room: int) -> str:
@@ -83,11 +83,11 @@ class UdtTable(LineView):
             return f"job {self.past[0]} of the past, {len(self.past[1])} B"
         if self.of_job:
             return f"{job or 'no job running'} · v: DATA"
-        other = f" · v: {job}" if job and self._view_model.partial else ""
+        other = f" · v: {job}" if job and self._view_model.job_bytes else ""
         full = f"{declared.name}, {rules.name}, {rules.byte_order}-endian{other}"
-        if cells(full) > room and declared.choice != NO_CHOICE:
+        if measure(full) > room and declared.choice != NO_CHOICE:
             return f"{rules.name}, {rules.byte_order}-endian"
-        return full if cells(full) <= room else f"{clip(declared.name, 24)}{other}"
+        return full if measure(full) <= room else f"{clip(declared.name, 24)}{other}"
 
     def _job(self) -> str:
         instance = self._view_model.instance
@@ -118,7 +118,7 @@ class UdtTable(LineView):
             return b""
         if self.past is not None:
             return self.past[1]
-        return self._view_model.partial if self.of_job else self._view_model.data
+        return self._view_model.job_bytes if self.of_job else self._view_model.data
 
     def row_count(self) -> int:
         declared = self._view_model.declaration
@@ -134,25 +134,25 @@ class UdtTable(LineView):
 
     def _member(self, index: int, chosen: bool) -> list[Part]:
         leaf = self._leaves[index]
-        name_width = max(8, (self.line_width - OFFSET - TYPE) * 2 // 5)
+        name_width = max(8, (self.line_width - OFFSET_WIDTH - TYPE) * 2 // 5)
         shared, own = _split(leaf.path, self._leaves[index - 1].path if index else "")
-        if cells(shared) + cells(own) > name_width - 1:
+        if measure(shared) + measure(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
         parts: list[Part] = [
             ("▸" if chosen else " ", "key"),
-            (f"{leaf.offset:>{OFFSET - 2}} ", "dim"),
+            (f"{leaf.offset:>{OFFSET_WIDTH - 2}} ", "dim"),
             (shared, "faint"),
-            (pad(own, name_width - cells(shared)), "strong" if chosen else ""),
+            (pad(own, name_width - measure(shared)), "strong" if chosen else ""),
             (pad(clip(type_text(leaf.type), TYPE - 1), TYPE), "dim"),
             *self._value(index, leaf),
             (self._padding(index), "faint"),
         ]
-        used = sum(cells(text) for text, _ in parts)
-        most = max(LEAST_SPARKS, self.line_width - OFFSET - name_width - TYPE - VALUE)
+        used = sum(measure(text) for text, _ in parts)
+        most = max(LEAST_SPARKS, self.line_width - OFFSET_WIDTH - name_width - TYPE - VALUE_WIDTH)
         room = min(most, self.line_width - used - 1)
         sparks = self._sparkline(self._page[0] + index, leaf)[-room:] if room >= LEAST_SPARKS else ""
         gap = self.line_width - used - len(sparks)
-        return [*parts, (" " * gap, ""), (sparks, SPARKS)] if sparks else parts
+        return [*parts, (" " * gap, ""), (sparks, SPARK_STYLE)] if sparks else parts
 
     def _value(self, index: int, leaf: Leaf) -> list[Part]:
         value, content = self._values[index], self._bytes()
@@ -169,7 +169,7 @@ class UdtTable(LineView):
         """Find the messages of the sparklines: up to the one whose bytes are shown."""
         view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
-        if about != self._sparks_of or len(self._sparks) > MOST_KEPT:
+        if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
             self._sparks_of = about
             self._sparks.clear()
         stop = known.stop if view.position is None else known.stop_at(view.position.scan)
@@ -190,7 +190,7 @@ class UdtTable(LineView):
             return ""
         kept = self._sparks.get(number) or (MemberNumbers(declared.layout, leaf, MOST_SPARKS), 0, "")
         if kept[1] != stop:
-            some = kept[0].follow(known, stop)
+            some = kept[0].update_numbers(known, stop)
             self._sparks[number] = kept = kept[0], stop, sparkline(some) if len(some) > 1 else ""
         return kept[2]
 
@@ -212,7 +212,7 @@ class UdtTable(LineView):
 
     # -- both ways ----------------------------------------------------------------------------------
 
-    def field_at(self, offset: int) -> range:
+    def select_member_at(self, offset: int) -> range:
         """Put the cursor on the member that covers a byte, or before its padding; return its bytes."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
@@ -242,7 +242,7 @@ class UdtTable(LineView):
         elif place is not None and place[1] < self.row_count():
             self._choose(place[1])
             sparks, style = self.row_at(place[1]).parts[-1]
-            if style == SPARKS and place[0] >= self.line_width - len(sparks):
+            if style == SPARK_STYLE and place[0] >= self.line_width - len(sparks):
                 self.action_curve()
 
     def _choose(self, number: int) -> None:

@@ -12,13 +12,13 @@ from trcvtui.paths import configs_path
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.scenario.scenario import ScenarioFile, ScenarioFiles, ScriptLine, read_scenario_file
 from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
-from trcvtui.tui.formatting import clip, lamp, pad, plain, wrapped
+from trcvtui.tui.formatting import clip, lamp, pad, plain, wrap_text
 from trcvtui.tui.messages import KeyClicked, ScenarioChosen
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, LineView, Part, Row, TextView, row
+from trcvtui.tui.widgets.line_view import ARROW_KEYS, EMPTY, LineView, Part, Row, TextView, row
 
 FILES_AT_ONCE: Final = 4  # a few milliseconds
-SHIPPED: Final = "came with trcvtui"
+SHIPPED_LABEL: Final = "came with trcvtui"
 
 
 class ScenarioListModel:
@@ -40,7 +40,7 @@ class ScenarioListModel:
     def is_read(self) -> bool:
         return not self._unread
 
-    def read_some(self) -> None:
+    def read_next_files(self) -> None:
         """Read the next few files; what is no scenario leaves the list."""
         for _ in range(min(FILES_AT_ONCE, len(self._unread))):
             self.file(self._unread.popleft())
@@ -71,11 +71,11 @@ class ScenarioListModel:
 
     # -- what is listed -----------------------------------------------------------------------------
 
-    def listed(self) -> list[Path]:
+    def list_paths(self) -> list[Path]:
         words = self.filter.casefold().split()
-        return [path for path in self._paths if all(word in self._spoken(path) for word in words)]
+        return [path for path in self._paths if all(word in self._search_text(path) for word in words)]
 
-    def _spoken(self, path: Path) -> str:
+    def _search_text(self, path: Path) -> str:
         said = self._read.get(path)
         more = f"{said.name} {' '.join(said.blocks)} {said.dialect}" if said else ""
         return f"{path.parent.name}/{path.stem} {more}".casefold()
@@ -83,32 +83,32 @@ class ScenarioListModel:
     def rows(self) -> list[Path | str]:
         rows: list[Path | str] = []
         folder = None
-        for path in self.listed():
+        for path in self.list_paths():
             if path.parent != folder:
                 folder = path.parent
                 rows.append(_label(folder))
             rows.append(path)
         return rows
 
-    def known(self, path: Path) -> ScenarioFile | None:
+    def find_read_file(self, path: Path) -> ScenarioFile | None:
         """Return what a file says, None while it has not been read."""
         return self._read.get(path)
 
     # -- choosing -----------------------------------------------------------------------------------
 
-    def narrow(self, words: str) -> None:
+    def set_filter(self, words: str) -> None:
         self.filter = words
         self.revision += 1
         self._keep_a_choice()
 
     def move(self, files: int) -> None:
-        listed = self.listed()
+        listed = self.list_paths()
         if listed:
             here = listed.index(self.chosen) if self.chosen in listed else 0
             self.chosen = listed[max(0, min(len(listed) - 1, here + files))]
 
     def _keep_a_choice(self) -> bool:
-        listed = self.listed()
+        listed = self.list_paths()
         if self.chosen in listed:
             return False
         self.chosen = next(iter(listed), None)
@@ -120,17 +120,17 @@ def _label(folder: Path) -> str:
         within = folder.relative_to(configs_path())
     except ValueError:
         return str(folder)
-    return f"{SHIPPED} · {within}"
+    return f"{SHIPPED_LABEL} · {within}"
 
 
-BLOCK, DIALECT = 13, 8  # columns
-MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "")}  # whether it held
+BLOCK_WIDTH, DIALECT_WIDTH = 13, 8  # columns
+OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "")}  # whether it held
 
 
 class ScenarioList(LineView, inherit_bindings=False):
     """One line a file; the cursor is the choice. `k` is not up here: it chooses the kernel."""
 
-    BINDINGS: ClassVar[list[BindingType]] = ARROW_MOVES
+    BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 
     def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="scenarios")
@@ -144,11 +144,11 @@ class ScenarioList(LineView, inherit_bindings=False):
             self._revision = self._model.revision
             self._rows = self._model.rows()
             self.resize_rows()
-            self.follow()
-        self.set_title(1, "Scenarios", self._detail())
+            self.keep_choice_in_view()
+        self.set_title(1, "Scenarios", self._describe_list())
         super().show()
 
-    def _detail(self) -> str:
+    def _describe_list(self) -> str:
         files = sum(1 for each in self._rows if isinstance(each, Path))
         words = [f"{files}"]
         if self._model.filter:
@@ -159,7 +159,7 @@ class ScenarioList(LineView, inherit_bindings=False):
             words.append("there are more files than are looked at")
         return " · ".join(words)
 
-    def follow(self) -> None:
+    def keep_choice_in_view(self) -> None:
         if self._model.chosen in self._rows:
             y = self._rows.index(self._model.chosen)
             self.keep_in_view(y - 1 if y == 1 else y)
@@ -178,18 +178,18 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def _file(self, path: Path) -> Row:
         chosen = path == self._model.chosen
-        said = self._model.known(path)
-        mark, mark_style = MARKS[self._model.outcomes.get(path)]
+        said = self._model.find_read_file(path)
+        mark, mark_style = OUTCOME_MARKS[self._model.outcomes.get(path)]
         name, name_style = plain(said.name if said else path.stem), "" if said else "dim"
         if said is not None and said.problem:
             mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} is wrong", "warn"
-        room = self.line_width - 4 - BLOCK - DIALECT
+        room = self.line_width - 4 - BLOCK_WIDTH - DIALECT_WIDTH
         return row(
             ("▸ " if chosen else "  ", "key"),
             (mark, mark_style),
             (pad(clip(name, room - 1), room), name_style),
-            (pad(_block(said), BLOCK), "label"),
-            (clip(said.dialect if said else "", DIALECT), "dim"),
+            (pad(_block(said), BLOCK_WIDTH), "label"),
+            (clip(said.dialect if said else "", DIALECT_WIDTH), "dim"),
             style=self.cursor_style(chosen),
         )
 
@@ -197,7 +197,7 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def action_move(self, rows: int) -> None:
         self._model.move(rows)
-        self._chosen()
+        self._show_choice()
 
     def click(self, x: int, y: int) -> None:
         each = self._rows[y] if self._rows else ""
@@ -206,10 +206,10 @@ class ScenarioList(LineView, inherit_bindings=False):
         if each == self._model.chosen:
             self.post_message(KeyClicked("load"))
         self._model.chosen = each
-        self._chosen()
+        self._show_choice()
 
-    def _chosen(self) -> None:
-        self.follow()
+    def _show_choice(self) -> None:
+        self.keep_choice_in_view()
         self.show()
         self.post_message(ScenarioChosen())
 
@@ -217,7 +217,7 @@ class ScenarioList(LineView, inherit_bindings=False):
 def _block(said: ScenarioFile | None) -> str:
     first, *more = (said.blocks if said else ()) or ("",)
     count = f" +{len(more)}" if more else ""
-    return clip(first, BLOCK - 1 - len(count)) + count
+    return clip(first, BLOCK_WIDTH - 1 - len(count)) + count
 
 
 INDENT: Final = 2
@@ -233,7 +233,7 @@ class TraceList(TextView):
         self._view_model = view_model
         self.tail = 4
 
-    def follow(self, player: PlayerSnapshot) -> None:
+    def show_player(self, player: PlayerSnapshot) -> None:
         self.set_title(4, "STATUS, scan by scan")
         pins = {instance.name: _inputs(instance) for instance in self._view_model.instances}
         self._rows = []
@@ -243,7 +243,7 @@ class TraceList(TextView):
         self.show()
 
     def _trace(self, trace: str) -> list[Row]:
-        lines = wrapped(trace, max(20, self.line_width - INDENT - 4)) if trace else ("no scan yet",)
+        lines = wrap_text(trace, max(20, self.line_width - INDENT - 4)) if trace else ("no scan yet",)
         cut = len(lines) > self.tail
         return [
             row(
@@ -265,23 +265,23 @@ def _inputs(instance: InstanceSnapshot) -> list[Part]:
     return parts
 
 
-GUTTER: Final = 7  # number, blank, mark, blank
-CONTEXT: Final = 2  # lines that stay in view around the current one
+GUTTER_WIDTH: Final = 7  # number, blank, mark, blank
+CONTEXT_LINES: Final = 2  # lines that stay in view around the current one
 # state: mark, style of the mark, style of the text
-LOOKS: Final = {
+STEP_STYLES: Final = {
     TO_COME: (" ", "", ""),
     NOW: ("▶", "busy", "busy"),
     DONE: ("•", "done", "dim"),
     HELD: ("✓", "done", "dim"),
     FAILED: ("✗", "error", "error"),
 }
-NEXT: Final = ("▸", "key", "strong")
+NEXT_STEP_STYLE: Final = ("▸", "key", "strong")
 
 
 class ScenarioText(TextView, inherit_bindings=False):
     """What the scenario is about, then its steps; the current one stays in view."""
 
-    BINDINGS: ClassVar[list[BindingType]] = ARROW_MOVES
+    BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 
     def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="text")
@@ -290,7 +290,7 @@ class ScenarioText(TextView, inherit_bindings=False):
         self._row_of: dict[int, int] = {}  # by number of the step
         self._followed: tuple[str, int] | None = None
 
-    def follow(self, player: PlayerSnapshot | None, kernel: str) -> None:
+    def show_player(self, player: PlayerSnapshot | None, kernel: str) -> None:
         said = self._model.chosen_file
         played = player if player is not None and said is not None and player.path == str(said.path) else None
         self._show_title(said, played, kernel)
@@ -301,7 +301,7 @@ class ScenarioText(TextView, inherit_bindings=False):
             self._drawn = shown
             self._rows = self._lines(said, played) if said is not None else []
             self.resize_rows()
-            self._follow(played)
+            self._keep_step_in_view(played)
         self.show()
 
     def _show_title(self, said: ScenarioFile | None, played: PlayerSnapshot | None, kernel: str) -> None:
@@ -311,24 +311,24 @@ class ScenarioText(TextView, inherit_bindings=False):
         words = [kernel]
         if played is not None:
             last = played.steps[-1].number if played.steps else 0
-            words.append("over" if played.finished else f"step {_coming(played)} of {last}")
+            words.append("over" if played.finished else f"step {_coming_step(played)} of {last}")
         self.set_title(2, plain(said.path.name), " · ".join(words))
 
     # -- the lines ----------------------------------------------------------------------------------
 
     def _lines(self, said: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
         self._row_of = {}
-        rows = [row((line, "strong")) for line in wrapped(said.name, self.line_width)]
+        rows = [row((line, "strong")) for line in wrap_text(said.name, self.line_width)]
         if said.about:
-            rows += [row((line, "dim")) for line in wrapped(said.about, self.line_width)]
+            rows += [row((line, "dim")) for line in wrap_text(said.about, self.line_width)]
         if said.problem:
-            rows += [row((line, "error")) for line in wrapped(f"✗ {said.problem}", self.line_width)]
+            rows += [row((line, "error")) for line in wrap_text(f"✗ {said.problem}", self.line_width)]
         rows.append(EMPTY)
         steps = {step.number: step for step in played.steps if step.number} if played else {}
         for step in played.steps if played else ():
             if not step.number and step.state == FAILED:
                 rows += self._step(ScriptLine(0, 0, f"start: {step.line}"), step, False)
-        coming = _coming(played)
+        coming = _coming_step(played)
         for line in said.lines:
             if line.step:
                 self._row_of[line.step] = len(rows)
@@ -337,30 +337,30 @@ class ScenarioText(TextView, inherit_bindings=False):
 
     def _step(self, line: ScriptLine, step: StepSnapshot | None, is_next: bool) -> list[Row]:
         state = step.state if step is not None and line.text else TO_COME
-        mark, mark_style, style = NEXT if is_next and state == TO_COME else LOOKS[state]
+        mark, mark_style, style = NEXT_STEP_STYLE if is_next and state == TO_COME else STEP_STYLES[state]
         if line.text.startswith("#"):
             style = "dim"
-        first, *rest = wrapped(line.text, self.line_width - GUTTER)
+        first, *rest = wrap_text(line.text, self.line_width - GUTTER_WIDTH)
         place = f"{line.place:>4} " if line.place else "     "
         ground = "cursor-blurred" if is_next or state == NOW else ""
         rows = [row((place, "faint"), (f"{mark} ", mark_style), (first, style), style=ground)]
-        rows += [row((" " * (GUTTER + 2), ""), (more, style), style=ground) for more in rest]
+        rows += [row((" " * (GUTTER_WIDTH + 2), ""), (more, style), style=ground) for more in rest]
         if step is not None and state == FAILED:
-            found = wrapped(f"found {step.found or 'nothing'}", self.line_width - GUTTER - 2)
-            rows += [row((" " * (GUTTER + 2), ""), (more, "error")) for more in found]
+            found = wrap_text(f"found {step.found or 'nothing'}", self.line_width - GUTTER_WIDTH - 2)
+            rows += [row((" " * (GUTTER_WIDTH + 2), ""), (more, "error")) for more in found]
         return rows
 
-    def _follow(self, played: PlayerSnapshot | None) -> None:
+    def _keep_step_in_view(self, played: PlayerSnapshot | None) -> None:
         if played is None or (played.path, played.current) == self._followed or not played.steps:
             return
         self._followed = played.path, played.current
         number = played.steps[min(played.current, len(played.steps) - 1)].number
         at = self._row_of.get(number, 0)
-        self.keep_in_view(min(at + CONTEXT, max(0, len(self._rows) - 1)))
-        self.keep_in_view(max(0, at - CONTEXT))
+        self.keep_in_view(min(at + CONTEXT_LINES, max(0, len(self._rows) - 1)))
+        self.keep_in_view(max(0, at - CONTEXT_LINES))
 
 
-def _coming(played: PlayerSnapshot | None) -> int:
+def _coming_step(played: PlayerSnapshot | None) -> int:
     """Return the number of the step that runs or comes next, 0 where none does."""
     if played is None or played.finished or played.current >= len(played.steps):
         return 0

@@ -24,28 +24,28 @@ from trcvtui.tui.scenarios.panes import ScenarioList, ScenarioListModel, Scenari
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import hidden_keys
 from trcvtui.tui.widgets.lines import TabLine
-from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
+from trcvtui.tui.widgets.screens import TABS_CLASS, PaletteCommand, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
 from trcvtui.wording import count
 
-HIGH: Final = 42  # rows from which on all that is past stands
-PLAYING: Final = "-playing"
-READ_S: Final = 1 / 30
+HIGH_SCREEN_ROWS: Final = 42  # rows from which on all that is past stands
+PLAYING_CLASS: Final = "-playing"
+READ_INTERVAL_S: Final = 1 / 30
 KERNELS: Final = ("sim", "live")
-WORDS_OF: Final = {"sim": "the simulated network", "live": "real sockets"}
+KERNEL_WORDS: Final = {"sim": "the simulated network", "live": "real sockets"}
 LIST, STEPS, TRACES, STATUS, HISTORY, TIMING = 1, 2, 4, 5, 6, 7
-PAST: Final = {TRACES, HISTORY, TIMING}  # one place is for them where the screen is not high
-LIVE: Final = "live"
-ENDS_LIVE: Final = "a scenario ends the live bench and its connections: y loads it, esc goes back"
+PAST_PANES: Final = {TRACES, HISTORY, TIMING}  # one place is for them where the screen is not high
+LIVE_KERNEL: Final = "live"
+ENDS_LIVE_QUESTION: Final = "a scenario ends the live bench and its connections: y loads it, esc goes back"
 LONGEST_LINE: Final = 60
-KEYS: Final = (
+FOOTER_KEYS: Final = (
     ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"),
     ("v", "all panes"), ("/", "filter"), ("1-7", "pane"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
-TABS_OF_PLAY: Final = (
+PLAY_TABS: Final = (
     (LIST, "Scenarios"), (STEPS, "Steps"), (STATUS, "STATUS"), (HISTORY, "History"), (TIMING, "Timing"),
 )  # fmt: skip
-ACTIONS: Final = {
+KEY_ACTIONS: Final = {
     "enter": "load", "n": "step", "r": "run", "k": "kernel", "/": "filter", "?": "help",
     "v": "panes", "esc": "leave",
 }  # fmt: skip
@@ -69,7 +69,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         model: ScenarioListModel,
         loaded: Path | None = None,
     ) -> None:
-        super().__init__(view_model, say, KEYS, ACTIONS)
+        super().__init__(view_model, say, FOOTER_KEYS, KEY_ACTIONS)
         self._model = model
         self._kernel = KERNELS[0]
         self._loaded = loaded  # also while the engine has not answered yet
@@ -83,12 +83,12 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.text = ScenarioText(model)
         self.instances = InstanceList(view_model, self.follow_selected, digit=3)
         self.traces = TraceList(view_model)
-        actions = PaneActions(self._refuse, self._refuse, self._complain)
+        actions = PaneActions(self._refuse, self._refuse, self._show_error)
         self.status = StatusCard(view_model, actions, STATUS)
         self.history = StatusHistory(view_model, actions, HISTORY)
         self.timing = Timing(view_model, actions, TIMING)
-        self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
-        self.filter = FilterLine(self._narrow, self.list.action_move, self.list)
+        self.tabs = TabLine(PLAY_TABS[:2], LIST)
+        self.filter = FilterLine(self._set_filter, self.list.action_move, self.list)
         self._left = Vertical(id="left")
         self._play = Vertical(id="play")
 
@@ -105,12 +105,12 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def on_mount(self) -> None:
         self.set_focus(self.list if self._open == LIST else self.text)
-        self.set_interval(READ_S, self._read_some)
-        self._read_some()
+        self.set_interval(READ_INTERVAL_S, self._read_next_files)
+        self._read_next_files()
 
-    def _read_some(self) -> None:
+    def _read_next_files(self) -> None:
         if not self._model.is_read:
-            self._model.read_some()
+            self._model.read_next_files()
             self.show()
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -122,34 +122,34 @@ class ScenariosScreen(SideScreen[Path | None]):
         return player if player is not None and player.path == str(self._loaded) else None
 
     def show(self) -> None:
-        self._hear_answers()
+        self._read_answers()
         player = self._player
         if player is not None and player.finished and self._loaded is not None:
             self._note_outcome(self._loaded, not player.failed)
-        self._begin_or_end(player is not None)
+        self._update_play_state(player is not None)
         self.header.show()
         self.list.show()
-        self.text.follow(player, self._kernel_shown(player))
+        self.text.show_player(player, self._kernel_shown(player))
         if player is not None:
-            self.traces.follow(player)
+            self.traces.show_player(player)
             for pane in (self.instances, self.status, self.history, self.timing):
                 pane.show()
-        self._say_what_is(player)
+        self._show_outcome(player)
         self.show_keys()
 
-    def _begin_or_end(self, plays: bool) -> None:
+    def _update_play_state(self, plays: bool) -> None:
         if self._bench != self._view_model.bench:
             self._bench = self._view_model.bench
             self.follow_selected()
-        if plays != self.has_class(PLAYING):
-            self.set_class(plays, PLAYING)
+        if plays != self.has_class(PLAYING_CLASS):
+            self.set_class(plays, PLAYING_CLASS)
             self.arrange_panes()
 
     def _kernel_shown(self, player: PlayerSnapshot | None) -> str:
         picture = self._view_model.picture
         return picture.kernel if player is not None and picture is not None else self._kernel
 
-    def _hear_answers(self) -> None:
+    def _read_answers(self) -> None:
         for answer in self.answers():
             if answer.error and not self._trouble:
                 self._trouble = answer.error
@@ -161,15 +161,17 @@ class ScenariosScreen(SideScreen[Path | None]):
             self._model.outcomes[path] = held
             self._model.revision += 1
 
-    def _say_what_is(self, player: PlayerSnapshot | None) -> None:
+    def _show_outcome(self, player: PlayerSnapshot | None) -> None:
         if self._question is not None:
-            self.outcome.say(f"? {ENDS_LIVE}", "warn")
+            self.outcome.write(f"? {ENDS_LIVE_QUESTION}", "warn")
         elif self._trouble:
-            self.outcome.say(f"✗ {self._trouble}", "error")
+            self.outcome.write(f"✗ {self._trouble}", "error")
         elif player is None:
-            self.outcome.say(f"enter loads it on {WORDS_OF[self._kernel]}; k: on {WORDS_OF[self._other()]}")
+            self.outcome.write(
+                f"enter loads it on {KERNEL_WORDS[self._kernel]}; k: on {KERNEL_WORDS[self._other()]}"
+            )
         else:
-            self.outcome.say(*_outcome(player))
+            self.outcome.write(*_outcome(player))
 
     def _other(self) -> str:
         return KERNELS[1 - KERNELS.index(self._kernel)]
@@ -200,13 +202,13 @@ class ScenariosScreen(SideScreen[Path | None]):
             self._open = LIST
         elif own is not None or event.widget in self._play.query("*"):
             self._open = own or STEPS
-        if event.widget is self.traces or own in PAST:
+        if event.widget is self.traces or own in PAST_PANES:
             self._past = own or TRACES
         self.arrange_panes()
         self.show()
 
     def arrange_panes(self) -> None:
-        alone, plays = self.has_class(TABS), self.has_class(PLAYING)
+        alone, plays = self.has_class(TABS_CLASS), self.has_class(PLAYING_CLASS)
         steps = self._open == STEPS or not alone
         self.traces.tail = 2 if alone else 4
         self._left.display = not alone or self._open in (LIST, STATUS)
@@ -214,15 +216,15 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.list.display = not alone or self._open == LIST
         self.status.display = plays and (not alone or self._open == STATUS)
         self.text.display, self.instances.display = steps, plays and steps
-        past = PAST if self.size.height >= HIGH and not alone else {self._past}
+        past = PAST_PANES if self.size.height >= HIGH_SCREEN_ROWS and not alone else {self._past}
         self.traces.display = plays and steps and (alone or TRACES in past)
         self.history.display = plays and (self._open == HISTORY if alone else HISTORY in past)
         self.timing.display = plays and (self._open == TIMING if alone else TIMING in past)
-        self.tabs.take(TABS_OF_PLAY if plays else TABS_OF_PLAY[:2])
+        self.tabs.set_tabs(PLAY_TABS if plays else PLAY_TABS[:2])
         self.tabs.mark(self._open)
 
-    def _narrow(self, words: str) -> None:
-        self._model.narrow(words)
+    def _set_filter(self, words: str) -> None:
+        self._model.set_filter(words)
         self.show()
 
     # -- actions ------------------------------------------------------------------------------------
@@ -239,8 +241,8 @@ class ScenariosScreen(SideScreen[Path | None]):
         }
         if digit > STEPS and self._player is None:
             return
-        self._open = digit if digit in dict(TABS_OF_PLAY) else STEPS
-        self._past = digit if digit in PAST else self._past
+        self._open = digit if digit in dict(PLAY_TABS) else STEPS
+        self._past = digit if digit in PAST_PANES else self._past
         self.arrange_panes()
         self.set_focus(panes[digit])
 
@@ -254,12 +256,12 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show()
         self._question = None
         if self._loaded is not None:
-            self.outcome.say(f"enter loads it anew on {WORDS_OF[self._kernel]}")
+            self.outcome.write(f"enter loads it anew on {KERNEL_WORDS[self._kernel]}")
 
     def _ask_on_live(self, then: Callable[[], None]) -> None:
         """Do it, on a live bench that it would end after a question."""
         picture = self._view_model.live
-        is_live = picture is not None and picture.player is None and picture.kernel == LIVE
+        is_live = picture is not None and picture.player is None and picture.kernel == LIVE_KERNEL
         if self._loaded is None and is_live and self._model.chosen is not None:
             self._trouble, self._question = "", then
             self.show()
@@ -312,15 +314,15 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.send(f"scenario {words}")
 
     def _refuse(self, *lines: str) -> None:
-        self._complain("no prompt here: v shows all panes, with the scenario on them")
+        self._show_error("no prompt here: v shows all panes, with the scenario on them")
 
-    def _complain(self, text: str) -> None:
+    def _show_error(self, text: str) -> None:
         self._trouble = text
         self.show()
 
     def action_panes(self) -> None:
         if self._player is None:
-            self._complain("no scenario is loaded: enter loads the chosen one")
+            self._show_error("no scenario is loaded: enter loads the chosen one")
             return
         self.keeps_the_play = True
         self.dismiss(self._loaded)
@@ -330,11 +332,11 @@ class ScenariosScreen(SideScreen[Path | None]):
             self._say("scenario stop")
         self.dismiss(self._model.chosen)
 
-    def palette_rows(self) -> Iterator[Command]:
+    def palette_rows(self) -> Iterator[PaletteCommand]:
         yield "Load the scenario", "on a fresh bench · key enter", "load"
         yield "Next step", "key n", "step"
         yield "Run to the end", "key r", "run"
-        yield f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", "kernel"
+        yield f"Load on {KERNEL_WORDS[self._other()]}", "with the next enter · key k", "kernel"
         yield "All panes", "the loaded scenario on the bench's panes; S comes back · key v", "panes"
         yield "Filter the scenarios", "key /", "filter"
         yield "Leave the scenarios", "the opened project begins afresh · key esc", "leave"

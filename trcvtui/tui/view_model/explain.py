@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # it changes no job
 
 
-def why(shown: StatusEdge | InstanceSnapshot) -> str:
+def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
     return "expected: " * shown.cause.is_expected + describe_cause(shown.cause, shown.block)
 
 
-class Explainer:
+class StatusExplainer:
     """Explains the selected instance now, or an edge of its past; the last answers are kept."""
 
     def __init__(self, view_model: ViewModel) -> None:
@@ -34,11 +34,11 @@ class Explainer:
         self._edge: tuple[int, int, Advice] | None = None  # bench, line
         self._card = Card()
 
-    def now(self, instance: InstanceSnapshot) -> Advice:
+    def explain_now(self, instance: InstanceSnapshot) -> Advice:
         """Return what is known of an instance after the last scan."""
         evidence = self._evidence(instance.name)
         if evidence is None:
-            return Advice(why(instance), ())
+            return Advice(explain_status(instance), ())
         index = self._view_model.stream_index
         told = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
         verdict, remedy = self._verdict(instance.name)
@@ -77,19 +77,19 @@ class Explainer:
     @property
     def _bytes(self) -> DataBytes:
         view_model = self._view_model
-        return DataBytes(view_model.declaration, view_model.data, view_model.partial)
+        return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
 
-    def then(self, line: Line, edge: StatusEdge) -> Advice:
+    def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
         """Return what the ledger knows of an edge of the past; the newest one still shows, so it is now."""
-        edges, instance = self._view_model.history.of(edge.instance), self._view_model.instance
+        edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
-            return self.now(instance)
+            return self.explain_now(instance)
         asked = self._view_model.bench, line.seq
         if self._edge is None or self._edge[:2] != asked:
-            self._edge = (*asked, self._explained(line, edge))
+            self._edge = (*asked, self._explain_past(line, edge))
         return self._edge[2]
 
-    def _explained(self, line: Line, edge: StatusEdge) -> Advice:
+    def _explain_past(self, line: Line, edge: StatusEdge) -> Advice:
         from trcvtui.history.link_statistics import past_facts  # read when the past is first asked about
 
         project = self._view_model.project

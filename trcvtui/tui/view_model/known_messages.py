@@ -8,7 +8,7 @@ from typing import Final
 from trcvtui.history.messages import MOST_INSTANCE_ROWS, MessageRow, MessagesDelta
 from trcvtui.history.records import MAX_SCAN
 
-SLACK: Final = 256  # rows that are forgotten at once
+SLACK_ROWS: Final = 256  # rows that are forgotten at once
 
 
 class KnownMessages:
@@ -42,7 +42,7 @@ class KnownMessages:
         """Return the number of the first row with values."""
         return max(self.first, self._emptied)
 
-    def words(self) -> list[str]:
+    def describe_rows(self) -> list[str]:
         """Return what is to be known of the rows as a whole."""
         with_values = self.rows[self.oldest - self.first :][:1]
         begin = f"values from {with_values[0].number} on" if with_values else "all values gone"
@@ -50,14 +50,14 @@ class KnownMessages:
         said = (begin, self.oldest > self.first), (left_out, self.left_out), (reading, self.share < 1)
         return [text for text, is_so in said if is_so]
 
-    def asked(self, instance: str) -> tuple[str, int]:
+    def make_request(self, instance: str) -> tuple[str, int]:
         """Return what to ask the engine for: the rows of an instance after those that are known."""
         if instance != self.instance:
             self.__init__()  # type: ignore[misc]
             self.instance = instance
         return instance, self.stop
 
-    def take(self, news: MessagesDelta | None, until: int) -> None:
+    def accept_rows(self, news: MessagesDelta | None, until: int) -> None:
         """Take the next rows, of a frozen view those up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return
@@ -77,6 +77,6 @@ class KnownMessages:
             row = self.rows[at]
             self.rows[at] = row._replace(content=None) if row.size else row
         self._emptied = max(self._emptied, min(oldest, self.stop))
-        if len(self.rows) > MOST_INSTANCE_ROWS + SLACK:
+        if len(self.rows) > MOST_INSTANCE_ROWS + SLACK_ROWS:
             self.first += len(self.rows) - MOST_INSTANCE_ROWS
             del self.rows[:-MOST_INSTANCE_ROWS]

@@ -40,7 +40,7 @@ class MemberNumbers:
         self.numbers: list[Number | None] = []
         self._most = most
 
-    def follow(self, known: KnownMessages, stop: int) -> list[Number | None]:
+    def update_numbers(self, known: KnownMessages, stop: int) -> list[Number | None]:
         """Return the numbers before message `stop`, the newest last."""
         first = max(known.first, stop - self._most)
         low, high = max(first, self.first), min(stop, self.first + len(self.numbers))

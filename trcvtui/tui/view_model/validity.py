@@ -5,26 +5,26 @@ from __future__ import annotations
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
 
-SCAN_CONTROL = ("hold", "go")
-PROMPT = "prompt"
+SCAN_CONTROL_LINES = ("hold", "go")
+PROMPT_PLACE = "prompt"
 
 
-def fault_of(line: str, project: Project) -> str:
+def find_mistake(line: str, project: Project) -> str:
     """Return what is wrong with a line, "" when it would be taken."""
     from trcvtui.commands.table import parse_line  # read at the first line, not before the first screen
 
-    if line.strip() in SCAN_CONTROL:
+    if line.strip() in SCAN_CONTROL_LINES:
         return ""
     try:
-        parse_line(line, project, PROMPT)
+        parse_line(line, project, PROMPT_PLACE)
     except UserError as error:
         wrong = error.problems[0]
-        place = wrong.where[len(PROMPT) + 2 :]  # `connect C3: LocalPort`: a form marks that field
+        place = wrong.where[len(PROMPT_PLACE) + 2 :]  # `connect C3: LocalPort`: a form marks that field
         return f"{place}: {wrong.message}" if place else wrong.message
     return ""
 
 
-def said_before(line: str, project: Project) -> str:
+def preview_edit(line: str, project: Project) -> str:
     """Return what a line that edits the project would do: what changes, what is made, what begins anew."""
     from trcvtui.commands.edit import describe_edit
     from trcvtui.commands.table import parse_line  # as above

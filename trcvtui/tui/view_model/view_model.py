@@ -87,7 +87,7 @@ class Afterglow:
 KEPT_EDGES: Final = 1000
 
 
-class History:
+class EdgeHistory:
     """STATUS edges by instance; `skipped` counts ledger lines that never came to the screen."""
 
     def __init__(self) -> None:
@@ -97,27 +97,27 @@ class History:
     def note(self, line: Line, edge: StatusEdge) -> None:
         self._edges[edge.instance].append(line)
 
-    def of(self, instance: str) -> deque[Line]:
+    def list_edges(self, instance: str) -> deque[Line]:
         return self._edges.get(instance) or deque()
 
 
-MOST_LINES: Final = 1000  # in a picture: 8000 a second where there are eight
+MOST_PICTURE_LINES: Final = 1000  # in a picture: 8000 a second where there are eight
 NO_BENCH: Final = -1  # a number that no bench and no project has
-MOST_DRAWN: Final = 8  # instances over time at once
-THAW_LINES: Final = 4000  # once, after a frozen view: what was missed
+MOST_DRAWN_INSTANCES: Final = 8  # instances over time at once
+MOST_THAW_LINES: Final = 4000  # once, after a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
-MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
-GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
-BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
+MOST_OTHERS: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
+REMOVAL_NOTES: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
+MOST_OTHER_BYTES: Final = 8192  # of their DATA: what is larger does not come along
 
 
-INDEX: Final = "reader", "index of the screen"
-KEPT: Final = 2000  # messages of a connection, recv calls of a job
+INDEX_PART: Final = "reader", "index of the screen"
+MOST_INDEXED: Final = 2000  # messages of a connection, recv calls of a job
 
 
 def new_index() -> StreamIndex:
     """Return an index that keeps less than the engine's: the newest bytes are asked about."""
-    return StreamIndex(KEPT, KEPT)
+    return StreamIndex(MOST_INDEXED, MOST_INDEXED)
 
 
 class Index(NamedTuple):
@@ -141,7 +141,7 @@ class ViewModel:
         self._home = project
         self.picture: BenchUpdate | None = None
         self._indexed = index_of(None)
-        self.history = History()
+        self.history = EdgeHistory()
         self.afterglow = Afterglow()
         self.stream_index = new_index()
         self._containment = Containment(
@@ -152,7 +152,7 @@ class ViewModel:
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
         self.is_frozen = False
-        self._take_project(project)
+        self._accept_project(project)
         self.answers: dict[int, LineAnswer] = {}
         self.live: BenchUpdate | None = None  # the newest picture, also while an older one is shown
         self.fired: TriggerEvent | None = None  # the trigger that froze the view
@@ -169,41 +169,41 @@ class ViewModel:
 
     # -- what comes in ------------------------------------------------------------------------------
 
-    def take(self, picture: BenchUpdate) -> None:
+    def accept_picture(self, picture: BenchUpdate) -> None:
         """Make this the newest picture; one of a fresh bench makes all that was known of the old one void."""
         if picture.bench == self._left:
             return
         if picture.bench != self.bench:
-            self._begin_anew(picture.bench)
+            self._reset(picture.bench)
         if picture.fired is not None:
             self.is_frozen, self.fired, self.picture = True, picture.fired, picture
         if picture.project is not None:
-            self._take_project(picture.project)
+            self._accept_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
-        self.known_messages.take(picture.messages, self._messages_until)
+        self.known_messages.accept_rows(picture.messages, self._messages_until)
         self.answers = {answer.number: answer for answer in picture.answers}
-        if picture.fired is None and (self.is_frozen or self._asks_again(picture)):
-            self._take_waves(picture)
+        if picture.fired is None and (self.is_frozen or self._is_early_picture(picture)):
+            self._accept_waves(picture)
             return
-        self._show(picture)
+        self._show_picture(picture)
 
-    def _asks_again(self, picture: BenchUpdate) -> bool:
+    def _is_early_picture(self, picture: BenchUpdate) -> bool:
         self._thawing -= 1 if self._thawing else 0
         return bool(self._thawing and picture.lines_skipped)
 
-    def _show(self, picture: BenchUpdate) -> None:
+    def _show_picture(self, picture: BenchUpdate) -> None:
         self.picture, self._thawing = picture, 0
-        self._take_waves(picture)
+        self._accept_waves(picture)
         if picture.lines_skipped and picture.lines:
             self._note_skipped(picture.lines[0].seq)
         self.lines.extend(picture.lines)
-        self._take_index(picture.lines)
+        self._index_lines(picture.lines)
         for line in picture.lines:
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)
-            elif isinstance(line.event, BenchNote) and line.event.what in GONE:
+            elif isinstance(line.event, BenchNote) and line.event.what in REMOVAL_NOTES:
                 self.afterglow.forget(line.event.subject)
         if picture.lines:
             self._seq = picture.lines[-1].seq
@@ -212,10 +212,10 @@ class ViewModel:
             for instance in picture.snapshot.instances:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
 
-    def _take_index(self, lines: Sequence[Line]) -> None:
+    def _index_lines(self, lines: Sequence[Line]) -> None:
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
-        self._containment.attempt_unless_out(INDEX, partial(self.stream_index.add_lines, stamped))
-        if INDEX in self._containment.out:
+        self._containment.attempt_unless_out(INDEX_PART, partial(self.stream_index.add_lines, stamped))
+        if INDEX_PART in self._containment.out:
             self.stream_index = new_index()
         internal = self._containment.take_messages()
         if internal:
@@ -226,7 +226,7 @@ class ViewModel:
 
         return report_error(error, self.project, [*self.lines], None)
 
-    def _take_waves(self, picture: BenchUpdate) -> None:
+    def _accept_waves(self, picture: BenchUpdate) -> None:
         interval_ns = picture.snapshot.interval_ns
         if self.is_frozen and self.snapshot is not None:
             self.waves.add_deltas_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
@@ -236,43 +236,43 @@ class ViewModel:
     def _note_skipped(self, first: int) -> None:
         """Take from the waves the STATUS edges whose lines were left out before line `first`."""
         for name in self.drawn_instances:
-            known = self.history.of(name)
+            known = self.history.list_edges(name)
             last = known[-1].seq if known else 0
             newest = takewhile(lambda line: line.seq > last, reversed(self.waves.get_wave(name).edges))  # noqa: B023
             for line in reversed([line for line in newest if line.seq < first]):
                 assert isinstance(line.event, StatusEdge)
                 self.history.note(line, line.event)
 
-    def _begin_anew(self, bench: int) -> None:
+    def _reset(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
         self.lines.clear()
         self.waves = WaveformCache()
         if self.position is None:  # a replay has those of the whole recording, at each of its benches
             self.known_messages = KnownMessages()
         self.thaw()
-        self.history, self.afterglow, self.stream_index = History(), Afterglow(), new_index()
+        self.history, self.afterglow, self.stream_index = EdgeHistory(), Afterglow(), new_index()
 
-    def _take_project(self, project: Project) -> None:
+    def _accept_project(self, project: Project) -> None:
         self.project = project
         self._sizes = {decl.name: decl.size for decl in project.data}
-        self._select()
+        self._keep_selection()
         self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
 
-    def _select(self) -> None:
+    def _keep_selection(self) -> None:
         shown = self.instances if self.is_frozen else self.project.instances
         self.selected = _one_of(self.selected, [instance.name for instance in shown])
 
-    def leave(self) -> None:
+    def leave_scenario(self) -> None:
         """Go back to the project that was opened; pictures of this bench that still come are too late."""
         self._left, self.picture = self.bench, None
         self.thaw()
-        self._take_project(self._home)
+        self._accept_project(self._home)
 
     def restart(self) -> None:
         """Know nothing: the engine has begun anew, and its first picture brings the project."""
-        self.leave()
+        self.leave_scenario()
         self.live, self._left = None, None
-        self._begin_anew(NO_BENCH)
+        self._reset(NO_BENCH)
         self._project_number = NO_BENCH
 
     def freeze(self) -> None:
@@ -281,7 +281,7 @@ class ViewModel:
     def thaw(self) -> None:
         self._thawing = 2 if self.is_frozen else 0
         self.is_frozen, self.fired = False, None
-        self._select()
+        self._keep_selection()
 
     def request(self) -> UpdateRequest:
         """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
@@ -292,22 +292,22 @@ class ViewModel:
         shown = (instance, *self._others(instance)) if instance else ()
         data = tuple(dict.fromkeys(each.data for each in shown if each.data))
         partial = tuple(each.name for each in shown)
-        most = THAW_LINES if self._thawing else MOST_LINES
+        most = MOST_THAW_LINES if self._thawing else MOST_PICTURE_LINES
         waves = self.waves.make_requests(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
         past, recordings = self.past_wanted, self.recordings_wanted
         until = MAX_SCAN if self.frozen_at is None else self.frozen_at
         past = replace(past, scan=until) if past is not None else None
-        messages = *self.known_messages.asked(self.selected), self._messages_until
+        messages = *self.known_messages.make_request(self.selected), self._messages_until
         return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted, messages
         )
 
     def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
-        left, found = BYTES_ALONG, 0
+        left, found = MOST_OTHER_BYTES, 0
         for each in self.instances:
             size = self._sizes.get(each.data or "", 0)
-            if each is not selected and found < MOST_ALONG and size <= left:
+            if each is not selected and found < MOST_OTHERS and size <= left:
                 left, found = left - size, found + 1
                 yield each
 
@@ -335,14 +335,14 @@ class ViewModel:
         return self.live.position if self.live is not None else None
 
     @property
-    def past(self) -> HistoryWindow | None:
+    def past_window(self) -> HistoryWindow | None:
         newest = self.live or self.picture
         return newest.history if newest else None
 
     @property
     def messages(self) -> list[StreamMessage]:
         """Return the whole messages of the window on the past that has come last."""
-        newest, window = self.live or self.picture, self.past
+        newest, window = self.live or self.picture, self.past_window
         if self._messages is None or self._messages[0] is not window:
             evidence = make_current_evidence(newest, self.project, self.selected) if newest else None
             found = find_messages(window, evidence) if window is not None and evidence is not None else []
@@ -358,7 +358,7 @@ class ViewModel:
         return self.live.shadows if self.live is not None else frozenset()
 
     @property
-    def talks(self) -> tuple[ConversationSnapshot, ...]:
+    def conversations(self) -> tuple[ConversationSnapshot, ...]:
         return self.live.talks if self.live is not None else ()
 
     @property
@@ -376,7 +376,7 @@ class ViewModel:
         if instance is None or not self.draws_neighbours:
             return (self.selected,) if self.selected else ()
         others = (i.name for i in self.instances if i.connect == instance.connect and i is not instance)
-        return (self.selected, *others)[:MOST_DRAWN]
+        return (self.selected, *others)[:MOST_DRAWN_INSTANCES]
 
     @property
     def drawn_waves(self) -> tuple[str, ...]:
@@ -392,7 +392,7 @@ class ViewModel:
     def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
         return self._index().connections.get(instance.connect)
 
-    def listening(self) -> dict[str, str]:
+    def list_listen_ends(self) -> dict[str, str]:
         """Return where passive CONNECTs are now, by name: the port that a free one has become."""
         known = self._index().connections.values()
         return {each.name: each.local for each in known if not each.active and each.state != "closed"}
@@ -427,7 +427,7 @@ class ViewModel:
         return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""
 
     @property
-    def partial(self) -> bytes:
+    def job_bytes(self) -> bytes:
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
 
     @property

@@ -17,12 +17,12 @@ from trcvtui.tui.view_model.member_numbers import Number
 Numbers = Sequence[Number | None]
 Spans = Sequence[tuple[int, int]]  # from, to: ns
 
-BEGIN: Final = itemgetter(0)
+SPAN_BEGIN: Final = itemgetter(0)
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 NO_NUMBER: Final = "×"
 FIRST_BRAILLE: Final = 0x2800
 # The dots of a braille cell by its column, from the top: their bits in the code of the character.
-DOTS: Final = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+BRAILLE_DOTS: Final = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 
 
 def finite(numbers: Iterable[Number | None]) -> list[Number]:
@@ -37,10 +37,10 @@ def limits(numbers: Sequence[Number]) -> tuple[Number, Number]:
     return min(numbers), max(numbers)
 
 
-def place(number: Number, low: Number, high: Number) -> float:
+def scale(number: Number, low: Number, high: Number) -> float:
     """Return where a number stands between two others, 0 to 1."""
     if math.isinf(high - low):  # as that from -1e308 to 1e308
-        return place(number / 2, low / 2, high / 2)
+        return scale(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
 
 
@@ -52,7 +52,7 @@ def sparkline(numbers: Numbers) -> str:
     low, high = limits(known)
     top = len(BLOCKS) - 1 if low != high else 0
     return "".join(
-        NO_NUMBER if each is None or not math.isfinite(each) else BLOCKS[round(place(each, low, high) * top)]
+        NO_NUMBER if each is None or not math.isfinite(each) else BLOCKS[round(scale(each, low, high) * top)]
         for each in numbers
     )
 
@@ -83,7 +83,7 @@ def curve(
     cells, top = [[0] * width for _ in range(height)], 4 * height - 1
     for column, span in enumerate(columns):
         if span is not None:
-            first, last = (top - round(place(number, *axis) * top) for number in reversed(span))
+            first, last = (top - round(scale(number, *axis) * top) for number in reversed(span))
             _fill(cells, column, first, last)
     return Curve(cells, axis, least, most)
 
@@ -101,7 +101,7 @@ def _columns(
         end = first + (last - first) * (column + 1) // count
         stop = bisect_left(times, end, at) if column < count - 1 else bisect_right(times, last, at)
         own = numbers[at:stop]
-        in_gap = bisect_right(gaps, begin, key=BEGIN) - 1
+        in_gap = bisect_right(gaps, begin, key=SPAN_BEGIN) - 1
         is_held = in_gap < 0 or gaps[in_gap][1] < end
         some = finite((held, *own) if is_held else own)
         found.append((min(some), max(some)) if some else None)
@@ -112,7 +112,7 @@ def _columns(
 
 def _fill(cells: list[list[int]], column: int, first: int, last: int) -> None:
     """Set the dots of a column from row `first` to row `last` of dots."""
-    bits, x = DOTS[column % 2], column // 2
+    bits, x = BRAILLE_DOTS[column % 2], column // 2
     for y in range(first // 4, last // 4 + 1):
         cells[y][x] |= sum(bits[max(first - 4 * y, 0) : last - 4 * y + 1])
 

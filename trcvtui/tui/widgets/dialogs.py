@@ -11,7 +11,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.formatting import clip, pad, wrapped
+from trcvtui.tui.formatting import clip, pad, wrap_text
 from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 
@@ -47,7 +47,7 @@ class ListDialog(Dialog[Answered], Generic[Answered]):
         yield self.shown
 
 
-LABEL: Final = 9  # columns
+LABEL_WIDTH: Final = 9  # columns
 
 
 class CardText(TextView):
@@ -58,9 +58,9 @@ class CardText(TextView):
         return max(40, self.line_width)
 
     def _labelled(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
-        lines = [line for text in texts for line in wrapped(text, self._width - LABEL)]
+        lines = [line for text in texts for line in wrap_text(text, self._width - LABEL_WIDTH)]
         return [
-            row((("" if number else label).ljust(LABEL), "label"), (line, style))
+            row((("" if number else label).ljust(LABEL_WIDTH), "label"), (line, style))
             for number, line in enumerate(lines)
         ]
 
@@ -96,11 +96,11 @@ class ResultScreen(ListDialog[None]):
         self.app.copy_to_clipboard("\n".join("".join(text for text, _ in each.parts) for each in rows))
 
 
-class CutScreen(ListDialog[str]):
+class QuitTapScreen(ListDialog[str]):
     """Asks whether a tap that quits cuts its connections: "c", "d" leaves it without a screen, "" stays."""
 
     BINDINGS: ClassVar = [Binding(key, f"dismiss('{key}')", show=False) for key in "cd"]
-    DEFAULT_CSS = "CutScreen ResultText { width: 72; height: auto; }"
+    DEFAULT_CSS = "QuitTapScreen ResultText { width: 72; height: auto; }"
 
     def __init__(self, cuts: str) -> None:
         choices = (
@@ -114,7 +114,7 @@ class CutScreen(ListDialog[str]):
 
 
 def text_rows(text: str, width: int) -> list[Row]:
-    return [row((part, "")) for line in text.splitlines() for part in wrapped(line, width)]
+    return [row((part, "")) for line in text.splitlines() for part in wrap_text(line, width)]
 
 
 class FormDialog(Dialog[Answered], Generic[Answered]):
@@ -149,14 +149,14 @@ class FormField(TypedField):
 
 
 Field = TypeVar("Field", bound=FormField)
-Columns = Mapping[str, str]  # what stands before a field, by the class of its style
+FieldColumns = Mapping[str, str]  # what stands before a field, by the class of its style
 
 
 class FieldsDialog(FormDialog[Answered], Generic[Answered, Field]):
     """A form whose fields stay as they are."""
 
     def __init__(
-        self, nothing: Answered, title: str, keys: str, rows: Sequence[tuple[Columns, Field]]
+        self, nothing: Answered, title: str, keys: str, rows: Sequence[tuple[FieldColumns, Field]]
     ) -> None:
         super().__init__(nothing)
         self._title, self._keys, self._rows = title, keys, rows
@@ -174,16 +174,16 @@ class FieldsDialog(FormDialog[Answered], Generic[Answered, Field]):
             yield self._line
 
     def on_mount(self) -> None:
-        self._judge()
+        self._check_fields()
         if self._fields:
             self.set_focus(self._fields[0])
 
-    def _judge(self) -> None:
+    def _check_fields(self) -> None:
         raise NotImplementedError
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        self._judge()
+        self._check_fields()
 
 
 NAME: Final = 30
@@ -201,19 +201,19 @@ class ChoiceList(LineView, inherit_bindings=False):
         self.cursor = names.index(now) if now in names else 0
 
     @property
-    def listed(self) -> list[tuple[str, str]]:
+    def listed_choices(self) -> list[tuple[str, str]]:
         return [choice for choice in self._all if self.typed.casefold() in choice[0].casefold()]
 
     @property
-    def chosen(self) -> str | None:
-        listed = self.listed
+    def choice(self) -> str | None:
+        listed = self.listed_choices
         return listed[self.cursor][0] if self.cursor < len(listed) else None
 
     def row_count(self) -> int:
-        return len(self.listed)
+        return len(self.listed_choices)
 
     def row_at(self, y: int) -> Row:
-        name, about = self.listed[y]
+        name, about = self.listed_choices[y]
         chosen = y == self.cursor
         return row(
             ("▸ " if chosen else "  ", "key"),
@@ -228,7 +228,7 @@ class ChoiceList(LineView, inherit_bindings=False):
         self.keep_in_view(self.cursor)
         self.show()
 
-    def narrow(self, typed: str) -> None:
+    def set_filter(self, typed: str) -> None:
         self.typed, self.cursor = typed, 0
         self.refresh()
         self.show()
@@ -255,18 +255,18 @@ class ChoiceScreen(ListDialog[str | None]):
         self._list.set_title(None, title, "↑↓ enter")
         super().__init__(self._list, None)
 
-    def take_letter(self, letter: str) -> None:
-        self._narrow(self._list.typed + letter)
+    def accept_letter(self, letter: str) -> None:
+        self._set_filter(self._list.typed + letter)
 
-    def _narrow(self, typed: str) -> None:
-        self._list.narrow(typed)
+    def _set_filter(self, typed: str) -> None:
+        self._list.set_filter(typed)
         self._list.set_title(None, self._title, f"{typed}…" if typed else "↑↓ enter")
 
     def action_back(self) -> None:
-        self._narrow(self._list.typed[:-1])
+        self._set_filter(self._list.typed[:-1])
 
     def action_move(self, rows: int) -> None:
         self._list.action_move(rows)
 
     def action_take(self) -> None:
-        self.dismiss(self._list.chosen)
+        self.dismiss(self._list.choice)

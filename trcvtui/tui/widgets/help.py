@@ -9,16 +9,16 @@ from textual.app import App
 from textual.binding import Binding
 from textual.widget import Widget
 
-from trcvtui.tui.formatting import wrapped
+from trcvtui.tui.formatting import wrap_text
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
 PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
-TAKEN: Final = frozenset("hjkqgbpvy")
+RESERVED: Final = frozenset("hjkqgbpvy")
 
-EVERYWHERE: Final = (
+GLOBAL_KEYS: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
     ("tab, shift+tab", "next, previous pane or field; in a form ↑ ↓, too, where a field has no list"),
     ("M or \\", "the pane alone on the screen, and back"),
@@ -60,23 +60,23 @@ LETTERS: Final = (  # of panes 1 to 3
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
 )
 PINS: Final = (*LETTERS, ("a letter", "the pin that has this letter in pane 2; a click on it does the same"))
-INSTANCES: Final = (
+INSTANCE_KEYS: Final = (
     ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
     ("!", "the next one with an ERROR"),
 )
-BLOCK: Final = (
+BLOCK_KEYS: Final = (
     ("enter", "toggle the pin under the cursor"),
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     MOVES,
 )
 STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no trial; so does a click on `do`")
-HISTORY: Final = (
+HISTORY_KEYS: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
     ("n N", "the edge before, after to the code of /, until esc; without /: as !, and back"),
     ("!", "the ERROR before"),
 )
-RECEIVED: Final = (
+RECEIVED_KEYS: Final = (
     ("← → h l, ↑ ↓ j k", "byte by byte, row by row; g and G first and last; page up and down"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("D", "the messages as a table, newest last, with filter and CSV; again: DATA now"),
@@ -86,23 +86,23 @@ RECEIVED: Final = (
     ("d u", "the job before, or the marked message, where it differs; fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),
 )
-TABLE: Final = (
+TABLE_KEYS: Final = (
     ("n N [ ]", "the next message, the one before; end: follow the newest"),
     ("/", "weight > 3, STATUS=80C5, RCVD_LEN!=12; it acts as you type, esc: all"),
     ("y", "what passes the filter as CSV, to the clipboard and a file"),
 )
-MEMBERS: Final = (
+MEMBER_KEYS: Final = (
     ("enter", "the curve: the member over time"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
 )
-CURVE: Final = (
+CURVE_KEYS: Final = (
     ("enter", "in the members, or a click on the small curve behind a number; esc leaves"),
     ("+ -", "less, more time in view"),
     ("← →, home end", "back and forth in time; the first message; follow the newest again"),
     ("p", "another number of the type on the same time axis, with an axis of its own; after the last none"),
 )
-TIMING: Final = (
+TIMING_KEYS: Final = (
     ("← → h l, shift", "scan by scan; edge by edge of any pin"),
     ("n N", "next and previous edge of the chosen row"),
     ("! /", "next ERROR; next edge to a code, as in `find 7008`"),
@@ -112,7 +112,7 @@ TIMING: Final = (
     ("o", "the other instances of this CONNECT, too"),
     ("e", "write a VCD (GTKWave, PulseView)"),
 )
-PEER_ACTS: Final = (  # its commands go out, or the prompt opens with them
+PEER_COMMAND_KEYS: Final = (  # its commands go out, or the prompt opens with them
     ("c s f", "connect or listen; send the message; FIN (UDP: close)"),
     ("r h z", "RST; half-close: the peer still receives; stall: it stops reading, then reads again"),
     ("l u", "silence the wire, without FIN or RST; let a kernel call fail, or clear such faults"),
@@ -120,26 +120,26 @@ PEER_ACTS: Final = (  # its commands go out, or the prompt opens with them
     ("e", "try every split of the message, as a table; y copies it"),
     ("a d", "add a reply rule; remove all of them"),
 )
-PEER: Final = (
-    *PEER_ACTS,
+PEER_KEYS: Final = (
+    *PEER_COMMAND_KEYS,
     ("i, m", "edit the payload; the next way of hex, text, udt, and edit it; enter there: send it"),
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("o w p", "a UDT as a form; the message under a name into the library; pick one of the library"),
     ("← → enter", "walk the buttons, press one"),
     ("A", "add a peer"),
 )
-FEED: Final = (
+FEED_KEYS: Final = (
     ("enter i", "type bytes for the simulated line"),
     ("s → ← b", "the same again; byte by byte; from the first byte; the cable pulled"),
 )
-LINE: Final = (
+LINE_KEYS: Final = (
     ("↑ ↓", "choose a conversation and one of its directions"),
     ("h", "tap: hold this direction, let it go; the header says for how long it has been held"),
     ("e i d y s r f", "tap: the prompt opens with the bench command; enter sends it (--armed: r, f act)"),
     ("w", "mirror port: shadows for a conversation that has none"),
     ("q", "tap: ends it; where connections are open it asks: c cuts them, d leaves the screen alone"),
 )
-SCENARIOS: Final = (
+SCENARIO_KEYS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
     ("k", "simulated network or real sockets, for the next one that is loaded"),
     ("enter", "load it: a new bench replaces the present one"),
@@ -149,7 +149,7 @@ SCENARIOS: Final = (
     ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
     ("esc or q", "leave: the project that was open starts anew"),
 )
-LAB: Final = (
+LAB_KEYS: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
     ("t b", "the type; the bytes: DATA, job, last job, a message, typed hex"),
     ("o p", "the layout of ours, of theirs; x exchanges them"),
@@ -166,7 +166,7 @@ LAB: Final = (
     (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
     ("esc or q", "back to the bench; files that change are read again while the lab is open"),
 )
-TIME_LINE: Final = (
+TIME_LINE_KEYS: Final = (
     ("← → or ,", "one scan back, one on; with shift an edge of the selected instance"),
     ("!", 'the next ERROR of any instance, or finding of the doctor; " or @: the one before'),
     ("g", "in each pane: go to a time or a scan: at T#12m3s, at scan 1062; home, end: the first, the last"),
@@ -178,23 +178,23 @@ TIME_LINE: Final = (
 )
 KeyTable = tuple[tuple[str, str], ...]
 # All keys by pane: a title, the ids of what has the focus there, and the rows.
-SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
-    ("Everywhere", (), EVERYWHERE),
+HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
+    ("Everywhere", (), GLOBAL_KEYS),
     ("Panes 1 to 3: pins", (), PINS),
-    ("1 Instances", ("instances",), (*INSTANCES, MOVES)),
-    ("2 Block", ("block",), BLOCK),
+    ("1 Instances", ("instances",), (*INSTANCE_KEYS, MOVES)),
+    ("2 Block", ("block",), BLOCK_KEYS),
     ("3 STATUS", ("status",), (STATUS, MOVES)),
-    ("4 History", ("history",), HISTORY),
-    ("5 Messages", ("messages",), TABLE),
-    ("5 Received", ("received",), RECEIVED),
-    ("6 Members", ("udt",), MEMBERS),
-    ("Curve", (), CURVE),
-    ("7 Line", ("talks",), LINE),
-    ("7 Simulated line", ("lines",), FEED),
-    ("7 Peer", ("peer",), PEER),
-    ("8 Timing", ("timing",), TIMING),
-    ("Scenarios", ("scenarios", "text", "traces"), SCENARIOS),
-    ("Lab", ("lab-tree", "lab-hex", "lab-fit", "lab-cure"), LAB),
+    ("4 History", ("history",), HISTORY_KEYS),
+    ("5 Messages", ("messages",), TABLE_KEYS),
+    ("5 Received", ("received",), RECEIVED_KEYS),
+    ("6 Members", ("udt",), MEMBER_KEYS),
+    ("Curve", (), CURVE_KEYS),
+    ("7 Line", ("talks",), LINE_KEYS),
+    ("7 Simulated line", ("lines",), FEED_KEYS),
+    ("7 Peer", ("peer",), PEER_KEYS),
+    ("8 Timing", ("timing",), TIMING_KEYS),
+    ("Scenarios", ("scenarios", "text", "traces"), SCENARIO_KEYS),
+    ("Lab", ("lab-tree", "lab-hex", "lab-fit", "lab-cure"), LAB_KEYS),
 )
 
 
@@ -203,12 +203,12 @@ def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, st
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:
-        free = (c for c in pin.lower() if c.isalpha() and c not in {*TAKEN, *taken, *given.values()})
+        free = (c for c in pin.lower() if c.isalpha() and c not in {*RESERVED, *taken, *given.values()})
         given.setdefault(pin, next(free, ""))
     return given
 
 
-KEY: Final = 18
+KEY_WIDTH: Final = 18
 SIGNS: Final = (
     ("■ □ ◆", "a lamp on, off, lit for one scan a moment ago (with its scan)"),
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
@@ -225,9 +225,9 @@ def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) 
     rows = [row((title, "strong"))]
     for shown, what in table:
         key = names.get(shown.split(" or ")[0], shown)
-        first, *rest = wrapped(what, width - KEY - 3)
-        rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
-        rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
+        first, *rest = wrap_text(what, width - KEY_WIDTH - 3)
+        rows.append(row((f"  {key:<{KEY_WIDTH}}", "key"), (first, "")))
+        rows += [row((" " * (KEY_WIDTH + 2), ""), (line, "")) for line in rest]
     return [*rows, EMPTY]
 
 
@@ -236,10 +236,10 @@ def help_rows(view_model: ViewModel, focused: Widget | None, app: App[None], wid
     rows: list[Row] = []
     names: dict[str, str] = getattr(app, "key_names", {})
     for problem in getattr(app, "problems", ()):
-        first, *rest = wrapped(f"✗ {problem}", width - 2)
+        first, *rest = wrap_text(f"✗ {problem}", width - 2)
         rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
     rows += [EMPTY] * bool(rows)
-    time_line = [("Time line of the recording", TIME_LINE)] if view_model.position is not None else []
+    time_line = [("Time line of the recording", TIME_LINE_KEYS)] if view_model.position is not None else []
     for title, table in [*time_line, *sections_for(focused)]:
         rows += key_rows(title, table, width, names)
     return [*rows, *_status_rows(view_model, width)]
@@ -259,19 +259,19 @@ def _status_rows(view_model: ViewModel, width: int) -> Iterator[Row]:
         )
         for label, texts in (("because", found.causes), ("check", found.checks)):
             for text in texts:
-                for number, line in enumerate(wrapped(text, width - 20)):
+                for number, line in enumerate(wrap_text(text, width - 20)):
                     yield row((f"           {'' if number else label:<8}", "faint"), (line, "dim"))
 
 
 def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     """Return the tables of keys, that of the pane with the focus first."""
-    sections: list[tuple[str, KeyTable]] = [(title, table) for title, _, table in SECTIONS]
+    sections: list[tuple[str, KeyTable]] = [(title, table) for title, _, table in HELP_SECTIONS]
     sections.append(("Signs", SIGNS))
     around = [widget.id for widget in focused.ancestors_with_self] if focused is not None else []
-    title = next((title for id in around for title, ids, _ in SECTIONS if id in ids), None)
+    title = next((title for id in around for title, ids, _ in HELP_SECTIONS if id in ids), None)
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
-    if table is BLOCK and here:  # the pane tells the letters of its own pins
+    if table is BLOCK_KEYS and here:  # the pane tells the letters of its own pins
         sections = [section for section in sections if section[1] is not PINS]
     if not here and not table:
         return sections

@@ -15,11 +15,11 @@ from trcvtui.udt.byte_text import find_all, find_first, find_last
 
 # `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, after the second suffix.
 
-OPENS, CLOSES = "›", "‹"
-PREFIX, SUFFIX, OLD = "prefix", "suffix", "faint"
+DATA_BEGIN_SIGN, DATA_END = "›", "‹"
+PREFIX_STYLE, SUFFIX_STYLE, OLD_STYLE = "prefix", "suffix", "faint"
 
 
-class Marked(NamedTuple):
+class FrameRange(NamedTuple):
     """Bytes `start` to `stop`: data begin at `data`, the suffix at `suffix`."""
 
     start: int
@@ -30,41 +30,41 @@ class Marked(NamedTuple):
     def style(self, place: int) -> str:
         """Return the style of a byte of it, "" for data."""
         if self.start <= place < self.data:
-            return PREFIX
-        return SUFFIX if self.suffix <= place < self.stop else ""
+            return PREFIX_STYLE
+        return SUFFIX_STYLE if self.suffix <= place < self.stop else ""
 
     def sign(self, place: int) -> str:
         """Return the sign before a byte of it, "" for none."""
         if place == self.data and self.start < self.data:
-            return OPENS
-        return CLOSES if place == self.suffix and self.suffix < self.stop else ""
+            return DATA_BEGIN_SIGN
+        return DATA_END if place == self.suffix and self.suffix < self.stop else ""
 
 
-NOTHING: Final = Marked(0, 0, 0, 0)
+NO_MARKS: Final = FrameRange(0, 0, 0, 0)
 
 
-def marked(start: int, size: int, prefix: int, suffix: int) -> Marked:
-    return Marked(start, start + prefix, start + size - suffix, start + size)
+def make_marks(start: int, size: int, prefix: int, suffix: int) -> FrameRange:
+    return FrameRange(start, start + prefix, start + size - suffix, start + size)
 
 
-def marks_of_span(span: JobSpan) -> Marked:
+def marks_of_span(span: JobSpan) -> FrameRange:
     if not span.prefix and not span.suffix:
-        return NOTHING
-    return marked(span.position, span.size, span.prefix, span.suffix)
+        return NO_MARKS
+    return make_marks(span.position, span.size, span.prefix, span.suffix)
 
 
-def marks_of_data(instance: InstanceSnapshot) -> Marked | None:
+def marks_of_data(instance: InstanceSnapshot) -> FrameRange | None:
     """Return the marks of the newest frame in its variable, None where there is none."""
     last = instance.framer.last if instance.framer is not None else None
-    return marked(0, last.size, last.prefix, last.suffix) if last is not None else None
+    return make_marks(0, last.size, last.prefix, last.suffix) if last is not None else None
 
 
-def marks_of_part(instance: InstanceSnapshot) -> Marked | None:
+def marks_of_part(instance: InstanceSnapshot) -> FrameRange | None:
     """Return the marks of a frame that is not complete: it has no suffix yet."""
     framer = instance.framer
     if framer is None or not instance.have:
         return None
-    return marked(0, instance.have, min(instance.have, len(framer.prefix or b"")), 0)
+    return make_marks(0, instance.have, min(instance.have, len(framer.prefix or b"")), 0)
 
 
 def frame_signs(spans: Sequence[JobSpan]) -> dict[int, str]:
@@ -108,7 +108,7 @@ HEX_OF: Final = tuple(f"{byte:02x}" for byte in range(256))
 GHOST_HEX, GHOST_TEXT = "··", "·"
 HOLE_HEX, HOLE_TEXT, HOLE = "??", "?", "warn"  # bytes that a capture has not
 NOT_CAPTURED: Final = "missing in the capture"
-START: Final = "▕"
+START_SIGN: Final = "▕"
 WIDE, NARROW = 16, 8
 LEAST_DIGITS: Final = 4
 WAS: Final = "was"
@@ -139,7 +139,7 @@ class ByteLines(LineView):
         return WIDE if self.line_width >= self.digits + self.ROOM else NARROW
 
     @property
-    def lines(self) -> int:
+    def row_lines(self) -> int:
         """Return how many lines a row of bytes has."""
         return 2 if self.shows_before else 1
 
@@ -150,7 +150,7 @@ class ByteLines(LineView):
     def _byte(self, place: int) -> int | None:
         raise NotImplementedError
 
-    def _before(self, place: int) -> int | None:
+    def _byte_before(self, place: int) -> int | None:
         """Return what stood there before, None where nothing is compared."""
         raise NotImplementedError
 
@@ -164,14 +164,14 @@ class ByteLines(LineView):
         self.link = link
         self.show()
 
-    def known_from(self, place: int) -> bytes:
+    def read_known_bytes(self, place: int) -> bytes:
         """Return the bytes from one on that can be a number, up to the first that is not known."""
-        places = range(place, place + MOST_OF_NUMBER)
+        places = range(place, place + MOST_NUMBER_BYTES)
         return bytes(iter(map(self._byte, places).__next__, None))
 
     def _differs(self, place: int) -> bool:
         byte = self._byte(place)
-        return byte is not None and self._before(place) not in (None, byte)
+        return byte is not None and self._byte_before(place) not in (None, byte)
 
     # -- columns ------------------------------------------------------------------------------------
 
@@ -201,18 +201,18 @@ class ByteLines(LineView):
             return HEX_OF[byte], CHARACTER_OF[byte]
         return (HOLE_HEX, HOLE_TEXT) if self.is_hole(place) else (GHOST_HEX, GHOST_TEXT)
 
-    def _was(self, start: int, stop: int, name: str = WAS) -> Row:
+    def _before_row(self, start: int, stop: int, name: str = WAS) -> Row:
         line = [" "] * self._column(self.per_row)
         for index, place in enumerate(range(start, stop)):
-            before = self._before(place)
+            before = self._byte_before(place)
             if before is not None and before != self._byte(place):
                 line[self._column(index) : self._column(index) + 2] = HEX_OF[before]
         return Row(((f"{name:>{self.digits}}  ", "faint"), ("".join(line), "warn")))
 
     def _show_row(self, y: int) -> None:
         """Bring a row of bytes into view with all of its lines."""
-        self.keep_in_view(y * self.lines + self.lines - 1)
-        self.keep_in_view(y * self.lines)
+        self.keep_in_view(y * self.row_lines + self.row_lines - 1)
+        self.keep_in_view(y * self.row_lines)
         self.show()
 
 
@@ -230,7 +230,7 @@ class HexView(ByteLines):
         self.need = self.rows_kept = 0  # rows that stay while there are fewer bytes
         self.starts: frozenset[int] = frozenset()
         self.holes: tuple[range, ...] = ()
-        self.frame: Marked | None = None  # the frame that begins with the first byte
+        self.frame: FrameRange | None = None  # the frame that begins with the first byte
         self.before: PreviousJobBytes | None = None
 
     def show_bytes(
@@ -255,10 +255,10 @@ class HexView(ByteLines):
         self.before = before
         self.show()
 
-    def in_view(self) -> tuple[int, int]:
+    def range_in_view(self) -> tuple[int, int]:
         """Return the first byte in view, and how many there are."""
-        rows = self.size.height // self.lines + 2
-        return self.scroll_offset.y // self.lines * self.per_row, rows * self.per_row
+        rows = self.size.height // self.row_lines + 2
+        return self.scroll_offset.y // self.row_lines * self.per_row, rows * self.per_row
 
     def go_to(self, offset: int) -> None:
         """Put the cursor on a byte and bring it into view, without a message."""
@@ -272,18 +272,18 @@ class HexView(ByteLines):
     # -- drawing ------------------------------------------------------------------------------------
 
     def row_count(self) -> int:
-        return max(self.rows_kept, -(-self.need // self.per_row) * self.lines)
+        return max(self.rows_kept, -(-self.need // self.per_row) * self.row_lines)
 
     def row_at(self, y: int) -> Row:
-        start = y // self.lines * self.per_row
+        start = y // self.row_lines * self.per_row
         stop = min(start + self.per_row, self.need)
         if start >= stop:
             return EMPTY
-        if y % self.lines:
-            return self._was(start, stop)
+        if y % self.row_lines:
+            return self._before_row(start, stop)
         found = self._matches(start, stop)
         styles = [self._style_of(offset) + (" match" * (offset in found)) for offset in range(start, stop)]
-        mark = START if start in self.starts else self._sign(start) or " "
+        mark = START_SIGN if start in self.starts else self._sign(start) or " "
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
@@ -298,7 +298,7 @@ class HexView(ByteLines):
         found = find_all(self.content[first : stop + more], self.patterns)
         return {first + place for match in found for place in match}
 
-    def _before(self, place: int) -> int | None:
+    def _byte_before(self, place: int) -> int | None:
         """Return the byte of the job before; of one that is not known now nothing is compared."""
         before = self.before
         if before is None or self._byte(place) is None:
@@ -311,7 +311,7 @@ class HexView(ByteLines):
         if self.holes and self.is_hole(offset):
             style = HOLE
         if self.frame is not None and offset < len(self.content):
-            style = OLD if offset >= self.frame.stop else self.frame.style(offset) or style
+            style = OLD_STYLE if offset >= self.frame.stop else self.frame.style(offset) or style
         if self._differs(offset):
             style += " changed"
         if offset in self.link:
@@ -338,7 +338,7 @@ class HexView(ByteLines):
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts
         sign = "" if last else self._sign(offset + 1)
-        mark = (START, f"key {style}") if begins else (sign, f"key {style}") if sign else (" ", style)
+        mark = (START_SIGN, f"key {style}") if begins else (sign, f"key {style}") if sign else (" ", style)
         return [(" ", style), mark] if wide else [mark]
 
     def _sign(self, offset: int) -> str:
@@ -363,7 +363,7 @@ class HexView(ByteLines):
             self.select(target if self.cursor is not None else here)
 
     def action_page(self, pages: int) -> None:
-        step = pages * max(1, (self.size.height - 1) // self.lines) * self.per_row
+        step = pages * max(1, (self.size.height - 1) // self.row_lines) * self.per_row
         self.action_step(step)
 
     def action_edge(self, direction: int) -> None:
@@ -389,7 +389,7 @@ class HexView(ByteLines):
 
     def click(self, x: int, y: int) -> None:
         index = self._index_at(x)
-        offset = y // self.lines * self.per_row + (index or 0)
+        offset = y // self.row_lines * self.per_row + (index or 0)
         if index is not None and offset < self.need:
             self.select(offset)
 
@@ -400,17 +400,17 @@ class HexView(ByteLines):
 
 
 # The numbers that begin with a byte, in the order of their worth: what has no room is left out.
-NUMBERS: Final = (
+NUMBER_CODES: Final = (
     ("u8", "B"), ("i8", "b"), ("u16", "H"), ("i16", "h"), ("REAL", "f"), ("u32", "I"), ("i32", "i"),
     ("LREAL", "d"), ("u64", "Q"), ("i64", "q"),
 )  # fmt: skip
-MOST_OF_NUMBER: Final = 8  # bytes
+MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_at(content: bytes, width: int) -> str:
     """Return as many as fit a line, `little|big`; a signed one only where it differs from the unsigned."""
     line, before = "LE|BE", ""
-    for name, code in NUMBERS:
+    for name, code in NUMBER_CODES:
         size = struct.calcsize(code)
         if len(content) < size:
             continue

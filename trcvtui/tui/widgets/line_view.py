@@ -23,8 +23,8 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
-from trcvtui.tui.formatting import cells, plain
-from trcvtui.tui.widgets.theme import composed
+from trcvtui.tui.formatting import measure, plain
+from trcvtui.tui.widgets.theme import compose_style
 
 Part = tuple[str, str]
 
@@ -37,7 +37,7 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
-BAR_STAYS_S: Final = 5.0  # a scroll bar that is wanted anew twice in so long stays
+BAR_KEPT_S: Final = 5.0  # a scroll bar that is wanted anew twice in so long stays
 
 
 def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
@@ -46,17 +46,17 @@ def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
 
 
 # Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
-ARROW_MOVES: Final = hidden_keys({
+ARROW_KEYS: Final = hidden_keys({
     "down": "move(1)", "up": "move(-1)", "pagedown": "page(1)", "pageup": "page(-1)", "home,g": "edge(-1)",
     "end,G": "edge(1)",
 })  # fmt: skip
-MOVES: Final = [*hidden_keys({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_MOVES[2:]]
-LAMPS: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles of what is so now
+MOVES: Final = [*hidden_keys({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_KEYS[2:]]
+LAMP_STYLES: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles of what is so now
 
 
-def ruled(width: int, *parts: Part) -> Row:
+def rule(width: int, *parts: Part) -> Row:
     """Return a row of these parts with a rule to the end of the line."""
-    used = sum(cells(text) for text, _ in parts)
+    used = sum(measure(text) for text, _ in parts)
     return Row((*parts, ("─" * max(0, width - used), "faint")))
 
 
@@ -141,7 +141,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
             return
         turns = height and is_wanted != self.show_vertical_scrollbar
         # Each time a bar comes or goes the whole screen is laid out anew: half of what a picture costs.
-        stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_STAYS_S
+        stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_KEPT_S
         if turns and not is_wanted and stays:
             count = height + 1
         elif turns or self.styles.is_auto_height:
@@ -205,7 +205,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         span = self.text_selection.get_span(number) if self.text_selection is not None else None
         if span is None:
             return strip
-        ends = [cells(strip.text[:place]) if place >= 0 else strip.cell_length for place in span]
+        ends = [measure(strip.text[:place]) if place >= 0 else strip.cell_length for place in span]
         before, chosen, after = strip.divide([*ends, strip.cell_length])
         marked = [
             Segment(text, (style or Style()) + Style(reverse=not (style and style.reverse)))
@@ -240,7 +240,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
     # -- what it looks like -------------------------------------------------------------------------
 
-    def end(self, is_over: bool) -> None:
+    def set_over(self, is_over: bool) -> None:
         """Let the lamps go grey: what they told is no longer so; or let them tell again."""
         self._is_over = is_over
         self._ready_styles.clear()
@@ -249,9 +249,9 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def named_style(self, names: str) -> Style:
         """Return the style of names such as `cursor dim`; made once a theme."""
         if self._is_over:
-            names = " ".join("faint" if name in LAMPS else name for name in names.split())
+            names = " ".join("faint" if name in LAMP_STYLES else name for name in names.split())
         if names not in self._ready_styles:
-            self._ready_styles[names] = composed(self, names.split())
+            self._ready_styles[names] = compose_style(self, names.split())
         return self._ready_styles[names]
 
     def notify_style_update(self) -> None:

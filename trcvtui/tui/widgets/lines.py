@@ -10,7 +10,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
-from trcvtui.tui.formatting import SECOND, clip, wrapped
+from trcvtui.tui.formatting import SECOND, clip, wrap_text
 from trcvtui.tui.messages import ButtonPointed, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, OneLine, Part, Row, row
@@ -49,9 +49,9 @@ class ButtonLine(LineView):
         super().show()
 
     def row_count(self) -> int:
-        return max((line for _, line, _, _ in self._places()), default=0) + 1
+        return max((line for _, line, _, _ in self._button_places()), default=0) + 1
 
-    def _places(self) -> list[tuple[int, int, int, int]]:
+    def _button_places(self) -> list[tuple[int, int, int, int]]:
         places, line, left = [], 0, 0
         for index, (letter, label) in enumerate(self._labels()):
             width = len(letter) + len(label) + (3 if letter else 2)
@@ -64,7 +64,7 @@ class ButtonLine(LineView):
     def row_at(self, y: int) -> Row:
         labels = self._labels()
         parts: list[Part] = []
-        for index, line, _, _ in self._places():
+        for index, line, _, _ in self._button_places():
             if line != y:
                 continue
             letter, label = labels[index]
@@ -118,13 +118,13 @@ class ButtonLine(LineView):
             return None
         found = (
             index
-            for index, line, left, width in self._places()
+            for index, line, left, width in self._button_places()
             if line == place[1] and left <= place[0] < left + width
         )
         return next(found, None)
 
 
-MOST_ROWS: Final = 3
+MOST_OUTCOME_ROWS: Final = 3
 
 
 class OutcomeLine(LineView, can_focus=False):
@@ -137,7 +137,7 @@ class OutcomeLine(LineView, can_focus=False):
         self._said = "", ""
         self._rows = 1
 
-    def say(self, words: str, style: str = "dim") -> None:
+    def write(self, words: str, style: str = "dim") -> None:
         self._said = words, style
         self._fit()
 
@@ -151,7 +151,7 @@ class OutcomeLine(LineView, can_focus=False):
         self._fit()
 
     def _texts(self) -> tuple[str, ...]:
-        return wrapped(self._said[0], self.line_width or 80)[:MOST_ROWS]
+        return wrap_text(self._said[0], self.line_width or 80)[:MOST_OUTCOME_ROWS]
 
     def row_count(self) -> int:
         return len(self._texts())
@@ -161,14 +161,14 @@ class OutcomeLine(LineView, can_focus=False):
 
 
 Keys = tuple[tuple[str, str], ...]
-GLOBAL: Final = (
+GLOBAL_KEYS: Final = (
     (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("L", "lab"), ("1-8", "pane"),
     ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
 # In a text field the other keys are typed.
-IN_A_FIELD: Final = (("enter", "take"), ("tab", "next"), ("esc", "leave"))
-ANYWHERE: Final = (("ctrl+p", "palette"), ("F1", "help"))
-ACTIONS: Final = {
+FIELD_KEYS: Final = (("enter", "take"), ("tab", "next"), ("esc", "leave"))
+TYPING_KEYS: Final = (("ctrl+p", "palette"), ("F1", "help"))
+KEY_ACTIONS: Final = {
     ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "L": "app.lab", "M": "zoom",
     "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm",
     "l": "pin('l')", "F1": "help", "A": "app.add('instance')", "E": "change",
@@ -180,7 +180,7 @@ class KeyLine(OneLine):
 
     DEFAULT_CSS = "KeyLine { background: $panel; padding: 0 1; }"
 
-    def __init__(self, everywhere: Keys = GLOBAL, actions: Mapping[str, str] = ACTIONS) -> None:
+    def __init__(self, everywhere: Keys = GLOBAL_KEYS, actions: Mapping[str, str] = KEY_ACTIONS) -> None:
         super().__init__(id="keys")
         self._everywhere = everywhere
         self._actions = actions
@@ -192,17 +192,17 @@ class KeyLine(OneLine):
         """Name the keys of what has the focus; in a text field those alone that are not typed."""
         self._types = isinstance(focused, Input)
         own = focused.keys() if isinstance(focused, LineView) else ()
-        self.show_keys(getattr(focused, "KEYS", IN_A_FIELD) if self._types else own, holding)
+        self.show_keys(getattr(focused, "KEYS", FIELD_KEYS) if self._types else own, holding)
 
     def show_keys(self, local: Keys, holding: bool) -> None:
         self._local, self._holding = local, holding
-        if self._actions is ACTIONS:
+        if self._actions is KEY_ACTIONS:
             self._names = getattr(self.app, "key_names", {})
         self.show()
 
     def _keys(self) -> list[tuple[str, str]]:
         keys = list(self._local)
-        for key, label in ANYWHERE if self._types else self._everywhere:
+        for key, label in TYPING_KEYS if self._types else self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         keys = [(self._names.get(key, key), label) for key, label in keys]
         # The last ones, help and quit, stay; what does not fit goes from the middle.
@@ -227,7 +227,7 @@ class KeyLine(OneLine):
             left += width
 
 
-TABS = (
+BENCH_TABS = (
     (2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
 )  # fmt: skip
 
@@ -235,12 +235,12 @@ TABS = (
 class TabLine(OneLine):
     DEFAULT_CSS = "TabLine { background: $background; padding: 0 1; }"
 
-    def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
+    def __init__(self, tabs: tuple[tuple[int, str], ...] = BENCH_TABS, opened: int = 3) -> None:
         super().__init__(id="tabs")
         self._tabs = tabs
         self._open = {opened}
 
-    def take(self, tabs: tuple[tuple[int, str], ...]) -> None:
+    def set_tabs(self, tabs: tuple[tuple[int, str], ...]) -> None:
         self._tabs = tabs
 
     def mark(self, *digits: int) -> None:
@@ -249,7 +249,7 @@ class TabLine(OneLine):
 
     def line(self) -> Row:
         parts: list[Part] = []
-        for digit, name in self._shown():
+        for digit, name in self._fitting_tabs():
             style = "cursor strong" if digit in self._open else "dim"
             parts += [
                 (f" {digit} ", f"key {style}" if digit in self._open else "key"),
@@ -258,22 +258,22 @@ class TabLine(OneLine):
             ]
         return row(*parts)
 
-    def _shown(self) -> list[tuple[int, str]]:
+    def _fitting_tabs(self) -> list[tuple[int, str]]:
         whole = sum(len(name) + 5 for _, name in self._tabs) - 1
         fits = whole <= self.line_width or not self.line_width
         return [(digit, name if fits or digit in self._open else "") for digit, name in self._tabs]
 
     def click(self, x: int, y: int) -> None:
         left = 0
-        for digit, name in self._shown():
+        for digit, name in self._fitting_tabs():
             width = len(name) + (5 if name else 4)
             if left <= x < left + width - 1:
                 self.post_message(KeyClicked(f"pane({digit})"))
             left += width
 
 
-NO_LIMIT: Final = 1 << 32  # connections: shadows of a capture have no limit
-MOST_TRIGGER: Final = 36
+NO_CONNECTION_LIMIT: Final = 1 << 32  # connections: shadows of a capture have no limit
+MOST_TRIGGER_WIDTH: Final = 36
 
 
 class HeaderWord(NamedTuple):
@@ -291,9 +291,9 @@ class WordLine(OneLine):
 
     def line(self) -> Row:
         pieces = self.pieces()
-        while len(pieces) > 1 and sum(len(text) for text, _ in _spaced(pieces)) > self.line_width:
+        while len(pieces) > 1 and sum(len(text) for text, _ in _spaced_parts(pieces)) > self.line_width:
             pieces.remove(max(pieces, key=lambda piece: piece.rank))
-        return row(*_spaced(pieces))
+        return row(*_spaced_parts(pieces))
 
     def pieces(self) -> list[HeaderWord]:
         raise NotImplementedError
@@ -333,15 +333,15 @@ class HeaderLine(WordLine):
         live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.recorded:
-            pieces.append(HeaderWord(f"recording: {clip(now.recorded, MOST_TRIGGER)}", "warn", 3))
+            pieces.append(HeaderWord(f"recording: {clip(now.recorded, MOST_TRIGGER_WIDTH)}", "warn", 3))
         if now.armed:
-            pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER)}", "warn", 3))
+            pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER_WIDTH)}", "warn", 3))
         if timing.late_ns:
             pieces.append(HeaderWord(f"{duration(timing.late_ns)} late", "warn", 40))
         if timing.overruns:
             pieces.append(HeaderWord(count(timing.overruns, "overrun"), "warn", 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))
-        if 0 < snapshot.connections_limit < NO_LIMIT:
+        if 0 < snapshot.connections_limit < NO_CONNECTION_LIMIT:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
             pieces.append(HeaderWord(used, "dim", 70))
         if now.over:
@@ -360,7 +360,7 @@ class HeaderLine(WordLine):
         chip = f" * FROZEN at scan {view_model.picture.snapshot.scan} *  F live "
         if view_model.fired is None:
             return [HeaderWord(chip, "stop", 0)]
-        text = f" TRIGGER {clip(view_model.fired.text, MOST_TRIGGER)} "
+        text = f" TRIGGER {clip(view_model.fired.text, MOST_TRIGGER_WIDTH)} "
         return [HeaderWord(text, "hold", 1), HeaderWord(chip, "stop", 0)]
 
 
@@ -370,7 +370,7 @@ def _state(running: bool, holding: bool) -> HeaderWord:
     return HeaderWord(" ‖ HOLD ", "hold", 0) if holding else HeaderWord(" ▶ RUN ", "run", 0)
 
 
-def _spaced(pieces: list[HeaderWord]) -> list[Part]:
+def _spaced_parts(pieces: list[HeaderWord]) -> list[Part]:
     parts: list[Part] = []
     for before, piece in zip([None, *pieces], pieces, strict=False):
         if before is not None:

@@ -18,8 +18,8 @@ from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, Keys, OutcomeLine
 
 Result = TypeVar("Result")
-TABS: Final = "-tabs"  # of a screen that is too small for all of its panes
-Command = tuple[str, str, str]  # of the palette: title, what is to be known of it, action
+TABS_CLASS: Final = "-tabs"  # of a screen that is too small for all of its panes
+PaletteCommand = tuple[str, str, str]  # of the palette: title, what is to be known of it, action
 
 
 class FullScreen(Screen[Result], Generic[Result]):
@@ -65,7 +65,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
 
     def on_resize(self, event: events.Resize) -> None:
         width, height = self.LEAST_SIZE
-        self.set_class(event.size.width < width or event.size.height < height, TABS)
+        self.set_class(event.size.width < width or event.size.height < height, TABS_CLASS)
         self.arrange_panes()
         self.call_after_refresh(self.show)
 
@@ -86,12 +86,12 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         own = self.focused.keys() if isinstance(self.focused, LineView) else ()
         self.key_line.show_keys((*more, *own), holding=False)
 
-    def palette_rows(self) -> Iterator[Command]:
+    def palette_rows(self) -> Iterator[PaletteCommand]:
         raise NotImplementedError
 
     def commands(self) -> Iterator[SystemCommand]:
         for title, about, action in self.palette_rows():
-            yield SystemCommand(title, about, partial(self._act, action))
+            yield SystemCommand(title, about, partial(self._start_action, action))
 
-    def _act(self, action: str) -> None:
+    def _start_action(self, action: str) -> None:
         self.run_worker(self.run_action(action))

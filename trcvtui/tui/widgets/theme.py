@@ -26,7 +26,7 @@ STYLE_NAMES: Final = (
     "prefix", "suffix",                                          # the marks of a frame
 )
 # fmt: on
-PALE: Final = 0.75
+PALE_ALPHA: Final = 0.75
 
 
 def component_class(name: str) -> str:
@@ -37,7 +37,7 @@ def component_class(name: str) -> str:
 COMPONENT_CLASSES: Final = {component_class(name) for name in STYLE_NAMES}
 
 
-def composed(widget: Widget, names: Iterable[str]) -> Style:
+def compose_style(widget: Widget, names: Iterable[str]) -> Style:
     """Return the style of the widget with these styles on top, the last one winning."""
     _, _, background, ink = widget.colors
     auto, text = False, widget.text_style
@@ -53,7 +53,7 @@ def composed(widget: Widget, names: Iterable[str]) -> Style:
 
 def _colours(background: Color, ink: Color, auto: bool) -> Style:
     if ink.ansi is not None:
-        return Style(color=ink.rich_color, bgcolor=_or_default(background), dim=ink.a < PALE or None)
+        return Style(color=ink.rich_color, bgcolor=_or_default(background), dim=ink.a < PALE_ALPHA or None)
     if auto:
         ink = background.get_contrast_text(ink.a)
     return Style(color=(background + ink).rich_color, bgcolor=_or_default(background))
@@ -78,7 +78,7 @@ def _variables(muted: int, pale: int, borders: tuple[str, str], bars: tuple[str,
     }
 
 
-DARK: Final = Theme(
+DARK_THEME: Final = Theme(
     name="bench-dark",
     primary="#6cb6d9",
     secondary="#b48ead",
@@ -93,7 +93,7 @@ DARK: Final = Theme(
     dark=True,
     variables=_variables(66, 53, ("#6cb6d9", "#3d4957"), ("#4a5868", "#5d6d80", "#161b22")),
 )
-LIGHT: Final = Theme(
+LIGHT_THEME: Final = Theme(
     name="bench-light",
     primary="#18597f",
     secondary="#74447f",
@@ -109,7 +109,7 @@ LIGHT: Final = Theme(
     variables=_variables(72, 57, ("#18597f", "#b5afa1"), ("#a8a294", "#8d8778", "#fbfaf7")),
 )
 # The terminal's own 16 colours on its own background: for consoles that have no more, and under NO_COLOR.
-ANSI: Final = Theme(
+ANSI_THEME: Final = Theme(
     name="bench-ansi",
     primary="ansi_blue",
     secondary="ansi_magenta",
@@ -142,12 +142,12 @@ ANSI: Final = Theme(
         "screen-selection-foreground": "ansi_black",
     },
 )
-OWN_THEMES: Final = {"dark": DARK, "light": LIGHT, "ansi": ANSI}
+OWN_THEMES: Final = {"dark": DARK_THEME, "light": LIGHT_THEME, "ansi": ANSI_THEME}
 THEMES: Final = {**OWN_THEMES, **BUILTIN_THEMES}
 
-PAPERS: Final = ("surface", "background", "panel")
+BACKGROUND_NAMES: Final = ("surface", "background", "panel")
 # Contrast to 1. WCAG 2 asks 4.5 of small text, and a cursor takes some of it; 3 of the frame with the focus.
-INKS: Final = {
+CONTRASTS: Final = {
     "foreground": 7.0,
     "text-muted": 6.0,
     **dict.fromkeys(("text-disabled", "primary", "secondary", "accent", "warning", "error", "success"), 5.5),
@@ -156,20 +156,22 @@ INKS: Final = {
 }
 
 
-def readable(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
+def readable_colours(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
     """Return those colours of a theme of Textual that change here, so that words and frames are seen."""
     if theme in OWN_THEMES.values():
         return {}
     if theme.ansi:
         return {"border-blurred": "ansi_bright_black"}
-    papers = [Color.parse(colours[name]) for name in PAPERS]
+    papers = [Color.parse(colours[name]) for name in BACKGROUND_NAMES]
     ink = Color.parse(colours["foreground"])
     pale = {"text-muted": 0.2, "text-disabled": 0.35}
     colours = colours | {name: ink.blend(papers[0], part, 1.0).hex for name, part in pale.items()}
-    return {name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()}
+    return {
+        name: _adjust_ink(papers, Color.parse(colours[name]), least).hex for name, least in CONTRASTS.items()
+    }
 
 
-def _on(papers: list[Color], ink: Color, least: float) -> Color:
+def _adjust_ink(papers: list[Color], ink: Color, least: float) -> Color:
     """Return the ink, moved towards black or white until it is `least` to 1 from each paper."""
     end = papers[0].get_contrast_text(1.0)
     steps = (ink.blend(end, step / 20, 1.0) for step in range(20))

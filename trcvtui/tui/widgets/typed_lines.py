@@ -5,7 +5,7 @@ hands it on. A letter acts in that queue, but Backspace, enter and tab only when
 up: they are overtaken by what was typed after them. Here a key acts at once, and a screen that was just
 opened is waited for.
 
-Rule: whatever takes text is a TypedField, or a screen that is a TakesLetters; nothing else reads letters.
+Rule: whatever takes text is a TypedField, or a screen that is a LetterReceiver; nothing else reads letters.
 """
 
 from __future__ import annotations
@@ -37,49 +37,49 @@ class TypedField(Input):
         """Take what stands there now: a key typed after enter is not part of it."""
         raise NotImplementedError
 
-    def pasted(self, text: str) -> str:
+    def convert_paste(self, text: str) -> str:
         """Return what a pasted text puts into the field."""
         return text.splitlines()[0]
 
-    async def follow(self) -> None:
+    async def handle_change(self) -> None:
         """Do what must be done about a change before the next key, such as laying out other fields."""
 
 
 @runtime_checkable
-class TakesLetters(Protocol):
+class LetterReceiver(Protocol):
     """A screen that takes letters without a field."""
 
-    def take_letter(self, letter: str) -> None:
+    def accept_letter(self, letter: str) -> None:
         """Take one printable character."""
 
 
-async def obey(app: App[None], event: events.Key | events.Paste) -> bool:
+async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool:
     """Type the key into the field that has the focus, or do what it is bound to; False: neither."""
     app.app_focus = True
     stands: asyncio.Event = app.screen._mounted_event
     await stands.wait()  # opened by the key before: its fields are there with this
     field = app.focused
     if not isinstance(field, TypedField):
-        return await _act(app, event)
+        return await _run_key_action(app, event)
     before = field.value
-    acted = await _act(app, event)
+    acted = await _run_key_action(app, event)
     if field.is_attached and field.value != before:
-        await field.follow()
+        await field.handle_change()
     return acted
 
 
-async def _act(app: App[None], event: events.Key | events.Paste) -> bool:
+async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> bool:
     field, screen = app.focused, app.screen
     if isinstance(event, events.Paste):
         if isinstance(field, TypedField) and event.text:
-            field.replace(field.pasted(event.text), *field.selection)
+            field.replace(field.convert_paste(event.text), *field.selection)
         return isinstance(field, Input)
     if event.is_printable and event.character:
         if isinstance(field, Input):
             field.replace(event.character, *field.selection)
             return True
-        if isinstance(screen, TakesLetters):
-            screen.take_letter(event.character)
+        if isinstance(screen, LetterReceiver):
+            screen.accept_letter(event.character)
             return True
     bound = screen.active_bindings.get(event.key)
     return bound is not None and await app.run_action(bound.binding.action, bound.node)
@@ -105,11 +105,11 @@ class TypedLine(Horizontal):
         yield Static(self._sign, markup=False)
         yield self._input
 
-    def begin(self) -> None:
+    def open_field(self) -> None:
         self.display = True
         self.screen.set_focus(self._input)
 
-    def end(self) -> None:
+    def close_field(self) -> None:
         self.screen.set_focus(self._back)
         self.display = False
 
@@ -130,7 +130,7 @@ class LineInput(TypedField):
         self._leave()
 
 
-class AskLine(TypedLine):
+class CommandLine(TypedLine):
     """A line to type a command into: opened with its beginning."""
 
     def __init__(self, take: Callable[[str], None]) -> None:
@@ -142,10 +142,10 @@ class AskLine(TypedLine):
         if not self.display:
             self._back = self.screen.focused
         self._input.value, self._input.cursor_position = text, len(text)
-        self.begin()
+        self.open_field()
 
     def _close(self, line: str) -> None:
-        self.end()
+        self.close_field()
         if line:
             self._take(line)
 
@@ -178,7 +178,7 @@ class FilterLine(TypedLine):
 
     def open(self) -> None:
         """Begin with the words that were left; they act again."""
-        self.begin()
+        self.open_field()
         self._narrow(self._input.value)
 
     def clear(self) -> None:
@@ -187,23 +187,23 @@ class FilterLine(TypedLine):
 
     def submit(self) -> None:
         self._narrow(self._input.value)
-        self.end()
+        self.close_field()
         self._taken()
 
     def drop(self) -> None:
         self.clear()
-        self.end()
+        self.close_field()
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
         self._narrow(self._input.value)
 
 
-HINT = "29 00 · abc · =1.5 · @offset · #job"
-_GOALS: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
+FIND_HINT = "29 00 · abc · =1.5 · @offset · #job"
+_JUMP_SYNTAX: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
 
 
-class Goal(NamedTuple):
+class Jump(NamedTuple):
     """A place to go to by its number: an offset, or a job."""
 
     number: int
@@ -211,16 +211,16 @@ class Goal(NamedTuple):
     about: str
 
 
-def goal(text: str) -> Goal:
+def parse_jump(text: str) -> Jump:
     """Return where `@offset` or `#job` leads; raise UserError where no number stands there."""
     try:
         number = int(text[1:].strip().replace("16#", "0x"), 0)
         if 0 <= number < 1 << 62:
             is_job = text[0] == "#"
-            return Goal(number, is_job, f"job {number}" if is_job else f"offset {number} = 16#{number:X}")
+            return Jump(number, is_job, f"job {number}" if is_job else f"offset {number} = 16#{number:X}")
     except ValueError:
         pass
-    raise mistake("go to", f"'{text[:20]}'", _GOALS[text[0]])
+    raise mistake("go to", f"'{text[:20]}'", _JUMP_SYNTAX[text[0]])
 
 
 class FindInput(LineInput):
@@ -243,7 +243,7 @@ class FindLine(Horizontal):
     def __init__(self, find: Callable[[], None], left: Callable[[], None], tell: Callable[[str], None]):
         super().__init__(id="find-line")
         self._find, self._left, self._tell = find, left, tell
-        self._field = FindInput(self.submit, self.close, placeholder=HINT)
+        self._field = FindInput(self.submit, self.close, placeholder=FIND_HINT)
         self._about = Static("", id="find-about", markup=False)
 
     async def open(self) -> None:
@@ -260,9 +260,9 @@ class FindLine(Horizontal):
         self.display = False
 
     def on_input_changed(self) -> None:
-        self._judge()
+        self._show_check()
 
-    def _judge(self) -> None:
+    def _show_check(self) -> None:
         text = self._field.value.strip()
         asked = self._read(text) if text else ""
         wrong, about = (asked, "") if isinstance(asked, str) else ("", asked.about)
@@ -270,23 +270,23 @@ class FindLine(Horizontal):
         self._tell(wrong)
 
     @property
-    def wanted(self) -> SearchPatterns | Goal | None:
+    def target(self) -> SearchPatterns | Jump | None:
         """Return what stands there to be looked for, also after the line was left with escape."""
         asked = self._read(self._field.value.strip())
         return asked if not isinstance(asked, str) else None
 
-    def _read(self, text: str) -> SearchPatterns | Goal | str:
+    def _read(self, text: str) -> SearchPatterns | Jump | str:
         try:
-            return goal(text) if text[:1] in ("@", "#") else parse_search(text)
+            return parse_jump(text) if text[:1] in ("@", "#") else parse_search(text)
         except UserError as wrong:
             return f"✗ {wrong.lines()[0]}"
 
     def submit(self) -> None:
         """Look for it; what cannot be looked for stays open with its mistake."""
-        if self.wanted is not None:
+        if self.target is not None:
             self.close()
             self._find()
         elif self._field.value.strip():
-            self._judge()
+            self._show_check()
         else:
             self.close()

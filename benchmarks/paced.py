@@ -18,7 +18,7 @@ from trcvtui.clock import now_ns
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import TIMING_FILE, Engine
 from trcvtui.engine.screens import AttachedScreens
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.update_pipe import UpdateReader
 from trcvtui.plc.snapshot import Snapshot
@@ -111,7 +111,7 @@ def _run(channel: Channel, file: Path, timing: Path, connections: int, record: P
     os.environ[TIMING_FILE] = str(timing)
     recorder = None if record is None else make_recorder(RecordTarget(record), record, waits=False)
     with suppress(EOFError, OSError), recorder or nullcontext():
-        with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+        with record_reads(recorder.reads) if recorder is not None else nullcontext():
             project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many
         bench = fresh_bench(project, "live", recorder.seam if recorder is not None else None)
         if recorder is not None:

@@ -16,7 +16,7 @@ from typing import Final
 from benchmarks.figures import Effort, Figure, Pairs, alternate, ratios, spread
 from benchmarks.plc import ManyReceivers
 from benchmarks.sender import sending
-from trcvtui.clock import now_ns, used_ns
+from trcvtui.clock import now_ns, thread_cpu_ns
 
 CASES: Final = ((1, 65536), (16, 65536), (64, 65536), (256, 65536), (64, 256))
 SLICE_NS: Final = 120_000_000
@@ -97,9 +97,9 @@ class _Slices:
 
 def _engine(plc: ManyReceivers) -> Receive:
     def receive_for(ns: int) -> tuple[int, int, int]:
-        before, used = plc.bytes_received(), used_ns()
+        before, used = plc.bytes_received(), thread_cpu_ns()
         took = plc.scan_for(ns)
-        used = used_ns() - used
+        used = thread_cpu_ns() - used
         return plc.bytes_received() - before, took, used
 
     return receive_for
@@ -115,13 +115,13 @@ def _bare(sockets: Sequence[socket.socket], size: int) -> Iterator[Receive]:
             poller.register(fd, select.EPOLLIN)
 
         def receive_for(ns: int) -> tuple[int, int, int]:
-            taken, used = 0, used_ns()
+            taken, used = 0, thread_cpu_ns()
             began = now = now_ns()
             while now < began + ns:
                 for fd, _ in poller.poll(POLL_S, len(of)):
                     taken += of[fd].recv_into(views[fd])
                 now = now_ns()
-            return taken, now - began, used_ns() - used
+            return taken, now - began, thread_cpu_ns() - used
 
         yield receive_for
 
@@ -152,9 +152,9 @@ def one_scan(count: int, size: int, pairs: int, buffer: int) -> Pairs:
             taken = 0
             while not taken:
                 time.sleep(SETTLE_S)
-                before, began = plc.bytes_received(), used_ns()
+                before, began = plc.bytes_received(), thread_cpu_ns()
                 taken = act()
-                took = used_ns() - began
+                took = thread_cpu_ns() - began
                 taken += plc.bytes_received() - before
                 rest()
             return took * size / taken * count / 1e6

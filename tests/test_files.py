@@ -13,7 +13,14 @@ import pytest
 from trcvtui import files
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.files import close_files, open_files, read_bytes, refuse_input, replacing, write_file
+from trcvtui.files import (
+    allow_files,
+    read_bytes,
+    refuse_files,
+    refuse_overwriting_input,
+    replace_file,
+    write_file,
+)
 
 SCENARIO = """
 dialect = "baosky"
@@ -35,10 +42,10 @@ WHERE = "here"
 @pytest.fixture(autouse=True)
 def nothing_read_before() -> Iterator[None]:
     """Begin with a process that has read no file."""
-    before = set(files._read)
-    files._read.clear()
+    before = set(files._paths_read)
+    files._paths_read.clear()
     yield
-    files._read.update(before)
+    files._paths_read.update(before)
 
 
 def refusal(path: Path, content: str = "new", **how: bool) -> str:
@@ -81,7 +88,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 def test_an_interrupted_writer_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "x.toml"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), replacing(path, WHERE) as file:
+    with pytest.raises(KeyboardInterrupt), replace_file(path, WHERE) as file:
         file.write(b"half")
         raise KeyboardInterrupt
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["x.toml"]
@@ -97,18 +104,18 @@ def test_what_was_read_is_not_written_over_by_any_of_its_names(tmp_path: Path) -
     assert "which is read here" in refusal(soft)
     assert "which is read here" in refusal(hard)
     with pytest.raises(UserError, match="which is read here"):
-        refuse_input(hard, WHERE, [source])
+        refuse_overwriting_input(hard, WHERE, [source])
     write_file(source, "mine", WHERE, is_own=True)
     assert source.read_text() == "mine"
 
 
 def test_a_new_file_takes_nobodys_name(tmp_path: Path) -> None:
     path = tmp_path / "x.toml"
-    with replacing(path, WHERE, is_new=True) as file:
+    with replace_file(path, WHERE, is_new=True) as file:
         file.write(b"mine")
     with (
         pytest.raises(UserError, match="File exists"),
-        replacing(tmp_path / "y.toml", WHERE, is_new=True) as file,
+        replace_file(tmp_path / "y.toml", WHERE, is_new=True) as file,
     ):
         (tmp_path / "y.toml").write_text("somebody was quicker")
     assert (tmp_path / "y.toml").read_text() == "somebody was quicker"
@@ -191,11 +198,11 @@ def test_out_never_names_an_input(
 def test_a_process_whose_files_are_closed_reads_and_writes_none(tmp_path: Path) -> None:
     path = tmp_path / "x.toml"
     path.write_text("old")
-    close_files("this screen is read-only")
+    refuse_files("this screen is read-only")
     try:
         with pytest.raises(OSError, match="read-only"):
             read_bytes(path, 10)
         assert "read-only" in refusal(path)
     finally:
-        open_files()
+        allow_files()
     assert read_bytes(path, 10) == b"old"

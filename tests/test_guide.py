@@ -38,7 +38,7 @@ class VirtualEngine(LocalDriver):
     def __init__(self, path: Path, *_: object) -> None:
         super().__init__(fresh_bench(load_project(path), "sim"))
 
-    def project(self) -> Project:
+    def wait_for_project(self) -> Project:
         return self.bench.project
 
 

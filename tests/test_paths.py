@@ -12,7 +12,7 @@ import pytest
 
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.paths import configs_path, given_path
+from trcvtui.paths import configs_path, resolve_path
 
 ROOT = Path(__file__).parents[1]
 
@@ -30,16 +30,16 @@ def test_a_scenario_is_found_by_its_name(capsys: pytest.CaptureFixture[str]) -> 
 def test_each_example_is_found_as_the_readme_writes_it() -> None:
     for path in configs_path().rglob("*.*"):
         written = f"configs/{path.relative_to(configs_path()).as_posix()}"
-        assert given_path(written) == path
-    assert given_path("passive") == configs_path() / "passive.toml"
+        assert resolve_path(written) == path
+    assert resolve_path("passive") == configs_path() / "passive.toml"
 
 
 def test_ones_own_file_comes_first() -> None:
     Path("configs").mkdir()
     Path("configs/passive.toml").write_text("mine")
     Path("passive").write_text("mine, too")
-    assert given_path("configs/passive.toml") == Path("configs/passive.toml")
-    assert given_path("passive") == Path("passive")
+    assert resolve_path("configs/passive.toml") == Path("configs/passive.toml")
+    assert resolve_path("passive") == Path("passive")
 
 
 def test_what_is_no_example_stays_as_it_was_given() -> None:
@@ -53,12 +53,12 @@ def test_what_is_no_example_stays_as_it_was_given() -> None:
         "",
         "[a",
     ):
-        assert given_path(text) == Path(text)
+        assert resolve_path(text) == Path(text)
 
 
 def test_a_name_of_two_examples_names_both() -> None:
     with pytest.raises(UserError) as refused:
-        given_path("udt-mismatch")
+        resolve_path("udt-mismatch")
     both = "configs/scenarios/stories/udt-mismatch.toml and configs/udt-mismatch.toml"
     assert str(refused.value) == f"udt-mismatch: found the name of {both}, expected one of them"
 

@@ -17,7 +17,7 @@ def wall_ns() -> int:
     return time.time_ns()
 
 
-def used_ns() -> int:
+def thread_cpu_ns() -> int:
     """Return the nanoseconds of processor time that this thread has used: waiting does not count."""
     return time.thread_time_ns()
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec import Struct
 
-MOST_SHOWN = 10
+MOST_PROBLEMS_SHOWN = 10
 
 
 class Problem(Struct, frozen=True):
@@ -46,8 +46,8 @@ class UserError(Exception):
 
     def lines(self) -> list[str]:
         """Return one line a problem, ten at most, and how many more there are."""
-        lines = [str(problem) for problem in self.problems[:MOST_SHOWN]]
-        more = len(self.problems) - MOST_SHOWN
+        lines = [str(problem) for problem in self.problems[:MOST_PROBLEMS_SHOWN]]
+        more = len(self.problems) - MOST_PROBLEMS_SHOWN
         return [*lines, f"and {more} more"] if more > 0 else lines
 
 
@@ -55,7 +55,7 @@ def mistake(where: str, found: object, expected: str, kind: str = "value") -> Us
     return UserError(Problem(where, str(found), expected, kind))
 
 
-def need(module: str, extra: str, where: str, found: str) -> Any:
+def require(module: str, extra: str, where: str, found: str) -> Any:
     """Return a module of an extra; raise UserError where that is not installed."""
     try:
         return import_module(module)
@@ -64,7 +64,7 @@ def need(module: str, extra: str, where: str, found: str) -> Any:
 
 
 @contextmanager
-def noting(problems: list[Problem]) -> Iterator[None]:
+def collect_problems(problems: list[Problem]) -> Iterator[None]:
     """Note what is wrong and go on; what is read inside is given to a name there, never returned."""
     try:
         yield
@@ -73,7 +73,7 @@ def noting(problems: list[Problem]) -> Iterator[None]:
 
 
 @contextmanager
-def all_problems() -> Iterator[list[Problem]]:
+def raise_all_problems() -> Iterator[list[Problem]]:
     """Give a list for problems; raise UserError with all that are in it at the end."""
     problems: list[Problem] = []
     yield problems

@@ -3,8 +3,8 @@
 Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
 Rule 2: what fails leaves the old file as it was, and nothing beside it.
 Rule 3: a file that this process has read is not written over, but by who says that it is his own.
-Rule 4: `close_files` ends all of it for this process: a screen that is read-only has no file to open.
-Rule 5: inside `reading_only` names are looked up in what was read before; no name reaches the disk.
+Rule 4: `refuse_files` ends all of it for this process: a screen that is read-only has no file to open.
+Rule 5: inside `read_from` names are looked up in what was read before; no name reaches the disk.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from typing import IO, Final
 from trcvtui.errors import UserError, mistake
 
 FileName = str | os.PathLike[str]
-READABLE: Final = "a file that can be read"
-WRITABLE: Final = "a file that can be written"
+EXPECTED_READABLE: Final = "a file that can be read"
+EXPECTED_WRITABLE: Final = "a file that can be written"
 MOST_DIGESTED: Final = 1 << 20  # bytes of a certificate or a key
-_KINDS: Final = (
+_SPECIAL_FILE_KINDS: Final = (
     (stat.S_ISFIFO, "a FIFO"),
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
     (stat.S_ISSOCK, "a socket"),
     (stat.S_ISDIR, "Is a directory"),  # the system's words
 )
-_closed: list[str] = []  # why no file is opened any more
-_read: set[str] = set()  # the real paths of what has been read
-_noting: list[FilesRead] = []  # who takes note of what is read; the last one does
-_instead: list[FilesRead] = []  # what is read in place of the disk: the last one
+_refusal_reasons: list[str] = []  # why no file is opened any more
+_paths_read: set[str] = set()  # the real paths of what has been read
+_read_recorders: list[FilesRead] = []  # who takes note of what is read; the last one does
+_disk_substitutes: list[FilesRead] = []  # what is read in place of the disk: the last one
 
 
 class FilesRead:
@@ -49,10 +49,10 @@ class FilesRead:
         digests: Iterable[tuple[str, str]] = (),
     ) -> None:
         self.folder, self.contents, self.digests = folder or os.getcwd(), dict(contents), dict(digests)
-        self.told: Callable[[str, bytes | str], None] | None = None  # gets what comes later, or is other now
-        self.how_far: Callable[[str, float], None] | None = None  # gets the share of a file that is read
+        self.sink: Callable[[str, bytes | str], None] | None = None  # gets what comes later, or is other now
+        self.on_progress: Callable[[str, float], None] | None = None  # gets the share of a file that is read
 
-    def take(self, path: FileName, content: bytes | str) -> None:
+    def store(self, path: FileName, content: bytes | str) -> None:
         """Keep a content, or a digest."""
         name = os.fspath(path)
         known: bytes | str | None = self.contents.get(name, self.digests.get(name))
@@ -60,8 +60,8 @@ class FilesRead:
             self.contents[name] = content
         else:
             self.digests[name] = content
-        if self.told is not None and known != content:
-            self.told(name, content)
+        if self.sink is not None and known != content:
+            self.sink(name, content)
 
     def content(self, path: FileName) -> bytes:
         """Return a content; raise OSError."""
@@ -72,32 +72,32 @@ class FilesRead:
 
 
 @contextmanager
-def noting_reads(files: FilesRead) -> Iterator[None]:
+def record_reads(files: FilesRead) -> Iterator[None]:
     """Take note in `files` of each file that this process reads."""
-    _noting.append(files)
+    _read_recorders.append(files)
     try:
         yield
     finally:
-        _noting.remove(files)
+        _read_recorders.remove(files)
 
 
 @contextmanager
-def reading_only(files: FilesRead) -> Iterator[None]:
+def read_from(files: FilesRead) -> Iterator[None]:
     """Read these in place of the disk."""
-    _instead.append(files)
+    _disk_substitutes.append(files)
     try:
         yield
     finally:
-        _instead.pop()
+        _disk_substitutes.pop()
 
 
-def is_disk_left_alone() -> bool:
+def is_disk_replaced() -> bool:
     """Return whether what is read now was read once before, so that no library may open a file either."""
-    return bool(_instead)
+    return bool(_disk_substitutes)
 
 
 def is_folder(path: FileName) -> bool:
-    return not _instead and os.path.isdir(path)
+    return not _disk_substitutes and os.path.isdir(path)
 
 
 def make_folder(path: FileName, key: str) -> None:
@@ -112,7 +112,7 @@ def make_folder(path: FileName, key: str) -> None:
 
 
 @contextmanager
-def folder_for(path: FileName, key: str) -> Iterator[None]:
+def make_folder_or_undo(path: FileName, key: str) -> Iterator[None]:
     """Make a folder where it is not there; when the block fails, that one goes again if it is empty."""
     is_new = not os.path.lexists(path)
     make_folder(path, key)
@@ -125,18 +125,18 @@ def folder_for(path: FileName, key: str) -> Iterator[None]:
         raise
 
 
-def whole_name(path: FileName) -> str:
+def absolute_name(path: FileName) -> str:
     """Return a name that does not depend on the folder that this process is in."""
-    return os.path.join(_instead[-1].folder if _instead else os.getcwd(), path)
+    return os.path.join(_disk_substitutes[-1].folder if _disk_substitutes else os.getcwd(), path)
 
 
-def close_files(why: str) -> None:
+def refuse_files(why: str) -> None:
     """Refuse each later file of this process with `why`."""
-    _closed.append(why)
+    _refusal_reasons.append(why)
 
 
-def open_files() -> None:
-    _closed.clear()
+def allow_files() -> None:
+    _refusal_reasons.clear()
 
 
 def read_bytes(path: FileName, most: int) -> bytes:
@@ -144,20 +144,20 @@ def read_bytes(path: FileName, most: int) -> bytes:
 
     One byte more than `most` tells the caller that the file is larger.
     """
-    if _instead:
-        return _instead[-1].content(path)[: most + 1]
+    if _disk_substitutes:
+        return _disk_substitutes[-1].content(path)[: most + 1]
     with open_to_read(path) as file:
         content = file.read(most + 1)
-    if _noting:
-        _noting[-1].take(path, content)
+    if _read_recorders:
+        _read_recorders[-1].store(path, content)
     return content
 
 
-class _MeasuredFile(io.BufferedReader):
+class _ProgressFile(io.BufferedReader):
     """A file that tells before each read which share of it has been read."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        if _noting and (how_far := _noting[-1].how_far) is not None:
+        if _read_recorders and (how_far := _read_recorders[-1].on_progress) is not None:
             how_far(self.name, self.tell() / (os.fstat(self.fileno()).st_size or 1))
         return super().read(size)
 
@@ -165,26 +165,26 @@ class _MeasuredFile(io.BufferedReader):
 @contextmanager
 def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
     """Give a regular file to read piece by piece; raise OSError or ValueError."""
-    _refuse_when_closed()
+    _check_files_allowed()
     # O_NONBLOCK: the open of a FIFO would wait for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with _MeasuredFile(io.FileIO(path, opener=lambda *_: handle)) as file:
-        _refuse_what_is_no_file(os.fstat(handle).st_mode)
-        _read.add(os.path.realpath(path))
+    with _ProgressFile(io.FileIO(path, opener=lambda *_: handle)) as file:
+        _refuse_special_file(os.fstat(handle).st_mode)
+        _paths_read.add(os.path.realpath(path))
         yield file
 
 
 def check_readable(path: FileName) -> None:
     """Raise OSError for what `read_bytes` would refuse: before a library opens the file by its name."""
-    if _instead:
-        if os.fspath(path) not in _instead[-1].digests:
-            _instead[-1].content(path)
+    if _disk_substitutes:
+        if os.fspath(path) not in _disk_substitutes[-1].digests:
+            _disk_substitutes[-1].content(path)
         return
-    _refuse_when_closed()
-    _refuse_what_is_no_file(os.stat(path).st_mode)
-    _read.add(os.path.realpath(path))
-    if _noting:
-        _noting[-1].take(path, _digest(path))
+    _check_files_allowed()
+    _refuse_special_file(os.stat(path).st_mode)
+    _paths_read.add(os.path.realpath(path))
+    if _read_recorders:
+        _read_recorders[-1].store(path, _digest(path))
 
 
 def _digest(path: FileName) -> str:
@@ -194,10 +194,10 @@ def _digest(path: FileName) -> str:
         return sha256(file.read(MOST_DIGESTED)).hexdigest()
 
 
-def refuse_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
+def refuse_overwriting_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
     """Raise UserError when a file that shall be written is one of `inputs`, or was read before."""
     # By the files and not by kept inode numbers: the number of a file that is gone comes again.
-    others = (*_read, *inputs) if os.path.exists(path) else inputs  # what is not there is none of them
+    others = (*_paths_read, *inputs) if os.path.exists(path) else inputs  # what is not there is none of them
     if any(is_same_file(path, each) for each in others):
         raise mistake(where, f"{path}, which is read here", "another name")
 
@@ -207,13 +207,13 @@ def reason_of(failed: OSError | ValueError) -> str:
     return getattr(failed, "strerror", None) or str(failed)
 
 
-def create(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
+def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
     """Return a new file, 0600, that is written to piece by piece and has no buffer of ours.
 
     Raise UserError for a name that is taken, unless the file `replaces` it, and where the system refuses.
     """
     try:
-        _refuse_when_closed()
+        _check_files_allowed()
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         if replaces and os.path.lexists(path):
             _refuse_target(path, os.path.realpath(path), where, is_new=False)
@@ -222,11 +222,11 @@ def create(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
     except FileExistsError:
         raise mistake(where, f"{path}, which is there already", "the name of a new file") from None
     except (OSError, ValueError) as failed:
-        raise _cannot_write(path, where, failed) from None
+        raise _make_write_error(path, where, failed) from None
 
 
 @contextmanager
-def unnamed() -> Iterator[tuple[int, str]]:
+def open_private_file() -> Iterator[tuple[int, str]]:
     """Give a file of this process alone, with the name by which a library opens it: gone after the block.
 
     In memory where the system can; else a file, 0600, in the folder for such.
@@ -248,7 +248,7 @@ def unnamed() -> Iterator[tuple[int, str]]:
 
 
 @contextmanager
-def replacing(
+def replace_file(
     path: FileName, where: str, is_own: bool = False, is_new: bool = False, mode: int = 0o666
 ) -> Iterator[IO[bytes]]:
     """Give a file to write; after the block it stands under `path`, on the disk, in one step.
@@ -257,7 +257,7 @@ def replacing(
     for what is no regular file, with `is_new` for a name that is taken, and where the system refuses.
     """
     try:
-        _refuse_when_closed()
+        _check_files_allowed()
         whole = os.path.realpath(path)
         _refuse_target(path, whole, where, is_new)
         beside = os.path.join(
@@ -265,21 +265,21 @@ def replacing(
         )
         handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
     except (OSError, ValueError) as failed:
-        raise _cannot_write(path, where, failed) from None
+        raise _make_write_error(path, where, failed) from None
     try:
         with open(handle, "wb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
         if not is_own:
-            refuse_input(path, where)  # now: what was read while the block ran counts
+            refuse_overwriting_input(path, where)  # now: what was read while the block ran counts
         _keep_mode(whole, beside)
         _put_in_place(beside, whole, is_new)
     except (OSError, ValueError) as failed:
-        _forget(beside)
-        raise _cannot_write(path, where, failed) from None
+        _remove_quietly(beside)
+        raise _make_write_error(path, where, failed) from None
     except BaseException:
-        _forget(beside)
+        _remove_quietly(beside)
         raise
 
 
@@ -287,7 +287,7 @@ def write_file(
     path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
 ) -> None:
     """Put this content under a name, as `replacing` does; a text is written in UTF-8 as it is."""
-    with replacing(path, where, is_own, is_new) as file:
+    with replace_file(path, where, is_own, is_new) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
@@ -299,14 +299,14 @@ def is_same_file(one: FileName, other: FileName) -> bool:
         return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _refuse_when_closed() -> None:
-    if _closed:
-        raise OSError(errno.EPERM, _closed[-1])
+def _check_files_allowed() -> None:
+    if _refusal_reasons:
+        raise OSError(errno.EPERM, _refusal_reasons[-1])
 
 
-def _refuse_what_is_no_file(mode: int) -> None:
+def _refuse_special_file(mode: int) -> None:
     if not stat.S_ISREG(mode):
-        kind = next((name for is_kind, name in _KINDS if is_kind(mode)), "no regular file")
+        kind = next((name for is_kind, name in _SPECIAL_FILE_KINDS if is_kind(mode)), "no regular file")
         raise OSError(errno.EINVAL, kind)
 
 
@@ -314,7 +314,7 @@ def _refuse_target(path: FileName, whole: str, where: str, is_new: bool) -> None
     if is_new and os.path.lexists(path):
         raise mistake(where, f"{path}, which is there already", "the name of a new file")
     if os.path.exists(whole):
-        _refuse_what_is_no_file(os.stat(whole).st_mode)
+        _refuse_special_file(os.stat(whole).st_mode)
         if not os.access(whole, os.W_OK):  # a rename would not ask
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
@@ -357,16 +357,16 @@ def _sync_folder(folder: str) -> None:
         os.close(handle)
 
 
-def _forget(path: str) -> None:
+def _remove_quietly(path: str) -> None:
     try:
         os.unlink(path)
     except OSError:
         return  # the reason that is told is the first one
 
 
-def _cannot_write(path: FileName, where: str, failed: OSError | ValueError) -> UserError:
+def _make_write_error(path: FileName, where: str, failed: OSError | ValueError) -> UserError:
     reason = reason_of(failed)
     folder = os.path.dirname(os.path.abspath(path)) if "\0" not in str(path) else ""
     if isinstance(failed, FileNotFoundError) and not os.path.isdir(folder):
         return mistake(where, f"{path}: no folder {folder}", "a folder that is there")
-    return mistake(where, reason if str(path) in where else f"{path}: {reason}", WRITABLE)
+    return mistake(where, reason if str(path) in where else f"{path}: {reason}", EXPECTED_WRITABLE)

@@ -10,7 +10,7 @@ from typing import Final
 
 from trcvtui.errors import mistake
 
-CONFIGS: Final = "configs"
+CONFIGS_FOLDER: Final = "configs"
 
 
 def demo_path() -> Path:
@@ -19,8 +19,8 @@ def demo_path() -> Path:
 
 def configs_path() -> Path:
     """Return the folder of the examples that came with the program: beside the source, in a wheel inside."""
-    inside = Path(__file__).parent / CONFIGS
-    return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS
+    inside = Path(__file__).parent / CONFIGS_FOLDER
+    return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS_FOLDER
 
 
 def state_folder() -> Path:
@@ -41,7 +41,7 @@ def runtime_folder() -> Path:
     return Path(of_user, "trcvtui") if of_user else Path(gettempdir(), f"trcvtui-{os.geteuid()}")
 
 
-def given_path(text: str) -> Path:
+def resolve_path(text: str) -> Path:
     """Return the file that a word of the command line names; raise UserError for a name of two examples.
 
     The user's own file comes first. Where there is none, `configs/types/weight.st` and, without folder and
@@ -50,19 +50,19 @@ def given_path(text: str) -> Path:
     path = Path(text)
     if os.path.lexists(path):
         return path
-    if path.parts[:1] == (CONFIGS,) and ".." not in path.parts:
+    if path.parts[:1] == (CONFIGS_FOLDER,) and ".." not in path.parts:
         came_along = configs_path().joinpath(*path.parts[1:])
         return came_along if came_along.exists() else path
     if path.suffix or len(path.parts) != 1:
         return path
-    found = sorted(configs_path().rglob(f"{_exactly(text)}.toml"))
+    found = sorted(configs_path().rglob(f"{_escape_glob(text)}.toml"))
     if len(found) > 1:
-        names = " and ".join(str(Path(CONFIGS) / each.relative_to(configs_path())) for each in found)
+        names = " and ".join(str(Path(CONFIGS_FOLDER) / each.relative_to(configs_path())) for each in found)
         raise mistake(text, f"the name of {names}", "one of them")
     return found[0] if found else path
 
 
-def example_lines(word: str | None = None) -> Iterator[str]:
+def list_examples(word: str | None = None) -> Iterator[str]:
     """Return each project and story with its first sentence; with a word all that have it, scenarios too."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
@@ -70,12 +70,12 @@ def example_lines(word: str | None = None) -> Iterator[str]:
         for path in sorted(root.glob(pattern)):
             head = takewhile(lambda line: line.startswith("#"), path.read_text("utf-8").splitlines())
             sentence = " ".join(line.removeprefix("# ") for line in head).partition(". ")[0].rstrip(".")
-            line = f"{Path(CONFIGS, path.relative_to(root))!s:<49}  {sentence}."
+            line = f"{Path(CONFIGS_FOLDER, path.relative_to(root))!s:<49}  {sentence}."
             if word is None or word.lower() in line.lower():
                 yield line
     for folder in () if word else sorted((root / "scenarios").iterdir()):
         yield f"configs/scenarios/{folder.name}/: {len(list(folder.glob('*.toml')))} scenarios"
 
 
-def _exactly(name: str) -> str:
+def _escape_glob(name: str) -> str:
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)

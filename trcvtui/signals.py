@@ -4,11 +4,14 @@ import signal
 from typing import Final
 
 # Ctrl+C, Ctrl+\, and a terminal that is closed: sent to all programs of it.
-OF_A_TERMINAL: Final = ("SIGINT", "SIGQUIT", "SIGHUP")
-OF_A_GROUP: Final = (*OF_A_TERMINAL, "SIGTERM")  # what `timeout` and a service's end send to all of them, too
+TERMINAL_SIGNALS: Final = ("SIGINT", "SIGQUIT", "SIGHUP")
+GROUP_SIGNALS: Final = (
+    *TERMINAL_SIGNALS,
+    "SIGTERM",
+)  # what `timeout` and a service's end send to all of them, too
 
 
-def leave(names: tuple[str, ...]) -> None:
+def ignore_signals(names: tuple[str, ...]) -> None:
     """Do nothing when one of these comes; not every system has all of them."""
     for name in names:
         if hasattr(signal, name):

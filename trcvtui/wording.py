@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from trcvtui.errors import one_line
 
-UNITS: Final = {"B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
+SIZE_UNITS: Final = {"B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 SECOND: Final = 1_000_000_000
-IN_SECONDS: Final = 120  # shorter times are told in seconds alone
+MOST_IN_SECONDS: Final = 120  # shorter times are told in seconds alone
 
 
 # Time in words: a stamp is when, a duration how long, an age how long ago.
@@ -28,16 +28,16 @@ def age(ns: int) -> str:
     seconds = max(0, ns) / SECOND
     if seconds < 10:
         return f"{int(seconds * 10) / 10:.1f} s"
-    if seconds < IN_SECONDS:
+    if seconds < MOST_IN_SECONDS:
         return f"{int(seconds)} s"
     if seconds < 7200:
         return f"{int(seconds / 60)} min"
     return f"{int(seconds / 3600)} h"
 
 
-def duration(ns: int) -> str:
+def format_ns(ns: int) -> str:
     """Return how long something took: `0.35 ms`, `12 ms`, `4.2 s`, `3 min 5 s`, `2 h 5 min`."""
-    if ns < IN_SECONDS * SECOND:
+    if ns < MOST_IN_SECONDS * SECOND:
         return f"{ns / 1e6:.3g} ms" if ns < SECOND else f"{ns / SECOND:.3g} s"
     minutes, seconds = divmod(ns // SECOND, 60)
     return f"{minutes} min {seconds} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
@@ -53,7 +53,7 @@ def times(number: int) -> str:
     return {1: "once", 2: "twice"}.get(number, f"{number} times")
 
 
-def rate(size: int, ns: int) -> str:
+def rate_text(size: int, ns: int) -> str:
     """Return how fast bytes come: `40 B/s`, `1.2 KB/s`."""
     return f"{size_text(size * SECOND / max(1, ns))}/s"
 
@@ -73,13 +73,13 @@ def size_text(size: float) -> str:
 def parse_size(text: str) -> int | None:
     """Return the bytes of `64KiB`, `32MiB`, None where that is no size."""
     found = re.fullmatch(r"(\d{1,9})(B|KiB|MiB|GiB)?", text, re.ASCII)
-    return int(found[1]) * UNITS[found[2] or "B"] if found else None
+    return int(found[1]) * SIZE_UNITS[found[2] or "B"] if found else None
 
 
 def exact_size(size: int) -> str:
     """Return `64KiB`, as `parse_size` reads it."""
-    unit = next(unit for unit in reversed(UNITS) if size % UNITS[unit] == 0)
-    return f"{size // UNITS[unit]}{unit}"
+    unit = next(unit for unit in reversed(SIZE_UNITS) if size % SIZE_UNITS[unit] == 0)
+    return f"{size // SIZE_UNITS[unit]}{unit}"
 
 
 def utc_text(ns: int) -> str:
@@ -93,9 +93,9 @@ def utc_text(ns: int) -> str:
     return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
-def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
+def format_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
     """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
-    columns = [_printable(column) for column in zip(*rows, strict=True)]
+    columns = [_escape_column(column) for column in zip(*rows, strict=True)]
     if not columns:  # no rows
         return iter(())
     padded = [
@@ -105,13 +105,13 @@ def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
     return map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
 
 
-def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
+def _escape_column(column: tuple[str, ...]) -> tuple[str, ...]:
     return column if "".join(column).isprintable() else tuple(map(one_line, column))
 
 
 # In JSON of ASCII: what stands after `\`, and the code units that are no character by themselves. Strict
 # readers refuse the latter, though JSON has a form for them.
-_HALF: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
+_SURROGATE: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
 
 
 def json_text(value: object, **form: Any) -> str:
@@ -122,4 +122,4 @@ def json_text(value: object, **form: Any) -> str:
     import json  # here: most texts need none, and a command line starts faster without
 
     text = json.dumps(value, **form).replace("\x7f", "\\u007f")  # the one control character that it leaves
-    return _HALF.sub(lambda found: "\\" * bool(found[1]) + found[0], text) if "\\ud" in text else text
+    return _SURROGATE.sub(lambda found: "\\" * bool(found[1]) + found[0], text) if "\\ud" in text else text

@@ -23,7 +23,7 @@ from trcvtui.diagnosis.judges import JUDGE_ENTRY, FilesJudge
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.net.serial_line import SimSerialPort
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.recording.files import RecordTarget
@@ -153,7 +153,7 @@ def after_ten_seconds(
     project_file, file = folder / "p.toml", folder / "run.pcapng"
     project_file.write_text(text)
     recorder = make_recorder(RecordTarget(file), file, waits=True)
-    with noting_reads(recorder.reads):
+    with record_reads(recorder.reads):
         project = load_bench(project_file)
     with recorder:
         bench = fresh_bench(project, "sim", recorder.seam)

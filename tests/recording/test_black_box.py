@@ -59,7 +59,7 @@ class Run:
         self.recorder.box = self.box
         self.recorder.__enter__()
         project = load_bench(path)
-        self.recorder.reads.take(str(path), PROJECT.encode())
+        self.recorder.reads.store(str(path), PROJECT.encode())
         bench = fresh_bench(project, "sim", self.recorder.seam)
         self.recorder.add_header(bench, path, (), is_scenario=False)
         self.controller = Controller(bench)
@@ -212,7 +212,7 @@ def test_a_box_that_waits_beside_other_programs_goes_on(
     run.recorder._time_of = clock.now_ns
     run.scans(100)
     assert run.box._since > 0 and not run.recorder.seam.is_off
-    monkeypatch.setattr(clock, "used_ns", lambda: next(times))
+    monkeypatch.setattr(clock, "thread_cpu_ns", lambda: next(times))
     run.recorder._time_of = clock.now_ns
     run.scans(100)
     assert run.recorder.seam.is_off

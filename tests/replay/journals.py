@@ -9,7 +9,7 @@ from pathlib import Path
 from tests.scenario.scenarios import Kept, play
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.journal import Entry, Keyframe, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
@@ -72,7 +72,7 @@ def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
     """Return a bench after these lines with five scans each, and its journal."""
     kept = Kept()
     recorder = RunRecorder(lambda: kept, waits=False)
-    with noting_reads(recorder.reads):
+    with record_reads(recorder.reads):
         project = load_bench(path)
         with recorder:
             bench = fresh_bench(project, "sim", recorder.seam)

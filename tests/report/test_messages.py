@@ -20,7 +20,7 @@ from tests.recording.wire import ACK, FIN, capture, handshake, serial_line, tcp,
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.cut_messages import MessageCutter
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
@@ -117,7 +117,7 @@ def record_live(folder: Path, send: Callable[[socket.socket], None]) -> int:
     path = folder / "live.toml"
     path.write_text((folder / "p.toml").read_text().replace("LocalPort = 2000", "LocalPort = 0"))
     recorder = make_recorder(RecordTarget(folder / "r.pcapng"), folder / "r.pcapng", waits=True)
-    with noting_reads(recorder.reads):
+    with record_reads(recorder.reads):
         project = load_bench(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)

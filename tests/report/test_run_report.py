@@ -23,7 +23,7 @@ from tests.scenario.scenarios import CONFIGS, Kept
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.commands.words import Set
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.recording.journal import CallRecord, Entry, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.report.command import recording_source, replay_with_notes
@@ -204,7 +204,7 @@ def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold
     kept, out = Kept(), io.StringIO()
     recorder = RunRecorder(lambda: kept, waits=False)
     path = CONFIGS / "stories" / "four_bytes_short.toml"
-    with noting_reads(recorder.reads):
+    with record_reads(recorder.reads):
         project = load_bench(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)

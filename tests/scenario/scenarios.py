@@ -14,7 +14,7 @@ from typing import Any
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.words import Link
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.recording.journal import Entry, Keyframe
 from trcvtui.recording.recorder import RunRecorder
@@ -97,7 +97,7 @@ def play(
     """Run one scenario; every handle must be free afterwards. `overrides` are those of `--set`."""
     kept = Kept()
     recorder = RunRecorder(lambda: kept, waits=kernel == "sim") if is_recorded else None
-    with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+    with record_reads(recorder.reads) if recorder is not None else nullcontext():
         scenario = load_scenario(path, overrides)
     with recorder or nullcontext():
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)

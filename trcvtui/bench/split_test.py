@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.words import PeerSend, TrySplits
 from trcvtui.snapshots.scenario import SplitRow, TrialSnapshot
-from trcvtui.wording import in_columns
+from trcvtui.wording import format_columns
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
 SETTLE_SCANS: Final = 2  # after the last byte: DONE is over, the next job is armed
@@ -193,7 +193,7 @@ def trial_text(trial: TrialSnapshot) -> str:
     size = len(trial.payload)
     lines = [f"{trial.peer}: {size} bytes to {trial.instance}, every split · {trial.summary()}"]
     rows = [(row.span(), "same" if row.same else "differs", row_text(row)) for row in trial.rows]
-    return "\n".join((*lines, *in_columns(rows, "rll"))) + "\n"
+    return "\n".join((*lines, *format_columns(rows, "rll"))) + "\n"
 
 
 class ScreenSplitTest:

@@ -29,7 +29,7 @@ from trcvtui.cli.options import (
 from trcvtui.cli.screen import launch, open_screen
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
-from trcvtui.paths import given_path
+from trcvtui.paths import resolve_path
 
 SCENARIO_FORMATS = ("text", "jsonl", "junit")
 
@@ -80,9 +80,9 @@ def add_examples(parser: CommandParser) -> None:
 
 
 def _examples(args: Args) -> int:
-    from trcvtui.paths import example_lines
+    from trcvtui.paths import list_examples
 
-    lines = list(example_lines(args.word))
+    lines = list(list_examples(args.word))
     if not lines:
         raise mistake("trcvtui examples", f"no project, story or scenario with '{args.word}'", "another word")
     return print_lines(lines)
@@ -91,7 +91,7 @@ def _examples(args: Args) -> int:
 def add_scenario(parser: CommandParser) -> None:
     parser.description = "Runs scenarios without a screen; exit 1: an expectation failed."
     parser.last_words = lambda: f"formats: {', '.join(SCENARIO_FORMATS)}; {dialect_names()}"
-    parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path, help="scenario files")
+    parser.add_argument("files", metavar="FILE.toml", nargs="+", type=resolve_path, help="scenario files")
     add_kernel(parser, "sim")
     parser.add_argument("--format", metavar="NAME", default="text", help="output format; default: text")
     add_netns(parser)
@@ -137,7 +137,7 @@ def _record(args: Args) -> int:
 
 def add_replay(parser: CommandParser) -> None:
     parser.description = "Shows a recording with a time line, or runs it again, as it was or changed."
-    parser.add_argument("file", metavar="FILE", type=given_path, help="a recording, also .gz")
+    parser.add_argument("file", metavar="FILE", type=resolve_path, help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; exit 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print the run as JSON, one object a line")
     add_set(parser, "what if: run it again with this key changed")

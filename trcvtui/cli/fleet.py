@@ -18,7 +18,7 @@ from trcvtui.cli.options import (
     run_writer,
 )
 from trcvtui.cli.streams import has_terminal
-from trcvtui.errors import mistake, need
+from trcvtui.errors import mistake, require
 
 BROKER_HELP = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
 
@@ -64,11 +64,11 @@ def _agent(args: Args) -> int:
             raise mistake(option, "an empty one", "a name, it is a level of each topic")
     page = None if args.metrics is None else parse_page_address(args.metrics)
     if page is not None:
-        need("prometheus_client", "metrics", "--metrics", "no prometheus-client")
+        require("prometheus_client", "metrics", "--metrics", "no prometheus-client")
     broker = None
     if args.mqtt is not None:
         broker = parse_broker(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
-        need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
+        require("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     project, record = load_bench(path), None
     if args.record is not None:
         from trcvtui.files import make_folder
@@ -103,7 +103,7 @@ def _fleet(args: Args) -> int:
     from trcvtui.fleet.broker import NO_TLS_TEXT, parse_broker
 
     broker = parse_broker(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
-    need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
+    require("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     if not has_terminal():
         raise mistake("trcvtui fleet", "no terminal", "a terminal; for scripts: docs/fleet-formats.md")
     if not broker.has_tls:

@@ -26,7 +26,7 @@ from trcvtui.cli.options import (
 from trcvtui.cli.screen import launch
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import UserError, mistake
-from trcvtui.paths import given_path
+from trcvtui.paths import resolve_path
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.doctor import RecordedFacts
@@ -210,7 +210,7 @@ def add_doctor(parser: CommandParser) -> None:
     about = "read them on a Dask cluster that you trust"
     parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help=about)
     about = "write a project that can receive this traffic"
-    parser.add_argument("--suggest", metavar="NEW.toml", type=given_path, help=about)
+    parser.add_argument("--suggest", metavar="NEW.toml", type=resolve_path, help=about)
 
 
 def _doctor(args: Args) -> int:
@@ -279,7 +279,7 @@ def add_report(parser: CommandParser) -> None:
     parser.description = (
         "Writes a recording or capture as an HTML page: verdict, time line, causes, STATUS, frames."
     )
-    parser.add_argument("file", metavar="FILE", type=given_path, help="a recording or a capture, also .gz")
+    parser.add_argument("file", metavar="FILE", type=resolve_path, help="a recording or a capture, also .gz")
     about = "a new file, or an older report"
     parser.add_argument("--out", metavar="REPORT.html", required=True, type=Path, help=about)
     parser.add_argument(

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from trcvtui.errors import one_line
-from trcvtui.paths import given_path
+from trcvtui.paths import resolve_path
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
@@ -95,7 +95,7 @@ def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> No
 def add_project(parser: CommandParser, help: str | None = None) -> None:
     """Add the project: the first word, or with a text an option."""
     name, about = ("--project", help) if help else ("project", "the project file")
-    parser.add_argument(name, metavar="PROJECT.toml", type=given_path, help=about)
+    parser.add_argument(name, metavar="PROJECT.toml", type=resolve_path, help=about)
 
 
 def add_plc(parser: CommandParser, default: str = "guessed") -> None:
@@ -153,7 +153,7 @@ def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
 
 def find_file(text: str) -> str:
     """Return the name of a file as it was given, or of the example that it means."""
-    return str(given_path(text)) if text != "-" else text
+    return str(resolve_path(text)) if text != "-" else text
 
 
 def dialect_names() -> str:

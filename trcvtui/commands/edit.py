@@ -25,7 +25,7 @@ from trcvtui.commands.peer import (
 from trcvtui.commands.tokens import Words, prefix_problems, unquote
 from trcvtui.commands.words import Add, AddData, Change, EditCommand, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
-from trcvtui.files import is_disk_left_alone
+from trcvtui.files import is_disk_replaced
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import (
@@ -178,7 +178,7 @@ MOST_TYPES_SHOWN: Final = 8  # that are told
 def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
     """Return a file with types for the project; raise UserError where it has none, or hides one."""
     path = os.path.expanduser(name)
-    if not is_disk_left_alone():  # each file has one name; a link keeps its own
+    if not is_disk_replaced():  # each file has one name; a link keeps its own
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
         folder, file = os.path.split(path if is_here else project.base / path)
         path = f"{relocate(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")

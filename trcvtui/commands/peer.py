@@ -50,7 +50,7 @@ from trcvtui.commands.words import (
     TrySplits,
     TryStop,
 )
-from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.project.tables import Kind, expected_name, integer, quote
 from trcvtui.udt.byte_text import parse_hex
@@ -262,12 +262,12 @@ def _parse_steps(
 
 def check_library(project: Project) -> None:
     """Raise UserError with every mistake in the messages and sequences of a project."""
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for message in project.messages:
-            with noting(problems):
+            with collect_problems(problems):
                 check_message(message, project, _place(project, message.name))
         for sequence in project.sequences:
-            with noting(problems):
+            with collect_problems(problems):
                 check_sequence(sequence, project, f"{project.path}: sequence {sequence.name}")
 
 
@@ -280,10 +280,10 @@ def check_message(message: MessageDecl, project: Project, where: str) -> None:
 def check_sequence(sequence: SequenceDecl, project: Project, where: str) -> None:
     """Raise UserError with every step that is no message and no pause."""
     names = [message.name for message in project.messages]
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for number, step in enumerate(sequence.steps, 1):
             place = f"{where}: steps #{number}"
-            with noting(problems):
+            with collect_problems(problems):
                 if "#" in step:
                     parse_delay(step, "", place)
                 elif step not in names:
@@ -433,7 +433,7 @@ class PeerRoutine(Struct, frozen=True):
 def read_replies(project: Project) -> tuple[ReplyOn, ...]:
     """Return the reply rules that the peers of a project begin with; raise UserError with all mistakes."""
     rules: list[ReplyOn] = []
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for decl in project.peers:
             rules += _read_rules(decl, project, f"{project.path}: peer {decl.name}", problems)
     return tuple(rules)
@@ -442,7 +442,7 @@ def read_replies(project: Project) -> tuple[ReplyOn, ...]:
 def read_routines(project: Project) -> dict[str, PeerRoutine]:
     """Return what the peers of a project do by themselves; raise UserError with every wrong message."""
     routines: dict[str, PeerRoutine] = {}
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for decl in project.peers:
             if decl.says or decl.reconnect_ns:
                 says = _read_says(decl, project, f"{project.path}: peer {decl.name}", problems)
@@ -452,7 +452,7 @@ def read_routines(project: Project) -> dict[str, PeerRoutine]:
 
 def check_routine(decl: PeerDecl, project: Project, where: str) -> None:
     """Raise UserError with every mistake in what a peer does by itself."""
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         _read_rules(decl, project, where, problems)
         _read_says(decl, project, where, problems)
 
@@ -462,7 +462,7 @@ def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Pro
     if len(decl.replies) > MOST_RULES:
         problems.append(Problem(f"{where}: replies", f"{len(decl.replies)} rules", f"at most {MOST_RULES}"))
     for number, text in enumerate(decl.replies, 1):
-        with noting(problems):
+        with collect_problems(problems):
             rules.append(parse_rule(Words(text, f"{where}: replies #{number}"), project, decl.name))
     return rules
 
@@ -471,7 +471,7 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
     read = []
     for number, text in enumerate(decl.says, 1):
         words = Words(text, f"{where}: says #{number}")
-        with noting(problems):
+        with collect_problems(problems):
             send = parse_any_send(words, project, decl.name)
             words.expect_end()
             read.append(send)

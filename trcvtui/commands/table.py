@@ -22,7 +22,7 @@ from trcvtui.commands.peer import SIMPLE_VERBS, PeerActions, parse_peer_command
 from trcvtui.commands.reader import parse_create, parse_resize, project_after
 from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import BenchCommand, Contains, EditCommand, FieldIs, Match, Starts, Step
-from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
@@ -483,13 +483,13 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
     """Return the commands of a script, numbered from 1; raise UserError with the mistakes of all lines."""
     steps: list[Step] = []
     number = 0
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
             if not line or line.startswith("#"):
                 continue
             number += 1
             command = None
-            with noting(problems):
+            with collect_problems(problems):
                 command = parse_line(line, project, f"{where}: step {number} ({_shorten(line)})")
             if command is not None:
                 steps.append(Step(number, line, command))

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import READABLE, read_bytes, reason_of
+from trcvtui.files import EXPECTED_READABLE, read_bytes, reason_of
 from trcvtui.project.keys import pin_kind
 from trcvtui.project.project import Project
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, integer, quote, with_article
@@ -156,7 +156,7 @@ def file_bytes(path: Path, where: str) -> bytes:
     try:
         content = read_bytes(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
-        raise mistake(where, f"{reason_of(failed)}: '{path}'", READABLE, "file") from None
+        raise mistake(where, f"{reason_of(failed)}: '{path}'", EXPECTED_READABLE, "file") from None
     if len(content) > MOST_BYTES:
         raise mistake(where, f"'{path}' with more than that", f"at most {MOST_BYTES} bytes")
     if not content:

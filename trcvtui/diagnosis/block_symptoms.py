@@ -30,7 +30,7 @@ from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.snapshots.doctor import Finding, Remedy
-from trcvtui.wording import SECOND, count, duration, times
+from trcvtui.wording import SECOND, count, format_ns, times
 
 LINKED_CONDITIONS: Final = (
     BUSY_CONDITIONS | DONE_CONDITIONS | {Condition.CONNECTED, Condition.ESTABLISHED}
@@ -190,7 +190,7 @@ class BlockSymptoms:
             return
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:
-            text = f"{shown.name} has asked for a connection for {duration(now - since)}, and none stands"
+            text = f"{shown.name} has asked for a connection for {format_ns(now - since)}, and none stands"
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
@@ -204,7 +204,7 @@ class BlockSymptoms:
         if quiet < (max(QUIET_NS, 2 * usual) if pauses else 10 * QUIET_NS):
             return
         here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
-        text = f"{here}, and none came for {duration(quiet)}"
+        text = f"{here}, and none came for {format_ns(quiet)}"
         sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
         more = {"connect": shown.connect, "confidence": sure, "mend": self._offer_com_rst(shown)}
         yield self._finding(shown.name, "job-waits", text, last, **more)

@@ -33,7 +33,7 @@ from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
 from trcvtui.diagnosis.restarts import find_restarts, judge_half_open
 from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_line_errors, judge_tls, judge_wrong_tsap
 from trcvtui.snapshots.doctor import Finding, Remedy
-from trcvtui.wording import SECOND, count, duration, times
+from trcvtui.wording import SECOND, count, format_ns, times
 
 UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
 IDLE_NS: Final = 20 * SECOND
@@ -200,7 +200,7 @@ def _judge_filtered(case: LineCase) -> Finding | None:
     waited = case.last_ns - syns[0].ns
     if waited < SECOND or (len(syns) < 2 and waited < UNANSWERED_NS):
         return None
-    text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
+    text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {format_ns(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
         return Finding(0.6, (text, "a connection between the same ends died before it"), _listener_way(line))
@@ -215,7 +215,7 @@ def _judge_second_client(case: LineCase) -> Finding | None:
     if not older:
         return None
     first = older[0]
-    since = f"the PLC end serves {first.partner} since {duration(line.first_ns - first.first_ns)} before"
+    since = f"the PLC end serves {first.partner} since {format_ns(line.first_ns - first.first_ns)} before"
     if not line.is_built:
         reset = line.listener.reset
         if reset is not None:
@@ -230,16 +230,16 @@ def _judge_second_client(case: LineCase) -> Finding | None:
         at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
-            text = f"{word} from the PLC end after {duration(ended.ns - begun)}, it had said nothing"
+            text = f"{word} from the PLC end after {format_ns(ended.ns - begun)}, it had said nothing"
             return Finding(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
     said = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
-        text = f"it stands without a byte for {duration(still)}"
+        text = f"it stands without a byte for {format_ns(still)}"
         return Finding(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
-        text = f"{count(said, 'segment')} of this client in {duration(line.lasted_ns)}, and no answer"
+        text = f"{count(said, 'segment')} of this client in {format_ns(line.lasted_ns)}, and no answer"
         return Finding(0.7, (since, text), way="to-plc")
     return None
 
@@ -323,8 +323,8 @@ def _judge_storm(case: LineCase) -> Finding | None:
     by_plc, resets = case.group.plc_end_and_reset_counts
     who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
-        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
-        f"{who}; {resets} by RST; each stood {duration(life)}",
+        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {format_ns(period)}",
+        f"{who}; {resets} by RST; each stood {format_ns(life)}",
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
@@ -437,7 +437,7 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
         said, copies, since, size, back, packet = found
         who = "the PLC end" if said is line.from_plc else "the partner"
         other = "the partner" if said is line.from_plc else "the PLC end"
-        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
+        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {format_ns(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
         texts += [_GONE_TEXT] * bool(line.gone)
@@ -464,7 +464,7 @@ def _judge_keep_alive_probes(case: LineCase) -> Finding | None:
         if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
             return Finding(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
         if n and case.last_ns - since.ns >= SECOND:
-            text = f"the last keep-alive probe of {who} has no answer in {duration(case.last_ns - since.ns)}"
+            text = f"the last keep-alive probe of {who} has no answer in {format_ns(case.last_ns - since.ns)}"
             odd = Finding(0.0, (text,), way=way, at=since, is_remark=True)
     return odd
 
@@ -481,7 +481,7 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
     for idle in line.idles:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
             continue  # it was idle, and not waiting for an answer
-        texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
+        texts = [f"{format_ns(idle.size_ns)} without a packet, no keep-alive probe"]
         at = SegmentFacts(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
         is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
@@ -497,7 +497,7 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
         size = after.first_ns - line.last_ns if after is not None else 0
         if size >= IDLE_NS and dead is None and not _has_parallel_connection(case, line.last_ns):
             texts = [
-                f"{duration(size)} without a packet, no keep-alive probe",
+                f"{format_ns(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
             return Finding(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
@@ -525,7 +525,7 @@ def _judge_replaced_connection(case: LineCase) -> Finding | None:
         ]
         if new and heard < 2 and not _has_parallel_connection(case, since):
             texts = (
-                f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
+                f"{format_ns(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
             )
             return Finding(0.85, texts, at=SegmentFacts(since, 0, 0, idle.packet))
@@ -555,7 +555,7 @@ def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     if by_plc and often > 1 and said.closed[0].until_ns is not None and _describe_overload(case):
         return None  # it reads, and too slowly
     who = "the PLC end" if by_plc else "the partner"
-    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {duration(longest)}",)
+    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {format_ns(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
     packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
@@ -650,7 +650,7 @@ def _judge_loss(case: LineCase) -> Finding | None:
         text = f"{again} sent again, {said.late} came late, of {of_all}: {share:.1%}"
         at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent")
         if is_often or is_long:
-            waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
+            waited = f"the longest wait for a copy was {format_ns(said.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
             texts = (text, *([waited] if said.longest_wait_ns else []))
             found = Finding(sure, texts, way=way, at=at, packets=packets)

@@ -21,7 +21,7 @@ from trcvtui import clock
 from trcvtui.capture.pcap import open_capture
 from trcvtui.diagnosis.doctor import DoctorQuestion, RecordedFacts, complete, finding_key, judge_capture
 from trcvtui.errors import UserError, one_line
-from trcvtui.files import FilesRead, noting_reads, unnamed
+from trcvtui.files import FilesRead, open_private_file, record_reads
 from trcvtui.recording.journal import decode_entries
 from trcvtui.recording.recording import RecordingWriter, read_run_header
 from trcvtui.recording.writer import POST_INTERVAL_NS
@@ -96,7 +96,7 @@ class DoctorInput:
     def __init__(self, path: str, recorded: ReadRecordedFacts, load: Callable[[Path], Project]) -> None:
         self._path, self._recorded, self._load = path, recorded, load
         self._name, self._told_at, self._reads, self._bytes = "", 0, FilesRead(), 0
-        self._reads.how_far = self._report_read
+        self._reads.on_progress = self._report_read
         self._opened = ExitStack()
         self._asked: Any = None
         self._writer: RecordingWriter | None = None
@@ -109,7 +109,7 @@ class DoctorInput:
         elif (asked := json.loads(block)) is not None:
             self._asked = asked
         else:
-            handle, self._name = self._opened.enter_context(unnamed())
+            handle, self._name = self._opened.enter_context(open_private_file())
             file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
             self._writer = RecordingWriter(self._name, file=file)
 
@@ -118,7 +118,7 @@ class DoctorInput:
 
     def close(self) -> None:
         try:
-            with noting_reads(self._reads):
+            with record_reads(self._reads):
                 found = self._judge()
         except UserError as wrong:
             found = DoctorSnapshot(trouble=wrong.lines()[0][:MOST_TEXT])

@@ -19,7 +19,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import PeerSnapshot
-from trcvtui.wording import SECOND, age, count, duration, times
+from trcvtui.wording import SECOND, age, count, format_ns, times
 
 ANY_ADDRESS: Final = "0.0.0.0"
 NS_PER_MS: Final = SECOND // 1000
@@ -279,7 +279,7 @@ def explain_dead_link(e: Evidence) -> RuleAnswer:
     """Nothing was acknowledged, as long as the keep-alive waits."""
     if e.config is None:
         return ""
-    limit = duration(3 * e.config.keep_alive_s * SECOND)
+    limit = format_ns(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
     stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
     return tip(
@@ -297,7 +297,7 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
     if e.last_bytes_ns < since.t_ns or e.quiet_ns is None or e.quiet_ns < patience:
         return ""
     limit, peer = (
-        duration(e.config.dead_after_ms * NS_PER_MS),
+        format_ns(e.config.dead_after_ms * NS_PER_MS),
         e.link.remote if e.link is not None else "its partner",
     )
     return tip(

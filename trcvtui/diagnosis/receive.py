@@ -13,7 +13,7 @@ from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import AdvisedCause, RuleAnswer, explain_req, limit, progress, tip
 from trcvtui.history.records import DroppedJob
 from trcvtui.snapshots.bench import PeerSnapshot
-from trcvtui.wording import SECOND, age, count, rate, times
+from trcvtui.wording import SECOND, age, count, rate_text, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
 SLOW_SENDER_PAUSES: Final = 2  # so many of a sender's longest pauses are waited for
@@ -82,7 +82,7 @@ def _describe_rate(e: Evidence) -> str:
     if state(e) != FILLING or began is None or e.last_bytes_ns is None:
         return ""
     lasted = e.last_bytes_ns - began.t_ns
-    return f", {rate(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
+    return f", {rate_text(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
 
 
 # -- who sends, and in which sizes ------------------------------------------------------------------------

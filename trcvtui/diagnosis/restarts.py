@@ -7,7 +7,7 @@ from typing import Final
 
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts
 from trcvtui.snapshots.doctor import Finding
-from trcvtui.wording import SECOND, duration
+from trcvtui.wording import SECOND, format_ns
 
 RECONNECT_NS: Final = 10 * SECOND
 ANSWER_NS: Final = SECOND // 2
@@ -67,7 +67,7 @@ def judge_half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> 
         return None
     who = "the PLC end" if new.plc_calls else "the partner"
     before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
-    silence = duration(new.first_ns - max(before, default=old.first_ns))
+    silence = format_ns(new.first_ns - max(before, default=old.first_ns))
     texts = (
         f"{who} calls anew after {silence} of silence, and its old connection stands",
         "the other end still answers for the old one, and the caller answers that with RST",

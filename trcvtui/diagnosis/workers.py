@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import msgspec
 
-from trcvtui.errors import Problem, UserError, mistake, need
+from trcvtui.errors import Problem, UserError, mistake, require
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
@@ -73,7 +73,7 @@ def judge_in_cluster(
 
     What no worker can open is read here. `form`: the type of an Answer. Raise UserError: no such scheduler.
     """
-    dask = need("distributed", "cluster", "--scheduler", "no Dask")
+    dask = require("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
     with _forbid_unpickling():
         try:

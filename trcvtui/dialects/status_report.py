@@ -13,7 +13,7 @@ from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
-from trcvtui.wording import in_columns
+from trcvtui.wording import format_columns
 
 CODE_PATTERN: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
 REACH_TEXT: Final = {
@@ -240,4 +240,4 @@ def as_table(found: Iterable[Explanation]) -> str:
         )
         for one in found
     )
-    return "\n".join(in_columns(rows, "llll"))
+    return "\n".join(format_columns(rows, "llll"))

@@ -23,9 +23,9 @@ from trcvtui.engine.controller import Controller
 from trcvtui.engine.screens import AttachedScreen, AttachedScreens
 from trcvtui.engine.timing import ScanTiming, be_punctual, freeze_collector
 from trcvtui.errors import UserError
-from trcvtui.files import FilesRead, close_files, noting_reads
+from trcvtui.files import FilesRead, record_reads, refuse_files
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.signals import OF_A_TERMINAL, leave
+from trcvtui.signals import TERMINAL_SIGNALS, ignore_signals
 
 if TYPE_CHECKING:
     from trcvtui.net.os.tab_door import TabListener
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 def engine_main(channel: Channel, *asked: Any) -> None:
     """Run what an EngineDriver asks for until the screen closes the channel; a crash is told before."""
     gc.disable()  # the engine collects at the beginning of each bench only
-    leave(OF_A_TERMINAL)  # they belong to the screen
+    ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
         _run(channel, *asked)
     except UserError as wrong:
@@ -68,7 +68,7 @@ def _run(
 
         recorder, box = attach_black_box(None, FilesRead())
         recorder.box = box
-    with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+    with record_reads(recorder.reads) if recorder is not None else nullcontext():
         project = load_bench(path)
         if recorder is not None and recorder.box is not None and not project.black_box:
             recorder = None
@@ -82,7 +82,7 @@ def _run(
             if recorder is not None:
                 recorder.add_header(bench, path, (), is_scenario=False)
             if read_only:
-                close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
+                refuse_files("this bench is read-only")  # `expect .. file X` would tell what X holds
             Engine(AttachedScreens(channel, project, read_only, door), bench, recorder).run()
 
 

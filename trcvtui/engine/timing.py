@@ -88,7 +88,7 @@ class ScanTiming:
         self._used = 0  # processor time when the last scan ended
 
     def keep_every_scan(self) -> None:
-        self._every, self._used = [], clock.used_ns()
+        self._every, self._used = [], clock.thread_cpu_ns()
 
     def write_to(self, path: Path) -> None:
         """Write every kept scan as JSON: [began on the monotonic clock, late, length, used], all in ns.
@@ -114,7 +114,7 @@ class ScanTiming:
             self._bad = overruns + has_overrun, max(worst, late if late > interval // 2 else 0)
             self._bad_until = ended + BAD_SHOWN_NS
         if self._every is not None:
-            before, self._used = self._used, clock.used_ns()
+            before, self._used = self._used, clock.thread_cpu_ns()
             self._every.append((began, began - due, ended - began, self._used - before))
 
     def summary(self, now: int) -> EngineTiming:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
 from trcvtui import clock
-from trcvtui.errors import UserError, mistake, need, one_line
+from trcvtui.errors import UserError, mistake, one_line, require
 from trcvtui.fleet.topics import MOST_MESSAGE_BYTES
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ class BrokerConnection:
     def __init__(
         self, broker: BrokerAccess, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
     ) -> None:
-        need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
+        require("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
         self._news: deque[BrokerEvent] = deque()
         self._waiting_bytes = 0

@@ -35,7 +35,7 @@ from trcvtui.capture.reassembly import (
     SegmentKind,
 )
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import unnamed
+from trcvtui.files import open_private_file
 from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
 from trcvtui.line.shadows import ShadowPart, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
@@ -429,7 +429,7 @@ class PacketBuffer:
     def write_file(self) -> list[str]:
         """Write them into a file in memory; return its name, which other processes can open."""
         self._opened.close()
-        handle, name = self._opened.enter_context(unnamed())
+        handle, name = self._opened.enter_context(open_private_file())
         with open(handle, "wb", closefd=False) as file:
             file.write(section_block(""))
             file.writelines(interface_block(*each) for each in self.interfaces())

@@ -14,7 +14,7 @@ from subprocess import DEVNULL, Popen, TimeoutExpired
 from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.files import create
+from trcvtui.files import create_file
 from trcvtui.net.os.forwarder import Forwarder, list_reachable, raise_descriptor_limit, write_or_drop_line
 from trcvtui.net.os.system_calls import OUT, poll_once
 from trcvtui.net.os.tap_ways import ASK_COUNT, ORDERS, RECORDER, SCREEN, ChannelServer, ObserverServerPipes
@@ -76,7 +76,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
         if shows_lines or record is not None or has_guests:
             server.start()
         if record is not None:
-            with create(record, "--record") as file:  # when all places are had
+            with create_file(record, "--record") as file:  # when all places are had
                 children.append(_ObserverProcess(server, RECORDER, "the recording"))
                 children[-1].start((RUN_RECORDER,), stdin=DEVNULL, stdout=file)
         loop.holds = looks.holds

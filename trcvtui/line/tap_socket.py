@@ -13,7 +13,7 @@ from pathlib import Path
 from trcvtui import paths
 from trcvtui.line.tapped import TapCapture
 from trcvtui.net.os.observers import ObserverServer, connect_to_tap
-from trcvtui.signals import OF_A_GROUP, leave
+from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 
 def make_socket_path(project: Path) -> Path:
@@ -33,7 +33,7 @@ def serve_observers(events: str, ways: str, path: str, may_order: str, told: str
 
     `told`: its taps, and which end is the PLC, in JSON.
     """
-    leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
     place = Path(path) if path else None
     capture = TapCapture("what passes a tap", json.loads(told))
     ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

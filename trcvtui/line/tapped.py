@@ -32,7 +32,7 @@ from trcvtui.recording.wire import (
     SERIAL_SENT,
     SYN,
 )
-from trcvtui.signals import OF_A_GROUP, leave
+from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 READ_BYTES: Final = 1 << 18
 WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
@@ -336,7 +336,7 @@ def record_tap(asks: int) -> None:
 
     When the process that serves observers was killed, a new one begins a new section, after whole blocks.
     """
-    leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
     way = TapChannel(asks)
     try:
         while (data := way.feed(os.read(way.fd, READ_BYTES))) != b"":

@@ -25,7 +25,7 @@ from trcvtui.net.os.tap_ways import TapChannel
 from trcvtui.net.tap import RELEASE
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.scenario.report import JsonLines, json_line, outputs_record
-from trcvtui.signals import OF_A_GROUP, leave
+from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 from trcvtui.wording import utc_text
 
 END_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -157,7 +157,7 @@ def watch_tap(asks: int, asked: str) -> None:
 
     Exit 2 and ask for nothing where what is asked is wrong.
     """
-    leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
     places, project, plc, dialect, form, is_shown, can_type = json.loads(asked)
     try:
         plan = TapPlan(places, project and Path(project), plc, dialect)

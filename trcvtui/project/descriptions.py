@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.rules import VendorRules
 from trcvtui.errors import UserError
-from trcvtui.files import whole_name
+from trcvtui.files import absolute_name
 from trcvtui.net.connection.config import TADDR_PARAM, AddrParam, ConnectConfig, parse_address
 from trcvtui.net.connection.description import (
     ADDRESSES,
@@ -159,7 +159,7 @@ def make_certificate(number: int, file: str, key: str, table: Table, base: Path)
     """Return a certificate whose files have been looked at."""
     from trcvtui.net.layers import tls  # with the TLS library: only a project with certificates waits
 
-    found = CertificateDecl(number, whole_name(base / file), whole_name(base / key) if key else "")
+    found = CertificateDecl(number, absolute_name(base / file), absolute_name(base / key) if key else "")
     if flaw := tls.find_certificate_flaw(found.file, ""):
         table.report("file", flaw, "a PEM file")
     elif found.key and (flaw := tls.find_certificate_flaw(found.file, found.key)):

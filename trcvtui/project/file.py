@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
-from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.project.key_rows import Context, context_of
 from trcvtui.project.keys import SIM_ROW, TABLES, TOP_ROW, UDT, kinds_sharing_names, read_table, table_row
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task, UdtFile
@@ -224,11 +224,11 @@ def load_scenario_document(
     path = Path(path)
     document = read_toml(path)
     scenario = document.pop("scenario", None)
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         if not isinstance(scenario, Mapping):
             found = "nothing" if scenario is None else quote(scenario)
             problems.append(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
-        with noting(problems):
+        with collect_problems(problems):
             project = _read_scenario_project(document, path, overrides)
     return project, scenario
 
@@ -439,7 +439,7 @@ def reread_udts(project: Project) -> tuple[UdtFile, ...]:
     except UserError as refused:
         if refused.problems[0].kind != "file":  # else there is none
             raise
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         tables = DocumentReader(dict(document), str(project.path), project.base, problems).entries("udt")
         find_duplicates([("udt", tables)])
         rows = [UDT.read(table, context_of(project)) for table in tables]

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.errors import UserError, noting
+from trcvtui.errors import UserError, collect_problems
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
@@ -871,7 +871,7 @@ def _udt_content(values: TableValues) -> dict[str, Any] | None:
     """Return the content of a UDT file, None where it cannot be read."""
     found: dict[str, Any] | None = None
     if values["file"] is not None:
-        with noting(values.table.problems):
+        with collect_problems(values.table.problems):
             found = {"content": content_of(values.around.base / values["file"])}
     return found
 

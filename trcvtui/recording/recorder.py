@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui import __version__, clock
 from trcvtui.errors import UserError, one_line
-from trcvtui.files import FilesRead, unnamed
+from trcvtui.files import FilesRead, open_private_file
 from trcvtui.recording.files import EntrySink, RecordTarget
 from trcvtui.recording.journal import (
     FILE_READ,
@@ -95,7 +95,7 @@ class RunRecorder:
         if TLS_MODULE in sys.modules and self._may_hold:  # a project without it has not loaded it
             from trcvtui.net.layers.tls import log_keys
 
-            self._key_log, name = self._opened.enter_context(unnamed())
+            self._key_log, name = self._opened.enter_context(open_private_file())
             log_keys(name)
             self._opened.callback(log_keys, "")
         return self
@@ -130,7 +130,7 @@ class RunRecorder:
         self._entries[:0] = first
         if is_live:
             self.seam.clock = clock.now_ns
-        read.told = lambda name, content: self._entries.append(
+        read.sink = lambda name, content: self._entries.append(
             CallRecord("files", FILE_READ, (name,), content)
         )
 
@@ -145,11 +145,11 @@ class RunRecorder:
         now = clock.now_ns()
         if now > self._looked_at + COST_CHECK_NS:
             is_costly = self._looked_at and self._spent > COST_CHECK_NS * MOST_BOX_PERCENT // 100
-            if is_costly and self._time_of is clock.used_ns and not self.box.is_recording:
+            if is_costly and self._time_of is clock.thread_cpu_ns and not self.box.is_recording:
                 self.box.give_up()
                 self.seam.stop_recording()
             # A gap may be long because it waited beside other programs; asking for what it used costs more.
-            self._time_of = clock.used_ns if is_costly else clock.now_ns
+            self._time_of = clock.thread_cpu_ns if is_costly else clock.now_ns
             self._spent, self._looked_at = 0, now
 
     def _collect_entries(self, bench: RecordedBench) -> None:

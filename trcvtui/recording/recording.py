@@ -20,7 +20,7 @@ from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.files import FileName, create, open_to_read, reason_of, unnamed
+from trcvtui.files import FileName, create_file, open_private_file, open_to_read, reason_of
 from trcvtui.recording.journal import (
     STEP,
     BlockWriter,
@@ -82,7 +82,7 @@ class RecordingWriter:
         self._path = str(path)
         if overwrite and os.path.lexists(path):
             Recording(path)
-        self._file: IO[bytes] = create(path, "--record", overwrite) if file is None else file
+        self._file: IO[bytes] = create_file(path, "--record", overwrite) if file is None else file
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
         self._index: list[BlockPlace] = []
@@ -232,7 +232,7 @@ class Recording:
             raise mistake(self.path, reason_of(failed), "a recording that can be read") from None
 
     def _unpack(self, packed: IO[bytes]) -> None:
-        handle, self._unpacked = self._memory.enter_context(unnamed())
+        handle, self._unpacked = self._memory.enter_context(open_private_file())
         read, size = pcap.gunzip(packed.read, pcap.GZIP_MAGIC), 0
         try:
             while piece := read(pcap.CHUNK_BYTES):

@@ -129,7 +129,7 @@ class ReplaySeam:
             return
         owner, call, args, answer = entry
         if call == FILE_READ:
-            self.files.take(cast(str, args[0]), cast(bytes | str, answer))
+            self.files.store(cast(str, args[0]), cast(bytes | str, answer))
         elif call == IN_GAP + EXCEPTION:
             self.write_note(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
         elif call == IN_GAP + "path" and [*map(type, args)] == [int]:

@@ -15,7 +15,7 @@ from typing import Final
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP, IpPayload, parse_packet
 from trcvtui.errors import mistake
-from trcvtui.files import replacing
+from trcvtui.files import replace_file
 from trcvtui.net.results import is_loopback
 from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER_BYTES, WIRE, Recording
 from trcvtui.recording.wire import checksum
@@ -50,7 +50,7 @@ def strip_recording(source: str, target: str, out: StripOptions) -> Iterator[str
     keeps_journal = not (
         out.payload or out.names or any(kind == pcap.SECRETS_BLOCK for kind, _ in recording.read_blocks())
     )
-    with replacing(target, target, is_new=True, mode=0o600) as file:
+    with replace_file(target, target, is_new=True, mode=0o600) as file:
         for block in _StrippedCopy(out, keeps_journal).strip_blocks(recording.read_blocks()):
             file.write(block)
     if recording.stopped:

@@ -6,7 +6,7 @@ import os
 from contextlib import ExitStack
 from pathlib import Path
 
-from trcvtui.files import unnamed
+from trcvtui.files import open_private_file
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.writer import WriterProcess
 
@@ -17,7 +17,7 @@ class PendingAnswer:
     def __init__(self, main: tuple[str, str]) -> None:
         self.progress = ""
         self._opened = ExitStack()
-        self._file, name = self._opened.enter_context(unnamed())
+        self._file, name = self._opened.enter_context(open_private_file())
         path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
         self.process = WriterProcess(path, RecordTarget(path), waits=False, main=main)
 

@@ -22,7 +22,7 @@ from trcvtui import clock
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.recording.files import FileLimits, RecordTarget
 from trcvtui.recording.journal import BlockWriter, EntriesLost, Entry
-from trcvtui.signals import OF_A_GROUP, leave
+from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -229,7 +229,7 @@ class BlockSink(Protocol):
 
 def run_writer(asked: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
     """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
-    leave(OF_A_GROUP)  # they end the run, and its pipe ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(asked)
     with suppress(AttributeError, OSError):
         os.nice(WRITER_NICENESS)

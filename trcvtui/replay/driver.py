@@ -16,7 +16,7 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest, decode_requ
 from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import quote
 from trcvtui.replay.survey import END, FIRST_EVENT, parse_place
-from trcvtui.signals import OF_A_TERMINAL, leave
+from trcvtui.signals import TERMINAL_SIGNALS, ignore_signals
 from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
 def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
     """Run until the screen is gone; tell it what is wrong."""
     gc.freeze()
-    leave(OF_A_TERMINAL)  # they belong to the screen
+    ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
         try:
             run()

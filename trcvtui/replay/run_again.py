@@ -17,7 +17,7 @@ from trcvtui.bench.bench import KERNEL_NAMES, Bench
 from trcvtui.commands.table import parse_unbounded_line
 from trcvtui.commands.words import BenchCommand
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, reading_only
+from trcvtui.files import FilesRead, read_from
 from trcvtui.project.project import Project
 from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
 from trcvtui.recording.replay import ReplaySeam, make_early_end_error
@@ -37,7 +37,7 @@ def _do_nothing() -> None:
 def roots_of(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
     """Return what a run is made of; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
-    with reading_only(files):
+    with read_from(files):
         if not begins.is_scenario:
             return begins, None, load_bench(path, options)
         scenario = load_scenario(path, options)
@@ -145,7 +145,7 @@ class ReplayRun:
         if self.scenario is not None:  # a file named in a step stands beside the scenario
             project = replace(project, base=Path(self.begins.path).parent)
         verb, _, rest = line.partition(" ")
-        with reading_only(self.replay.files):
+        with read_from(self.replay.files):
             if verb == "udt":
                 from trcvtui.engine.controller import reload_types  # one line of a screen does this
 

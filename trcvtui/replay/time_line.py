@@ -17,7 +17,7 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, reading_only
+from trcvtui.files import FilesRead, read_from
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessagesDelta, NewestRows
 from trcvtui.history.pin_waveform import WaveformDelta, cut_delta
@@ -83,7 +83,7 @@ class ReplayController(Controller):
     def __init__(
         self, run: ReplayRun, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
-        with reading_only(FilesRead()):  # what is replayed is not saved: no name of its reaches the disk
+        with read_from(FilesRead()):  # what is replayed is not saved: no name of its reaches the disk
             super().__init__(run.bench)
         self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
         self.run = run

@@ -17,7 +17,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.diagnosis.doctor import DoctorQuestion, try_to_judge
 from trcvtui.diagnosis.lint import list_receivers
 from trcvtui.errors import UserError, mistake, one_line
-from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
+from trcvtui.files import FilesRead, open_to_read, reason_of, replace_file
 from trcvtui.history.records import ScanStamp
 from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
@@ -165,7 +165,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
     source = source._replace(findings=findings)
     is_restored = recording is not None and run.is_restored
-    with guard_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
+    with guard_state(is_restored, str(path)), replace_file(out, where, is_own=True, mode=0o600) as file:
         for part in generate_page(source, notes, verdict):
             for folder in folders:
                 part = part.replace(folder, "")

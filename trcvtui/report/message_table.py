@@ -25,7 +25,7 @@ from trcvtui.udt.layout.value_text import mark_text, real_text, value_text
 from trcvtui.udt.layout.values import decode, decode_leaves
 from trcvtui.udt.report import json_members, json_value, own_bytes
 from trcvtui.udt.types import Elementary, StringType, ValueKind
-from trcvtui.wording import SECOND, in_columns, json_text, utc_text
+from trcvtui.wording import SECOND, format_columns, json_text, utc_text
 
 INSTANCE_COLUMNS: Final = ("instance",)
 CONVERSATION_COLUMNS: Final = ("conversation", "direction")
@@ -113,7 +113,7 @@ class MessageTable:
     def finish(self) -> None:
         if self._held:
             self._widths = [max(map(len, column)) for column in zip(*self._held, strict=True)]
-            lines = in_columns(map(tuple, self._held), "r" * len(self._widths))
+            lines = format_columns(map(tuple, self._held), "r" * len(self._widths))
             self._out.write("".join(f"{line}\n" for line in lines))
             self._held = []
 

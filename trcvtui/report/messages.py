@@ -18,7 +18,7 @@ from trcvtui.diagnosis.cut_messages import MessageCutter, MessageCutters
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.message_filter import Filter, read_filter, read_layout_filter
 from trcvtui.errors import Problem, UserError, mistake, one_line
-from trcvtui.files import replacing
+from trcvtui.files import replace_file
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessageRow, MessageRows
 from trcvtui.history.received_streams import LEAST_SPANS_KEPT
@@ -96,7 +96,7 @@ def _output(path: Path | None) -> Iterator[TextIO]:
     if path is None:
         yield sys.stdout
         return
-    with replacing(path, f"--out {path}", is_new=True) as file:
+    with replace_file(path, f"--out {path}", is_new=True) as file:
         text = TextIOWrapper(file, "utf-8", "backslashreplace", newline="")
         yield text
         text.flush()

@@ -13,7 +13,7 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
+from trcvtui.files import FilesRead, record_reads, refuse_overwriting_input, replace_file
 from trcvtui.scenario.report import FORMATS, Report
 from trcvtui.scenario.runner import Pace, ScenarioRunner, VirtualPace
 from trcvtui.scenario.scenario import Scenario, load_scenario
@@ -78,9 +78,9 @@ def run_files(
     if out is None:
         return run(sys.stdout.write, lambda: None)
     where = f"--out {out}"
-    refuse_input(out, where, paths)
-    with replacing(out, where) as file:
-        return run(lambda text: file.write(text.encode()), partial(refuse_input, out, where))
+    refuse_overwriting_input(out, where, paths)
+    with replace_file(out, where) as file:
+        return run(lambda text: file.write(text.encode()), partial(refuse_overwriting_input, out, where))
 
 
 def _run_all(
@@ -103,7 +103,7 @@ def _run_all(
 
             recorder = make_recorder(record, files[number], waits=kernel == "sim")
         try:
-            with noting_reads(recorder.reads if recorder is not None else reads):
+            with record_reads(recorder.reads if recorder is not None else reads):
                 scenario = load_scenario(path, overrides)
                 each = _list_scenarios(dialects, scenario, path)
         except UserError as error:

@@ -25,7 +25,7 @@ from trcvtui.project.project import Project
 from trcvtui.scenario.report import JsonLines, Text, Write, json_line
 from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
-from trcvtui.wording import in_columns
+from trcvtui.wording import format_columns
 
 MOST_CHANGES: Final = 100_000  # that are kept of an instance in a dialect
 FORMAT_NAMES: Final = ("text", "jsonl")
@@ -180,7 +180,7 @@ class WalkComparison:
                 f"first differ in scan {first}: {' vs '.join(map(_cell, shown))}; {self._count} scans differ"
             )
         yield one_line(f"{self._head}: {where}")
-        yield from in_columns(self._table(), "rl" + "l" * len(self._dialects))
+        yield from format_columns(self._table(), "rl" + "l" * len(self._dialects))
 
     def _table(self) -> Iterator[tuple[str, ...]]:
         yield ("    scan", "", *self._dialects)

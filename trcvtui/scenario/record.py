@@ -16,7 +16,7 @@ from trcvtui.bench.conditions import holds
 from trcvtui.commands import words
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import mistake
-from trcvtui.files import folder_for, noting_reads
+from trcvtui.files import make_folder_or_undo, record_reads
 from trcvtui.project.project import Project
 from trcvtui.recording.files import FILE_SUFFIX, TRIGGER_WORD, EntrySink, FileLimits, FileSink, RecordTarget
 from trcvtui.recording.recorder import make_recorder
@@ -76,8 +76,8 @@ def record(
     asked = RecordTarget(out, False, has_secrets, limits, follow)
     recorder = make_recorder(asked, out / path.stem, waits=kernel == "sim")
     with ExitStack() as opened:
-        opened.enter_context(folder_for(out, "--out"))
-        opened.enter_context(noting_reads(recorder.reads))
+        opened.enter_context(make_folder_or_undo(out, "--out"))
+        opened.enter_context(record_reads(recorder.reads))
         project = load_bench(path)
         condition = None if on is None else _condition(on, project)
         signals: list[int] = []  # that ask for the end: after the scan, never in the middle of one

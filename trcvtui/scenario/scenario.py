@@ -26,7 +26,7 @@ from trcvtui.commands.words import (
     TrySplits,
     Wait,
 )
-from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.files import read_bytes
 from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
@@ -60,7 +60,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     here = replace(project, base=path.parent)
     for step in start:
         here = project_after(step.command, here)
-    with noting(table.problems):
+    with collect_problems(table.problems):
         steps = parse_script(text or "", here, str(path))
     if table.problems:
         raise UserError(table.problems)
@@ -70,10 +70,10 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
 def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
     """Return the commands of `start`; leave what is wrong with all bench commands in `problems`."""
     start: tuple[Step, ...] = ()
-    with noting(problems):
+    with collect_problems(problems):
         start = start_steps(project)
     for read in (read_program, read_routines, read_replies, check_library):
-        with noting(problems):
+        with collect_problems(problems):
             read(project)
     return start
 
@@ -87,7 +87,7 @@ def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
 
 def check_bench(project: Project) -> None:
     """Raise UserError with every mistake in the bench commands of a project."""
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         _check_commands(project, problems)
 
 

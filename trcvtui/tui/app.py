@@ -17,7 +17,7 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widget import AwaitMount
 
-from trcvtui.files import close_files
+from trcvtui.files import refuse_files
 from trcvtui.picture.bench_update import UNSAVED_COMMANDS, BenchUpdate, restore_commands
 from trcvtui.picture.protocol import READ_ONLY, Driver, EngineStopped, reads_only
 from trcvtui.project.project import Project
@@ -545,7 +545,7 @@ def run_app(
     """Open the screen on a bench or a replay; return 0, or 1 when the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
-        close_files("this screen is read-only")
+        refuse_files("this screen is read-only")
     app = BenchApp(driver, project, settings, read_only, replay)
     app.remembers = remembers and not read_only
     app.run()

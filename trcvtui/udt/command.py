@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
+from trcvtui.errors import Problem, UserError, collect_problems, mistake, one_line, raise_all_problems
 from trcvtui.files import is_folder
 from trcvtui.system_types import UNVERIFIED_NOTE
 from trcvtui.udt.ast import Declarations, SenderLayout
@@ -60,7 +60,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     `sender` is the layout of the type's sender, where the source tells one.
     """
     from trcvtui.udt.report import json_lines
-    from trcvtui.wording import in_columns
+    from trcvtui.wording import format_columns
 
     choice = parse_layout_choice(args)
     types, own = read_all_types(args, None)
@@ -88,7 +88,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
         sender = f" (sender: {row['sender']})" if row["sender"] not in (None, row["layout"]) else ""
         size = "" if row["size"] is None else str(row["size"])
         table.append((row["type"], size, (row["layout"] or "") + sender, [*row["problems"], row["where"]][0]))
-    return "\n".join(in_columns(table, "lrll")), is_good
+    return "\n".join(format_columns(table, "lrll")), is_good
 
 
 def show(args: SimpleNamespace) -> str:
@@ -285,9 +285,9 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
         raise mistake(where_of(STDIN), "it more than once", "one on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for path in paths:
-            with noting(problems):
+            with collect_problems(problems):
                 files[path] = [] if is_folder(path) else [qualify_variables(read_types(path), path, paths)]
     own = files[args.file]
     if not own and None in names:
@@ -348,7 +348,7 @@ def constants_of(given: Sequence[str]) -> dict[str, int]:
     from trcvtui.udt.literals import parse_integer
 
     constants: dict[str, int] = {}
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for text in given:
             name, _, value = text.partition("=")
             number = parse_integer(value) if value else None

@@ -15,7 +15,7 @@ from trcvtui.udt.layout.layout_tree import Data, LeafValues
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
-from trcvtui.wording import in_columns, json_text
+from trcvtui.wording import format_columns, json_text
 
 Row = tuple[str, ...]
 
@@ -42,7 +42,7 @@ def show_json(layout: Layout) -> str:
 def show_text(layout: Layout) -> str:
     """Return the table of `udt show`: every leaf and every gap in offset order."""
     head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
-    table = in_columns([("offset", "size", "type", "path"), *_show_rows(layout)], "rrll")
+    table = format_columns([("offset", "size", "type", "path"), *_show_rows(layout)], "rrll")
     return "\n".join([head, *table, *_notes(layout)])
 
 
@@ -93,7 +93,7 @@ def decode_text(layout: Layout, data: Data) -> str:
     """Return the table of `udt decode`: every leaf with its value, and how far the bytes go."""
     head = f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
     rows = member_rows(layout, data, layout.name)
-    table = in_columns([("offset", "type", "path", "value"), *rows], "rlll")
+    table = format_columns([("offset", "type", "path", "value"), *rows], "rlll")
     return "\n".join([head, *table, *_notes(layout)])
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
-from trcvtui.errors import MOST_SHOWN, Problem, UserError
+from trcvtui.errors import MOST_PROBLEMS_SHOWN, Problem, UserError
 from trcvtui.system_types import UNSURE_HANDLE_TYPES
 from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP_NOTE
@@ -75,7 +75,7 @@ class Resolver:
         bad = self.bad.setdefault(key, {})
         for problem in problems:
             # What a type only inherits from the types it uses is bounded: a chain of bad types stays cheap.
-            if len(bad) < 2 * MOST_SHOWN or len(problems) == 1:
+            if len(bad) < 2 * MOST_PROBLEMS_SHOWN or len(problems) == 1:
                 bad[problem] = None
 
     def build_all(self) -> None:
@@ -275,7 +275,7 @@ class Resolver:
         elif key in self.declared:
             circle = self.circles.get((user, key), [])
             found = f"'{reference.name}', which contains this member"
-            if 1 < len(circle) <= MOST_SHOWN:
+            if 1 < len(circle) <= MOST_PROBLEMS_SHOWN:
                 found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
             expected = "a type that does not contain itself"
             spec = self.declared[user].spec if user in self.declared else None

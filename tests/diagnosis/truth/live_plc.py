@@ -12,7 +12,7 @@ from threading import Condition, Thread
 from typing import Any
 
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.files import noting_reads
+from trcvtui.files import record_reads
 from trcvtui.project.file import load_project
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recorder import make_recorder
@@ -32,7 +32,7 @@ class LivePlc:
         self._recorder = make_recorder(
             RecordTarget(self.recording, overwrite=True), self.recording, waits=True
         )
-        with noting_reads(self._recorder.reads):
+        with record_reads(self._recorder.reads):
             project = load_project(path)
         self._recorder.__enter__()
         self.bench = fresh_bench(project, "live", self._recorder.seam)

@@ -16,7 +16,7 @@ from trcvtui.net.connection.description_check import read_spec
 from trcvtui.net.events import EventKind
 from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.net.results import Fault
-from trcvtui.wording import duration
+from trcvtui.wording import format_ns
 
 # -- work: whatever partners send, a scan has so many units for it, and no more ---------------------------
 #
@@ -157,8 +157,8 @@ class ScanBudget:
         self._shaken += took
         self._longest = max(self._longest, took)
         if took > self._interval // HANDSHAKE_DIVISOR:
-            part, interval = duration(self._interval // HANDSHAKE_DIVISOR), duration(self._interval)
-            why = f"one step took {duration(took)}; handshakes have {part} of the {interval} of a scan"
+            part, interval = format_ns(self._interval // HANDSHAKE_DIVISOR), format_ns(self._interval)
+            why = f"one step took {format_ns(took)}; handshakes have {part} of the {interval} of a scan"
             self._report_once(party.owner, EventKind.LONG_HANDSHAKE, partner, why)
         return units
 

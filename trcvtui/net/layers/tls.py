@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from trcvtui.files import check_readable, is_disk_left_alone
+from trcvtui.files import check_readable, is_disk_replaced
 from trcvtui.net.connection.resources import HANDSHAKE_UNITS as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, LayerMessage, LayerSession, SessionEnd, TlsError
 from trcvtui.net.results import Endpoint, Unread
@@ -332,7 +332,7 @@ def find_certificate_flaw(certificate: str, key: str) -> str:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         check_readable(certificate)  # the library would wait for the other end of a FIFO
-        if is_disk_left_alone():
+        if is_disk_replaced():
             return ""  # it was a good one when it was read
         context.load_verify_locations(cafile=certificate)
     except OSError as problem:

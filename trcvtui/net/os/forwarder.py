@@ -36,7 +36,7 @@ from trcvtui.net.tap import (
     format_end,
     parse_order,
 )
-from trcvtui.signals import leave
+from trcvtui.signals import ignore_signals
 from trcvtui.wording import count
 
 MOST_LINE_CHARS: Final = 1000  # characters of a line
@@ -200,7 +200,7 @@ class Forwarder(TapLoop):
         for name in ("SIGTERM", "SIGINT", "SIGQUIT"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), lambda *_: None)
-        leave(("SIGHUP",))
+        ignore_signals(("SIGHUP",))
         while not self._ends:
             self.run_once(-1)
         self.close()

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, Final
 
-from trcvtui.errors import need
+from trcvtui.errors import require
 from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSettings
@@ -120,7 +120,7 @@ WRITE_BYTES: Final = 256  # bytes of one write: a terminal that can be written t
 
 class OsSerialPort:
     def __init__(self, settings: SerialSettings) -> None:
-        self._serial = need("serial", "serial", settings.port, "a serial port, but no pyserial")
+        self._serial = require("serial", "serial", settings.port, "a serial port, but no pyserial")
         self._settings = settings
         self._port: Any = None
         self._attempt: OpenAttempt | None = None

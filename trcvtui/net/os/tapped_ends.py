@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
-from trcvtui.errors import mistake, need
+from trcvtui.errors import mistake, require
 from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, count_unread, error_name, peek_at, tcp_info
 from trcvtui.net.os.tapped_lane import GONE_MASK, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapEventKind, TapPlace
@@ -483,7 +483,7 @@ def _open_serial_port(place: TapPlace) -> Any:
 
     assert place.line is not None
     s = place.line
-    serial = need("serial", "serial", s.port, "a serial port, but no pyserial")
+    serial = require("serial", "serial", s.port, "a serial port, but no pyserial")
     try:
         port = serial.Serial(s.port, s.baud, s.data_bits, PARITIES[s.parity], s.stop_bits, timeout=0)
         os.set_blocking(port.fileno(), False)

@@ -14,7 +14,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
-from trcvtui.files import FilesRead, reading_only, write_file
+from trcvtui.files import FilesRead, read_from, write_file
 from trcvtui.project.edit import AddField, fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
@@ -166,7 +166,7 @@ class AddScreen(FormDialog[str]):
         is_asked = line == ADD_UDT and not fault
         self._is_pasted = line == f"{ADD_UDT}{file.name}"
         as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])
-        with reading_only(as_if_there) if self._is_pasted else nullcontext():
+        with read_from(as_if_there) if self._is_pasted else nullcontext():
             fault = fault or (find_mistake(line, self._project()) if line and not is_asked else "")
             said = FILE_HINT if is_asked else "\n".join(map(plain, self._describe_line()))
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")

@@ -13,7 +13,7 @@ from trcvtui.tui.formatting import bar, clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, hidden_keys, row
-from trcvtui.wording import count, duration
+from trcvtui.wording import count, format_ns
 
 GAP_BAR_WIDTH: Final = 12
 NO_GAP_TIMER: Final = "Timeout is 0: no gap ends a frame"
@@ -57,7 +57,7 @@ def gap_parts(gap: GapTimer) -> list[tuple[str, str]]:
         return [("─" * GAP_BAR_WIDTH, "faint"), (f" {gap.reason}", "dim")]
     full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR_WIDTH)
     near = gap.elapsed_ns * 4 >= gap.limit_ns * 3
-    times = f" {duration(gap.elapsed_ns)} of {duration(gap.limit_ns)}"
+    times = f" {format_ns(gap.elapsed_ns)} of {format_ns(gap.limit_ns)}"
     parts = [(full, "warn" if near else "busy"), (empty, "faint"), (times, "strong" if full else "dim")]
     return [*parts, (f" · {gap.reason}", "dim")] if gap.reason else parts
 

@@ -21,7 +21,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, h
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
-from trcvtui.wording import duration, stamp
+from trcvtui.wording import format_ns, stamp
 
 if TYPE_CHECKING:
     from trcvtui.engine.message_filter import Filter
@@ -40,7 +40,7 @@ MESSAGE_COLUMNS: Final = (
     MessageColumn("n", 5, lambda shown: str(shown.number)),
     MessageColumn("scan", 7, lambda shown: str(shown.scan)),
     MessageColumn("t in s", 9, lambda shown: stamp(shown.t_ns)),
-    MessageColumn("gap", 9, lambda shown: "" if shown.gap_ns is None else clip(duration(shown.gap_ns), 8)),
+    MessageColumn("gap", 9, lambda shown: "" if shown.gap_ns is None else clip(format_ns(shown.gap_ns), 8)),
     MessageColumn("B", 6, lambda shown: str(shown.size), "strong"),
     MessageColumn("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
 )

@@ -32,7 +32,7 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HOLE, NARROW, WAS, ByteLines, frame_signs, marks_of_span
 from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import find_all
-from trcvtui.wording import duration, stamp
+from trcvtui.wording import format_ns, stamp
 
 # The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
 # marked between the two bytes that it splits, in the row and in its ruler, by a stroke, not by colour alone.
@@ -169,7 +169,7 @@ def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     if first is None:
         return ""
     span = recvs[first]
-    gap = f" +{duration(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
+    gap = f" +{format_ns(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
     return f"{stamp(span.t_ns)}{gap}"
 
 

@@ -9,7 +9,7 @@ from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
-from trcvtui.wording import duration
+from trcvtui.wording import format_ns
 
 SPARK_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 SPARK_SECONDS: Final = 15  # seconds that are drawn
@@ -154,7 +154,7 @@ def _ends(talk: ConversationSnapshot, is_roomy: bool) -> list[Part]:
     ends = f"{talk.partner} → {talk.plc}" if is_roomy else talk.partner
     parts: list[Part] = [(f" {talk.state} ", STATE_STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
     if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
-        parts.append((f"round trip {duration(talk.handshake_ns)} ", "dim"))
+        parts.append((f"round trip {format_ns(talk.handshake_ns)} ", "dim"))
     return parts
 
 
@@ -162,7 +162,7 @@ def _figures(way: DirectionSnapshot, is_roomy: bool) -> list[Part]:
     if way.round_trip_ns is None or way.window is None:
         return []
     window = f"window {way.window} " if is_roomy and way.window else ""
-    return [(f" {'round trip' if is_roomy else 'rtt'} {duration(way.round_trip_ns)} {window}", "dim")]
+    return [(f" {'round trip' if is_roomy else 'rtt'} {format_ns(way.round_trip_ns)} {window}", "dim")]
 
 
 def _spark(talk: ConversationSnapshot) -> list[Part]:

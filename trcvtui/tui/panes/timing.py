@@ -27,7 +27,7 @@ from trcvtui.tui.formatting import MS, SECOND, US
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
-from trcvtui.wording import count, duration
+from trcvtui.wording import count, format_ns
 
 ZOOM_LEVELS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 NAME: Final = 12  # columns of a row's name, where none is longer
@@ -251,7 +251,7 @@ class Timing(LineView):
         snapshot, zoom = self._view_model.snapshot, self.view.zoom
         text = f"{count(zoom, 'scan')} a column"
         if snapshot is not None:
-            text += f", {duration(zoom * snapshot.interval_ns)}"
+            text += f", {format_ns(zoom * snapshot.interval_ns)}"
         if self._view_model.is_frozen:
             text += " · frozen"
         else:

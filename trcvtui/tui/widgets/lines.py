@@ -15,7 +15,7 @@ from trcvtui.tui.messages import ButtonPointed, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, OneLine, Part, Row, row
 from trcvtui.udt.literals import format_time
-from trcvtui.wording import count, duration
+from trcvtui.wording import count, format_ns
 
 
 class ButtonLine(LineView):
@@ -337,7 +337,7 @@ class HeaderLine(WordLine):
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER_WIDTH)}", "warn", 3))
         if timing.late_ns:
-            pieces.append(HeaderWord(f"{duration(timing.late_ns)} late", "warn", 40))
+            pieces.append(HeaderWord(f"{format_ns(timing.late_ns)} late", "warn", 40))
         if timing.overruns:
             pieces.append(HeaderWord(count(timing.overruns, "overrun"), "warn", 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))

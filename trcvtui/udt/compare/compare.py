@@ -18,7 +18,7 @@ from trcvtui.udt.layout.value_text import form_text, mark_text, stored_form, val
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
-from trcvtui.wording import in_columns, json_text
+from trcvtui.wording import format_columns, json_text
 
 LeafPair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
 
@@ -240,7 +240,7 @@ def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
     values = ("value",) if data else ()
     head = ("", "path", "ours", *values, "theirs", *values, "differs")
     told = [(*_texts_of(row, ours.name, bool(data)), ", ".join(row.differs)) for row in rows]
-    table = in_columns([head, *told], "llrlrll" if data else "llrrl")
+    table = format_columns([head, *told], "llrlrll" if data else "llrrl")
     lines = [f"ours    {_header(ours)}", f"theirs  {_header(theirs)}", *table, str(comparison.summary(rows))]
     if ours.rules.byte_order != theirs.rules.byte_order:
         lines.append(f"byte order: ours {ours.rules.byte_order}, theirs {theirs.rules.byte_order}")

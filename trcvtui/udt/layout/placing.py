@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
-from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake, noting
+from trcvtui.errors import MOST_PROBLEMS_SHOWN, Problem, UserError, collect_problems, mistake
 from trcvtui.udt.layout.coding import coding_of
 from trcvtui.udt.layout.layout_tree import (
     Node,
@@ -115,10 +115,10 @@ class Placing:
         placed: list[tuple[str, Type, Node]] = []
         problems: list[Problem] = []
         for name, inner in members:
-            with noting(problems):
+            with collect_problems(problems):
                 placed.append((name, inner, self.place(inner, f"{where}.{name}" if name else where)))
         if len(placed) < len(members):
-            raise UserError(problems[:MOST_SHOWN])
+            raise UserError(problems[:MOST_PROBLEMS_SHOWN])
         return placed
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:

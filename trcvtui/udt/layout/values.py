@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from itertools import product
 
-from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.udt.layout.coding import Value, ValueRefused
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
 from trcvtui.udt.layout.layout_tree import Data, Leaf, LeafValues
@@ -100,9 +100,9 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """
     data = bytearray(layout.size)
     parts: list[tuple[Leaf, bytes]] = []
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for path, value in values.items():
-            with noting(problems):
+            with collect_problems(problems):
                 number = layout.leaf_number(path)
                 if value is None:
                     continue

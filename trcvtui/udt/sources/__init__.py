@@ -13,8 +13,8 @@ from functools import lru_cache, partial
 from importlib import import_module
 from typing import Any, Final, NamedTuple
 
-from trcvtui.errors import UserError, all_problems, mistake, noting
-from trcvtui.files import READABLE, read_bytes, reason_of
+from trcvtui.errors import UserError, collect_problems, mistake, raise_all_problems
+from trcvtui.files import EXPECTED_READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
 from trcvtui.udt.other_files import HEAD_BYTES, refuse_other_file
@@ -163,9 +163,9 @@ def read_files(
     """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
     files: list[Declarations] = []
     paths = list(paths)
-    with all_problems() as problems:
+    with raise_all_problems() as problems:
         for path in paths:
-            with noting(problems):
+            with collect_problems(problems):
                 read = parse_file(str(path), contents[path]) if path in contents else declarations_in(path)
                 files.append(qualify_variables(read, path, paths))
     return join_files(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
@@ -250,7 +250,7 @@ def content_of(path: SourcePath) -> bytes:
     try:
         data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
-        raise mistake(str(path), reason_of(failed), READABLE, "file") from None
+        raise mistake(str(path), reason_of(failed), EXPECTED_READABLE, "file") from None
     if len(data) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes of source text")
     return data

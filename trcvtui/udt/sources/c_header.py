@@ -16,7 +16,7 @@ from operator import add, and_, eq, ge, gt, inv, le, lt, mul, ne, neg, not_, or_
 from types import SimpleNamespace
 from typing import Any
 
-from trcvtui.errors import Problem, UserError, mistake, need, noting
+from trcvtui.errors import Problem, UserError, collect_problems, mistake, require
 from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP_NOTE
 from trcvtui.udt.constants import LARGEST_NUMBER, LONGEST_FORMULA, quotient
@@ -29,7 +29,7 @@ PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131
 
 def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
-    need("pycparser.c_parser", "c", name, "a C header, but no pycparser")
+    require("pycparser.c_parser", "c", name, "a C header, but no pycparser")
     source = CSource(text, name, lambda one, own: Macros(own).value(one), OTHER_HEADERS.get())
     reader = _HeaderReader(source)
     for node in parse_header(source):
@@ -115,7 +115,7 @@ class _HeaderReader:
         if word.isupper() and "PACK" in word and word != name:
             self.notes[f"{word} is read as a name: a macro needs --with its header"] = None
         spec: ast.Spec | None = None
-        with noting(self.problems):
+        with collect_problems(self.problems):
             spec = read()
         where = self.where(node)
         if spec and self.is_unpacked(spec):
@@ -185,7 +185,7 @@ class _HeaderReader:
         for at, member in enumerate(node.decls or ()):
             if type(member).__name__ == "Decl":
                 is_last = is_union or member is node.decls[-1]
-                with noting(self.problems):
+                with collect_problems(self.problems):
                     members += self.member(member, at, depth + 1, is_last)
         self.inside = self.constants.maps[0], self.scope.maps[0]
         self.constants, self.scope = outer

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from trcvtui.errors import Problem, mistake, noting
+from trcvtui.errors import Problem, collect_problems, mistake
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import references
@@ -33,7 +33,7 @@ def read_openness(root: Element) -> ast.Declarations:
     problems: list[Problem] = []
     copies: Copies = []
     for struct in structs:
-        with noting(problems):
+        with collect_problems(problems):
             types.append(_declaration(struct, copies))
     sender = ast.SenderLayout(S7.name)
     return ast.Declarations(tuple(types), tuple(problems), sender=sender, copies=tuple(copies))
@@ -60,7 +60,7 @@ def _members(element: Element, depth: int, problems: list[Problem], copies: Copi
     """Return the members in a section or a STRUCT; a bad one is noted and left out."""
     members: list[ast.MemberSpec] = []
     for member in element.each("Member"):
-        with noting(problems):
+        with collect_problems(problems):
             spec = _type(member.require("Datatype"), member, depth, problems, copies)
             members.append(ast.MemberSpec(member.require("Name"), spec, member.where))
     return members

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from trcvtui.errors import Problem, mistake, noting
+from trcvtui.errors import Problem, collect_problems, mistake
 from trcvtui.udt import ast
 from trcvtui.udt.constants import evaluate
 from trcvtui.udt.literals import parse_integer
@@ -70,7 +70,7 @@ def read_plcopen(root: Element) -> ast.Declarations:
         # A UNION without a name is the type of somebody's variable.
         if element.name == "union" and not element.get("name"):
             continue
-        with noting(problems):
+        with collect_problems(problems):
             types.extend(_declarations(element))
     if not types and not problems:
         problems.append(Problem(root.where, "no data type", "<dataType> in a PLCopen project"))
@@ -90,7 +90,7 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
             return
     walk = _TypeWalk()
     spec: ast.Spec | None = None
-    with noting(walk.problems):
+    with collect_problems(walk.problems):
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
         if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=_extends(element), pack=_pack(element))
@@ -168,7 +168,7 @@ class _TypeWalk:
     def struct(self, element: Element, depth: int) -> ast.Spec:
         members: list[ast.MemberSpec] = []
         for variable in element.each("variable"):
-            with noting(self.problems):
+            with collect_problems(self.problems):
                 name, type_ = variable.require("name"), variable.find("type")
                 if type_ is None:
                     raise mistake(variable.where, f"member '{name}' without a type", "<type>")

@@ -11,7 +11,7 @@ from bisect import bisect_right
 from contextlib import suppress
 from itertools import pairwise
 
-from trcvtui.errors import UserError, noting
+from trcvtui.errors import UserError, collect_problems
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
@@ -79,7 +79,7 @@ class Parser(SpecParser):
             elif self.sees("DATA_BLOCK") and self.end_of_block() is not None:
                 self.data_block()
             elif self.accept("NAMESPACE"):
-                with noting(self.problems):
+                with collect_problems(self.problems):
                     self.expect_qualified_name("the name of a namespace")
             elif self.sees("USING"):
                 self.skip_to(";", *RESTART_WORDS)

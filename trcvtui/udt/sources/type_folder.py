@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.errors import Problem, UserError, mistake, noting
+from trcvtui.errors import Problem, UserError, collect_problems, mistake
 from trcvtui.udt.ast import Declaration, Declarations, strip_places
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
@@ -66,7 +66,7 @@ class TypeFolder:
         """Return what a file declares, of a generated header what no .typ does; nothing of one unread."""
         if file not in self.read:
             self.read[file] = Declarations(())
-            with noting(self.problems):
+            with collect_problems(self.problems):
                 read = declarations_in(os.path.normpath(os.path.join(self.path, file)))
                 if re.fullmatch(GENERATED_HEADER, file):
                     types = tuple([one for one in read.types if one.name.casefold() not in self.typ_names])

@@ -1,6 +1,6 @@
 """What an agent gives the broker, and when: the newest of each retained topic, and a queue of events.
 
-Rule 1: after each connection the retained topics go first, `QUEUE_DELAY_NS` later what is queued, oldest first.
+Rule 1: after each connection the retained topics go first, `QUEUE_DELAY_NS` later the queue, oldest first.
 Rule 2: an event leaves the queue when the broker has acknowledged it; past the bound old figures go first.
 Rule 3: what the broker refuses stays, and is sent again after a pause that grows; the rest goes on meanwhile.
 """

@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a CONNECT, UDP_CONFIG, ComBuffer has received; by `sent_ring_name`: sent."""
+        """Return the newest bytes received by a CONNECT, UDP_CONFIG, ComBuffer; by `sent_ring_name`: sent."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:

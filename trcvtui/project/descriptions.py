@@ -79,7 +79,7 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 def parse_selector(text: str) -> bytes | None:
     """Return a TSAP: `16#E002` and TIA's `E0.02` are bytes, `text:E002` and what cannot be hex are text.
 
-    What could be either is None (`unambiguous_spellings` says how to write each), and so is what no TSAP can be.
+    None: it could be either (`unambiguous_spellings` says how to write each), or it can be no TSAP.
     `hex E0 02` and `text E0 02` are from older files.
     """
     if text.startswith(("16#", "hex ")):

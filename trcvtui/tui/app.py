@@ -431,7 +431,7 @@ class BenchApp(TerminalApp):
                 self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_ADD_WAIT_S), True
 
     def _select_addition(self) -> None:
-        """Select what the form has added when it is there; no key waits longer than MOST_ADD_WAIT_S for it."""
+        """Select what the form has added once it exists; keys wait for it MOST_ADD_WAIT_S at most."""
         if self._addition is None:
             return
         view, (kind, name, until) = self.view_model, self._addition

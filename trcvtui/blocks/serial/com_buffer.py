@@ -15,7 +15,7 @@ from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, Lin
 from trcvtui.blocks.table import BlockRow
 from trcvtui.net.received_ring import ReceivedRing
 
-# Bound: the newest MOST_BYTES in MOST_RECORDED_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
+# Bound: the newest MOST_BYTES in MOST_RECORDED_CHUNKS chunks; one chunk a scan. A reader gets a frozen copy.
 
 MOST_RECORDED_BYTES: Final = 65_536
 MOST_RECORDED_CHUNKS: Final = 8192

@@ -1,9 +1,9 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
-Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MOST_WAITING_MESSAGES or
-`cap` bytes of them: who does not take them must not feed more (`wants_more`). What is longer than the cap is
-counted on; a message of more than CAPS caps ends the connection, and so does one in more pieces than the cap
+Rule 2: at most one message is put together, up to `cap` bytes; MOST_WAITING_MESSAGES complete ones wait, or
+`cap` bytes of them: a caller that takes none must feed no more (`wants_more`). A message over the cap is only
+counted; a message of more than CAPS caps ends the connection, and so does one in more pieces than the cap
 has bytes, or in too many empty ones.
 Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
 """
@@ -326,7 +326,7 @@ class IsoSettings(Struct, frozen=True):
 
 
 class IsoSession:
-    """One end. The passive one waits for a CR, and then for somebody who takes it (`accept_for`) or says no."""
+    """One end. The passive one waits for a CR, and then for `accept_for` or a refusal."""
 
     is_costly = False  # a handshake of two TPDUs costs nothing
     partner_is_done = False  # class 0 ends with its stream

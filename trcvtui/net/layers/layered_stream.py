@@ -227,8 +227,8 @@ _NO_BYTES = memoryview(b"")
 
 # -- several CONNECTs at one port: the client's first message says which of them it wants -----------------
 #
-# Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT_NS at most; as many
-# wait for each CONNECT.
+# Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT_NS at most; the
+# same number wait for each CONNECT.
 # Rule 2: the work of a scan is bounded (Work): who is not accepted yet waits in the stack.
 # Rule 3: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
 

@@ -23,7 +23,7 @@ TABLE_WIDTH: Final = 80  # columns of text
 def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     """Yield the packets of one capture in several files, each with its reader.
 
-    A file is opened when its time has come; where its reading stopped is added to `troubles`.
+    A file is opened only when its first packet is due; a file that cannot be read to its end adds a trouble.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []
@@ -62,7 +62,7 @@ def _read_packets(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, 
 
 
 def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
-    """Take all packets of captures, of several in the order of time; raise UserError for what is none."""
+    """Read all packets, of several files by time; raise UserError for a file that is no capture."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
             found.names = reader.interface_name
@@ -99,7 +99,7 @@ def format_conversations(
 
 
 def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
-    """Yield what is to be said of a capture as a whole; `with_hosts`: also what ARP and ICMP say."""
+    """Yield notes on a whole capture; `with_hosts`: also what ARP and ICMP say."""
     if with_hosts:
         yield from (fact.display_line for fact in found.host_facts())
     if not found.all:
@@ -197,16 +197,16 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
     guess = row["plc_guess"]
     begun = f"    {row['protocol']}, {row['begin']} to {row['end']}; "
-    told = [f"{begun}PLC end {guess['confidence']:.0%} sure: {guess['why']}"]
+    lines = [f"{begun}PLC end {guess['confidence']:.0%} sure: {guess['why']}"]
     for name, way in (("to_plc", "to PLC"), ("from_plc", "from PLC")):
         counts = row[name]
         if counts["retransmitted"] or counts["missing"]:
-            told.append(
+            lines.append(
                 f"    {way}, bytes of {counts['segments']} segments: "
                 f"{counts['retransmitted']} sent again, {counts['missing'] or 0} missing"
             )
         if counts["copies"]:
-            told.append(f"    {way}: {counts['copies']} packets twice, as a mirror port shows them")
+            lines.append(f"    {way}: {counts['copies']} packets twice, as a mirror port shows them")
     if row["quality"]:
-        told.append(f"    quality: {', '.join(row['quality'])}")
-    return tuple(told)
+        lines.append(f"    quality: {', '.join(row['quality'])}")
+    return tuple(lines)

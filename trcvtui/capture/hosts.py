@@ -1,7 +1,7 @@
-"""What ARP and ICMP say of hosts: who is asked for in vain, which address two have, what did not get there.
+"""What ARP and ICMP say about hosts: no answer, one address twice, packets that were not delivered.
 
-Rule 1: an address is asked for in vain when one host asks again and again, and nothing of it comes later.
-Rule 2: what is kept is bounded, whatever comes; the oldest goes first.
+Rule 1: an address has no answer if one host asks for it repeatedly and no packet comes from it later.
+Rule 2: all lists are bounded, whatever comes; the oldest entry goes first.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ MOST_PACKETS: Final = 8  # numbers of packets that are kept of one fact
 MOST_ASKERS: Final = 8  # of one address
 MOST_CHANGES: Final = 64  # of the owner of one address
 MOST_NOTES: Final = 64  # of ICMP, of one conversation; of none
-MANY_ADDRESSES: Final = 3  # addresses: who has so many answers for others
+MANY_ADDRESSES: Final = 3  # a host with so many addresses is a proxy: it answers for others
 REPEAT_NS: Final = SECOND // 2  # a copy of a mirror port comes sooner
 QUICK_NS: Final = 5 * SECOND  # between two requests for one address, of QUICK in vain
 SLOW_NS: Final = 30 * SECOND  # the same, of SLOW
 QUICK_REQUESTS, SLOW_REQUESTS = 3, 6
-SCANNED_HOSTS: Final = 16  # hosts that one asks for in vain: it looks who is there
+SCANNED_HOSTS: Final = 16  # a host that asks for so many in vain is a scanner
 UNDELIVERED: Final = "undelivered"  # a packet of no conversation
 DUPLICATE_NS: Final = 60 * SECOND  # two devices with one address show so soon; an exchange takes longer
 AT_ONCE_NS: Final = 5 * SECOND  # an exchange is never so quick
@@ -44,7 +44,7 @@ _SHARED: Final = (b"\0\0\x5e\0\1", b"\0\0\x0c\x07\xac", b"\0\0\x0c\x9f", b"\0\x0
 
 
 class ArpNote(NamedTuple):
-    """Who asks or answers; `sender` and `target` are the same where a host announces itself."""
+    """A request or an answer; `sender` equals `target` when a host announces itself (gratuitous ARP)."""
 
     is_answer: bool
     mac: bytes
@@ -53,11 +53,11 @@ class ArpNote(NamedTuple):
 
 
 class IcmpNote(NamedTuple):
-    """A host says that a packet did not get there; `ports` are b"" where the packet has none.
+    """A host reports an undelivered packet; `ports`: b"" where the packet has none.
 
-    `kind`: port (a closed one of who says so), host (no way there), admin (it is forbidden), size (it is too
-    large, `size`: what fits, 0: not said) or fragments (some did not come). `number`: those of both IP
-    packets, by which a mirror's copy is known.
+    `kind`: port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large;
+    `size`: bytes that fit, 0: not said) or fragments (some did not come). `number`: the numbers of both IP
+    packets: a mirror port's copy has the same.
     """
 
     kind: str
@@ -113,7 +113,7 @@ _ICMP_MEANINGS: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by 
 
 
 def parse_host_note(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
-    """Return what ARP or ICMP says in a packet; None: it is none of them, or says nothing of the kind."""
+    """Return the ARP or ICMP note in a packet; None: it has none that matters here."""
     at = find_ip_header(link_type, data, _ARP)
     if at >= 0 and data[at : at + 6] == _ARP_HEAD and len(data) >= at + 28:
         kind, mac = data[at + 7], data[at + 8 : at + 14]
@@ -128,7 +128,7 @@ def parse_host_note(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
 
 def _parse_icmp(data: bytes, at: int) -> IcmpNote | None:
     is_4 = data[at] >> 4 == 4
-    # Of the header of IP: where its protocol and its addresses stand, how long they are.
+    # In the IP header: offsets of protocol and addresses, length of an address.
     protocol, ends, width = (9, 12, 4) if is_4 else (6, 8, 16)
     head = (data[at] & 15) * 4 if is_4 else 40
     inner, is_rest = at + head + 8, is_4 and (data[at + 6] & 31 or data[at + 7])
@@ -154,7 +154,7 @@ def _parse_icmp(data: bytes, at: int) -> IcmpNote | None:
 
 
 def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) -> None:
-    """Keep a note of ICMP that is no copy of a mirror port, up to the bound."""
+    """Add a note of ICMP, up to MOST_NOTES; a mirror port's copy is left out."""
     soon = COPY_NS if any(note.number) else UNNUMBERED_NS
     is_copy = any(one.note == note and 0 <= ns - one.ns <= soon for one in notes[-4:])
     if not is_copy and len(notes) < MOST_NOTES:
@@ -162,7 +162,7 @@ def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) ->
 
 
 class HostFact(NamedTuple):
-    """What is said of hosts and of no conversation; `ends`: of whom, who asks last."""
+    """A fact about hosts outside of any conversation; `ends`: their addresses, an asking host last."""
 
     cause: str
     sure: float
@@ -187,7 +187,7 @@ class _AddressRequests:
 
 
 class _Change(NamedTuple):
-    """Another device has an address: how long after the one before was seen last."""
+    """An address moved to another device, `after_ns` after the old one was last seen."""
 
     ns: int
     after_ns: int
@@ -198,7 +198,7 @@ class _Change(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """Who has an address, when it was seen last, how often since the last change."""
+    """The device that has an address, when it was last seen, how often since the last change."""
 
     mac: bytes
     ns: int
@@ -220,12 +220,12 @@ class HostNotes:
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
 
     def mark_heard(self, address: bytes) -> None:
-        """Take that a packet of this address has come."""
+        """Note a packet of this address: its requests have an answer."""
         self._asked.pop(address, None)
 
     def add_arp(self, ns: int, packet: int, note: ArpNote) -> None:
         if note.sender == _NO_ADDRESS:
-            return  # it looks whether an address is free (RFC 5227)
+            return  # a probe whether an address is free (RFC 5227)
         self.mark_heard(note.sender)
         self._update_owner(ns, packet, note)
         if note.is_answer or note.sender == note.target:
@@ -260,9 +260,9 @@ class HostNotes:
     def facts(
         self, heard_ns: Mapping[bytes, int], lacking: Mapping[tuple[bytes, ...], int]
     ) -> Iterator[HostFact]:
-        """Yield what is so at the end.
+        """Yield the facts at the end of the capture.
 
-        `heard_ns`: when each host was heard last by TCP or UDP. `lacking`: how many datagrams lack pieces.
+        `heard_ns`: last time of a TCP or UDP packet of each host. `lacking`: datagrams without all pieces.
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)
@@ -292,7 +292,7 @@ class HostNotes:
 
 
 def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
-    """Yield that two devices have an address: not a proxy, and none took the other's place."""
+    """Yield a fact if two devices use one address; a proxy or a replaced device is none."""
     changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
     often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS
@@ -309,7 +309,7 @@ def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, in
 
 
 def _get_or_make(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:
-    """Return what is kept at a key, as the newest; the oldest goes where there are too many."""
+    """Return the value of a key and make it the newest; above MOST_ADDRESSES the oldest goes."""
     found = some.get(key)
     if found is None:
         if len(some) == MOST_ADDRESSES:

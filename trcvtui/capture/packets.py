@@ -15,7 +15,7 @@ UDP: Final = 17
 _IP_TYPES: Final = (b"\x08\x00", b"\x86\xdd")
 _VLAN_TYPES: Final = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _IP_ALONE: Final = (pcap.RAW_IP, pcap.IPV4, pcap.IPV6, 12, 14)  # 12, 14: raw IP as the BSDs number it
-# Where the EtherType stands, and what follows it.
+# Offsets of the EtherType and of its content.
 _ETHERTYPE_PLACES: Final = {pcap.ETHERNET: (12, 14), pcap.LINUX_SLL: (14, 16), pcap.LINUX_SLL2: (0, 20)}
 _EXTENSION_HEADERS: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
 _FRAGMENT_HEADER: Final = 44
@@ -58,10 +58,10 @@ class IpPayload(NamedTuple):
 
 
 class Fragment(NamedTuple):
-    """A piece of an IP packet: `at` which byte of its content; `head`: what stands before the whole one.
+    """A piece of an IP packet: `at` which byte of its content; `head`: the bytes before the whole content.
 
-    `of`: what the pieces of one packet have in common; `length_at`: where in the head the length stands,
-    which counts `counted` bytes of the head, too.
+    `of`: what the pieces of one packet have in common; `length_at`: offset of the length in the head. The
+    length includes `counted` bytes of the head.
     """
 
     of: tuple[bytes, ...]
@@ -74,7 +74,7 @@ class Fragment(NamedTuple):
 
 
 class _Pieces:
-    """What has come of one packet: the first copy of each piece by its place; its size, None: not known."""
+    """The pieces of one packet: the first copy of each by its offset; the packet's size, None: not known."""
 
     def __init__(self, ns: int) -> None:
         self.first_ns = ns
@@ -104,12 +104,12 @@ class Fragments:
 
     def __init__(self) -> None:
         self._packets: dict[tuple[bytes, ...], _Pieces] = {}
-        self._done: dict[tuple[bytes, ...], int] = {}  # the newest that are whole: a mirror shows copies
+        self._done: dict[tuple[bytes, ...], int] = {}  # the newest complete ones: a mirror port shows copies
         self._whole = Counter[tuple[bytes, ...]]()  # by sender and receiver
         self._lost = Counter[tuple[bytes, ...]]()
 
     def add(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
-        """Take a piece; return the packet that is whole with it, and of how many pieces."""
+        """Return the packet that this piece completes, and the number of its pieces; None: not complete."""
         pieces = self._packets.get(piece.of)
         if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
             self._drop_packet(piece.of)
@@ -138,13 +138,13 @@ class Fragments:
         self._packets.pop(of, None)
 
     def _is_lost(self, of: tuple[bytes, ...]) -> bool:
-        """Return whether some pieces of a datagram have come; its first one alone may be due to a filter."""
+        """Return whether a datagram lacks pieces; its first one alone may be due to a capture filter."""
         pieces = self._packets[of]
         is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def count_lost(self) -> dict[tuple[bytes, ...], int]:
-        """Return how many datagrams lack pieces, by sender and receiver: where that is the rule."""
+        """Return how many datagrams lack pieces, by sender and receiver, where at least half of them do."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return where the IP header begins, or what else has one of these types; -1 for a packet without one."""
+    """Return the offset of the IP header (or of another of these EtherTypes); -1: the packet has none."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1
@@ -163,7 +163,7 @@ def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_T
 
 
 def _parse_ethertype(link_type: int, data: bytes) -> tuple[bytes, int]:
-    """Return the EtherType past all VLANs, and where its content begins."""
+    """Return the EtherType behind all VLAN tags, and the offset of its content."""
     kind_at, at = _ETHERTYPE_PLACES[link_type]
     kind = data[kind_at : kind_at + 2]
     while kind in _VLAN_TYPES:
@@ -202,7 +202,7 @@ def _other_ip(protocol: int) -> OtherPacket:
 
 
 def ip_number(link_type: int, data: bytes) -> int:
-    """Return the Identification of IPv4, which most hosts count up with each packet; 0: there is none."""
+    """Return the Identification of IPv4, which most hosts count up with each packet; 0: no IPv4."""
     at = find_ip_header(link_type, data)
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
@@ -211,7 +211,7 @@ _CarriedContent = IpPayload | Fragment | SkippedPacket | OtherPacket
 
 
 def parse_packet(link_type: int, data: bytes, length: int) -> _CarriedContent:
-    """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
+    """Return the TCP or UDP of a packet, or its fragment; `length`: its bytes on the wire."""
     at = find_ip_header(link_type, data)
     try:
         read = None if at < 0 else _IP_PARSERS.get(data[at] >> 4)
@@ -225,9 +225,9 @@ def _parse_ip_v4(data: bytes, at: int, length: int) -> _CarriedContent:
     if protocol not in (TCP, UDP):
         return _other_ip(protocol)
     start = at + (first & 15) * 4
-    if first & 15 < 5:
+    if first & 15 < 5:  # shorter than the fixed header
         return OtherPacket("packet", " with a wrong IP header")
-    # A total of 0: the sender's network card had yet to cut it into packets.
+    # A total of 0: captured before the network card cut it into packets (segmentation offload).
     end = at + total if total else length
     if fragment & 0x3FFF:
         if end > len(data):
@@ -244,24 +244,24 @@ def _parse_ip_v6(data: bytes, at: int, length: int) -> _CarriedContent:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
-    said_at = at + 6  # where it stands which header follows
+    type_at = at + 6  # offset of the "next header" byte
     while protocol not in (TCP, UDP):
         if protocol == _FRAGMENT_HEADER:
             fragment = struct.unpack_from(">H", data, start + 2)[0]
-            if fragment & 0xFFF9:
+            if fragment & 0xFFF9:  # not the only fragment (RFC 6946)
                 if end > len(data):
                     return SkippedPacket.CUT
                 of = source, target, data[start + 4 : start + 8]
-                head = data[:said_at] + data[start : start + 1] + data[said_at + 1 : start]
+                head = data[:type_at] + data[start : start + 1] + data[type_at + 1 : start]
                 content = data[start + 8 : end]
                 return Fragment(
                     of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, content
                 )
-            protocol, said_at, start = data[start], start, start + 8
+            protocol, type_at, start = data[start], start, start + 8
         elif protocol in _EXTENSION_HEADERS:
-            protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 8
+            protocol, type_at, start = data[start], start, start + 8 + data[start + 1] * 8
         elif protocol == _AUTHENTICATION_HEADER:
-            protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
+            protocol, type_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
             return _other_ip(protocol)
     _PORTS(data, start)
@@ -289,11 +289,11 @@ def _tcp_options(options: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def read_window_scale(options: bytes) -> int:
-    """Return by how many bits the windows are moved that the sender of a SYN tells."""
+    """Return the window scale of a SYN in bits (RFC 7323); 0: it has none."""
     return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE_OPTION and body), 0)
 
 
 def sack_blocks(options: bytes) -> list[tuple[int, int]]:
-    """Return the sequence numbers from and to which the receiver has bytes behind a hole."""
+    """Return the sequence numbers (begin, end) of bytes that the receiver has behind a hole (RFC 2018)."""
     blocks = [body for kind, body in _tcp_options(options) if kind == SACK_OPTION]
     return [_SACK_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]

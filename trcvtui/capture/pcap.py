@@ -39,7 +39,7 @@ SECTION: Final = 0x0A0D0D0A
 TLS_KEY_LOG: Final = 0x544C534B
 COMMENT: Final = 1  # option code
 OWN_PREFIX: Final = "trcvtui: "  # begins the comment of a packet that a tap of ours has changed or made
-NOTES: Final = "trcvtui tap"  # the interface on which a tap tells observers what is no packet of the line
+NOTES: Final = "trcvtui tap"  # a tap's interface for events and notes that are no packets of the line
 NAME_OPTION: Final = 2  # of an interface
 FLAGS_OPTION: Final = 2  # of a packet
 INBOUND, OUTBOUND = 1, 2  # the two lowest bits of its flags
@@ -66,7 +66,7 @@ _EXPECTED_TEXT: Final = "a capture: pcapng or pcap, also as .gz"
 
 
 class Interface(NamedTuple):
-    """Where packets came from; ns = ticks * `numerator` // `denominator` + `offset_ns`."""
+    """An interface of a capture; ns = ticks * `numerator` // `denominator` + `offset_ns`."""
 
     link_type: int
     snaplen: int  # 0: no limit
@@ -78,10 +78,10 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet; `length` is what the wire had, `data` may be shorter; `at`: its byte in the file.
+    """One packet; `length`: bytes on the wire, `data` may have fewer; `at`: its offset in the file.
 
-    `sent`: by the PLC, or to it; None: nobody has told. Only a recording of ours (an interface of USER0)
-    knows: the flags of others tell of the host that captured.
+    `sent`: True by the PLC, False to it, None unknown. Only a recording of ours (an interface of USER0) says
+    it: in other captures the flags are seen from the capturing host.
     """
 
     ns: int
@@ -97,7 +97,7 @@ class CaptureReader:
     """The packets of one file in its order, with about two chunks of it in memory.
 
     `read` returns at most so many bytes, b"" at the end; a pipe may give fewer.
-    Raise UserError where the first bytes are no capture's.
+    Raise UserError if the file does not begin as a capture.
     """
 
     def __init__(self, read: Callable[[int], bytes], name: str) -> None:
@@ -135,7 +135,7 @@ class CaptureReader:
         return self._packets
 
     def _more(self, at: int, wanted: int) -> bytes:
-        """Drop what stands before `at`, return at least `wanted` bytes from there, fewer at the end."""
+        """Drop the bytes before `at`; return at least `wanted` bytes from there, fewer at the end."""
         self._start += at
         parts = [self._buffer[at:]]
         has = len(parts[0])
@@ -165,7 +165,7 @@ class CaptureReader:
         self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
 
     def _cut(self, at: int) -> None:
-        """Say that the file ends inside of what begins at `at`, where it does."""
+        """Note a file that ends inside the packet or block at `at`."""
         left = len(self._buffer) - at
         if left or self._bad_input:
             self._stop(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
@@ -284,7 +284,7 @@ class CaptureReader:
 
 
 def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | None:
-    """Return what an interface block says; None for one that is too short."""
+    """Return the interface of a block; None: the block is too short."""
     if after - at < 20:
         return None
     link, _reserved, snaplen = struct.unpack_from(order + "HHI", buffer, at + 8)
@@ -306,7 +306,7 @@ def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | No
 
 
 def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
-    """Yield code and value of each option between two places, up to the first that does not fit."""
+    """Yield code and value of each option from `at` to `end`, up to the first that does not fit."""
     unpack = struct.Struct(order + "HH").unpack_from
     while at + 4 <= end:
         code, size = unpack(buffer, at)
@@ -318,7 +318,7 @@ def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tupl
 
 
 def parse_sent_flag(flags: bytes | None, order: str) -> bool | None:
-    """Return which way the flags of a packet tell; None: they do not."""
+    """Return True for an outbound packet, False for an inbound one, None if its flags say neither."""
     bits = int.from_bytes(flags or b"", "little" if order == "<" else "big") & (INBOUND | OUTBOUND)
     return {INBOUND: False, OUTBOUND: True}.get(bits)
 
@@ -328,12 +328,12 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a `read` of what a .gz holds, one member after the other; it raises EOFError for one cut off."""
+    """Return a `read` of the unpacked bytes of all members of a .gz; it raises EOFError if one is cut off."""
     import zlib
 
     unpacker = zlib.decompressobj(31)
     packed = first
-    is_fresh = False  # nothing of the member under way has come
+    is_fresh = False  # no byte of the current member has come
 
     def unpacked(most: int) -> bytes:
         nonlocal unpacker, packed, is_fresh
@@ -366,7 +366,7 @@ def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]
 
 
 def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
-    """Return the block that a file begins with: little-endian, of a length that is not known yet."""
+    """Return the first block of a file: little-endian, length unknown (-1)."""
     options = [*_comments(comments), _option(4, application.encode())]
     return make_block(SECTION, _LITTLE_MAGIC + struct.pack("<HHq", 1, 0, -1), options)
 
@@ -385,7 +385,7 @@ def packet_block(
     length: int | None = None,
     sent: bool | None = None,
 ) -> bytes:
-    """Return a packet; `length` is what the wire had, where `data` is not all of it; `sent` as in Packet."""
+    """Return a packet; `length`: bytes on the wire, where `data` has fewer; `sent` as in Packet."""
     size = len(data)
     if not comments:
         padding = -size & 3
@@ -399,12 +399,12 @@ def packet_block(
 
 
 def secrets_block(key_log: bytes) -> bytes:
-    """Return lines of a TLS key log, for the packets that stand after it."""
+    """Return lines of a TLS key log, for the packets after this block."""
     return make_block(SECRETS_BLOCK, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
 def statistics_block(interface: int, ns: int, dropped: int) -> bytes:
-    """Return what says at a time how many packets of an interface were left out so far."""
+    """Return the count of an interface's packets that are missing in the file so far."""
     body = struct.pack("<III", interface, ns >> 32, ns & 0xFFFFFFFF)
     return make_block(STATISTICS_BLOCK, body, [_option(DROPPED_OPTIONS[0], struct.pack("<Q", dropped))])
 
@@ -429,7 +429,7 @@ def _option(code: int, value: bytes) -> bytes:
 
 
 def make_block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
-    """Return a block of any type; `body` is what stands before its options."""
+    """Return a block of any type; `body`: its content before the options."""
     parts = [body, _PADDINGS[-len(body) & 3]]
     if options:
         parts += [*options, _END_OF_OPTIONS]

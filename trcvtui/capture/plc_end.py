@@ -39,7 +39,7 @@ class PlcEnd(NamedTuple):
 
 
 class PlcGuess(NamedTuple):
-    """Which end is the PLC's: what it says, how sure that is (0 to 1), and why."""
+    """Which end is the PLC's: the direction it sends, how sure that is (0 to 1), and why."""
 
     says: WireDirection
     confidence: float
@@ -55,10 +55,10 @@ def parse_plc(text: str) -> PlcEnd:
 
 
 class KnownEnds(NamedTuple):
-    """What is known of the ends of a PLC: of a project, of a run of ours.
+    """What a project or a recorded run says about the ends of its PLC.
 
-    Ports on which it listens, and that it calls; addresses of its own, and of its partners. `connects`: which
-    CONNECT of a run had a port of the PLC and a partner, as text.
+    Ports on which it listens and ports that it calls; its own addresses and its partners'. `connects`: the
+    CONNECT of a run, by port of the PLC and partner as text.
     """
 
     listens: frozenset[int] = frozenset()
@@ -94,7 +94,7 @@ NO_KNOWN_ENDS: Final = KnownEnds()
 def guess_plc(
     conversation: Conversation, given: PlcEnd | None = None, known: KnownEnds = NO_KNOWN_ENDS
 ) -> PlcGuess:
-    """Return the PLC end: as given, as a recording of ours or a project has it, or as the packets look."""
+    """Return the PLC end: as given, else from our recording or the project, else guessed from the packets."""
     ends = (conversation.there, conversation.back)
     if given is not None:
         fits = [
@@ -104,7 +104,7 @@ def guess_plc(
             return PlcGuess(fits[-1], 1.0, "--plc")
     if conversation.protocol == "serial":
         sends = next(end for end in ends if end.address[1] == SENT_END)
-        return PlcGuess(sends, 0.6, "who captured has sent this")
+        return PlcGuess(sends, 0.6, "the capturing side sent this")
     if conversation.sent is not None:
         return PlcGuess(ends[not conversation.sent], 1.0, "it is the recording's PLC")
     found = known.guess(conversation)
@@ -125,9 +125,9 @@ def guess_plc(
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
-    """Return what to say of an end or a project that no conversation is of: which ends are there.
+    """Return the error for an end or a project without a conversation, with the ends of the capture.
 
-    `offer`: what to do with one of them.
+    `offer`: what you can do with one of them.
     """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
     return mistake(where, given, f"{offer}one of the ends that are there: " + ", ".join(ends[:8]))

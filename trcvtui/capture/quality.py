@@ -1,4 +1,4 @@
-"""How good the evidence of a conversation is, from its packets alone: what cannot be known from it."""
+"""What the packets of a conversation lack as evidence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 from trcvtui.capture.reassembly import Conversation
 
 LARGEST: Final = 1460  # bytes of a segment on Ethernet; larger ones were put together in the network card
-FEW_SEGMENTS: Final = 3  # segments, below which equal stamps say nothing
+FEW_SEGMENTS: Final = 3  # with fewer segments equal time stamps say nothing
 
 
 class Quality(StrEnum):
@@ -19,23 +19,23 @@ class Quality(StrEnum):
     GAPS = "gaps"  # acknowledged bytes are not in the capture, or numbers jump
     SNAPLEN = "snaplen"  # packets are cut off
     DUPLICATED = "duplicated"  # the copies of a mirror port
-    ONE_DIRECTION = "one-direction"  # an end acknowledges what the capture never has
-    CLOCK = "clock"  # time goes back, or stands still
-    ACKS_MISSING = "acks-missing"  # an end sends more than the window allowed that the capture has
+    ONE_DIRECTION = "one-direction"  # an end acknowledges bytes that the capture lacks
+    CLOCK = "clock"  # time goes back or does not advance
+    ACKS_MISSING = "acks-missing"  # an end sends more than the window in the capture allows
     ENDS_EARLY = "ends-early"  # neither FIN nor RST
-    DROPS = "drops"  # the program that captured says that it lost packets
+    DROPS = "drops"  # the capturing program reports lost packets
     LARGE_SEGMENTS = "large-segments"
-    SESSION = "session"  # TLS or ISO-on-TCP, where bytes as they are were expected
+    SESSION = "session"  # TLS or ISO-on-TCP where plain bytes were expected
 
 
 def find_qualities(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:
-    """Return what the packets of a conversation lack; a recording of ours lacks nothing."""
+    """Return what a conversation lacks; a recording of ours lacks nothing."""
     if conversation.sent is not None or conversation.protocol == "serial":
         return ()
     ends = (conversation.there, conversation.back)
     is_tcp = conversation.protocol == "tcp"
     starts_late = is_tcp and not conversation.begins_with_syn
-    stands_still = (
+    is_stopped = (
         conversation.first_ns == conversation.last_ns and sum(e.segments for e in ends) >= FEW_SEGMENTS
     )
     rows = (
@@ -45,7 +45,7 @@ def find_qualities(conversation: Conversation, drops: int = 0) -> tuple[Quality,
         (Quality.SNAPLEN, conversation.is_cut),
         (Quality.DUPLICATED, any(end.copies for end in ends)),
         (Quality.ONE_DIRECTION, is_tcp and any(e.told_ack < 0 and e.other.told_ack > 0 for e in ends)),
-        (Quality.CLOCK, conversation.goes_back or stands_still),
+        (Quality.CLOCK, conversation.goes_back or is_stopped),
         (Quality.ACKS_MISSING, any(end.has_overrun for end in ends)),
         (Quality.ENDS_EARLY, is_tcp and conversation.end is None),
         (Quality.DROPS, drops > 0),

@@ -1,8 +1,8 @@
-"""Packets to conversations: TCP streams put together, UDP datagrams in their order.
+"""Packets to conversations: reassembled TCP streams, UDP datagrams in their order.
 
-Rule 1: the first copy of a byte counts; a later one that differs is told.
-Rule 2: bytes that the receiver has, and the capture has not, are a hole; nothing is put in their place.
-Rule 3: what waits for earlier bytes, and what is kept for comparison, is bounded, each and all together.
+Rule 1: the first copy of a byte counts; a different later copy is an event.
+Rule 2: bytes that the receiver acknowledged and the capture lacks are a hole; nothing fills it.
+Rule 3: bytes that wait for earlier ones or for comparison are bounded, for a direction and for all together.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ MOST_CONVERSATIONS: Final = 28_000
 MOST_KINDS: Final = 1024  # of packets without TCP and UDP
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
-MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps
-MOST_KEPT_BYTES: Final = 8 << 20  # delivered bytes that a second copy is compared with
+MOST_SEGMENTS_WAITING: Final = 512  # of one direction: a new segment is compared with those it overlaps
+MOST_KEPT_BYTES: Final = 8 << 20  # delivered bytes, for comparison with a second copy
 MOST_COMPARED: Final = 256  # segments back from the newest
-SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
-PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
+SEGMENT_COST: Final = 200  # bytes of memory for a kept segment beside its data
+PATIENCE_NS: Final = 20_000_000  # a capture may have a packet so long after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
-COPY_NS: Final = 200_000_000  # a copy of a mirror port: soon, with the number that its host gave the packet
-UNNUMBERED_NS: Final = 300_000  # the same, where the host gave none
-REORDER_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
+COPY_NS: Final = 200_000_000  # a mirror port's copy comes within this time, with the same IP number
+UNNUMBERED_NS: Final = 300_000  # the same, where packets have no IP number
+REORDER_NS: Final = 1_000_000  # a capture may have packets out of order by so much
 MOST_RECENT: Final = 4096  # packets that another one may be a copy of
-LEAST_WINDOW: Final = 4096  # a smaller one may be that of a SYN whose scale got lost
+LEAST_WINDOW: Final = 4096  # a smaller window may lack its scale (no SYN in the capture)
 FASTEST_BYTES: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
 MOST_SACKED: Final = 64  # blocks of SACK that are kept of one direction
 MOST_FACTS: Final = 64  # of hosts
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
-ENDED_KEPT_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
-SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
+ENDED_KEPT_NS: Final = 60_000_000_000  # a growing capture keeps an ended conversation so long
+SILENT_NS: Final = 120_000_000_000  # the same for a silent one: UDP, or any where there are many
 FOREVER_NS: Final = 1 << 62
 SENT_END, RECEIVED_END = -1, -2  # ports of the ends of a serial line; its name is their address
 
@@ -97,10 +97,10 @@ class SegmentKind(Enum):
 class ConversationEvent(NamedTuple):
     """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds.
 
-    Of a datagram that the capture has cut off, `size` counts the bytes of the wire, `data` has fewer.
-    An ACK is one without bytes: `size` is its window. EARLY bytes stand before earlier ones in the capture;
-    LATE ones fill the hole, and have left their host after the early ones: they were said again. A LINE_ERROR
-    of a serial line has framing, parity, break or overrun as `data`.
+    Of a datagram that the capture has cut off, `size` counts the bytes on the wire, `data` has fewer.
+    An ACK is one without bytes: `size` is its window. EARLY bytes are captured before earlier ones; LATE ones
+    fill the hole and left their host after the early ones: a retransmission. A LINE_ERROR of a serial line
+    has framing, parity, break or overrun as `data`.
     """
 
     ns: int
@@ -137,21 +137,21 @@ class WireDirection:
         self.largest = 0  # bytes of a segment
         self.last_ns = 0  # when its sender was heard last
         self.sacked: dict[int, int] = {}  # sequence numbers that the other end has, behind a hole
-        self.window = self.widest = 0  # told last, and at most; `scale`: bits it is moved, None: not known
-        self.scale: int | None = None
+        self.window = self.widest = 0  # the newest and the largest window, without scale
+        self.scale: int | None = None  # bits; None: not known
         self.is_heard = False  # bytes of it were acknowledged
         self.has_jumped = False  # sequence numbers that no window allows
-        self.has_overrun = False  # more under way than the other end's window, as far as the capture has it
+        self.has_overrun = False  # more in flight than the other end's window in the capture
         self.next = self.position = 0  # sequence number and byte of what comes next
         self.has_base = self.is_firm = False  # is `next` known; has it proved right
-        self.is_steady = False  # does what begins at `next`, as it should, need no further look
-        self.told_ack = -1  # the last acknowledgement in what its sender said
-        self.acked = 0  # sequence number up to which the other end has told to have all
+        self.is_steady = False  # a segment that begins at `next` takes the fast path
+        self.told_ack = -1  # the newest ACK number of its sender; -1: none yet
+        self.acked = 0  # sequence number up to which the other end has acknowledged
         self.syn: int | None = None
         self.fin: int | None = None  # the byte before which its sender has ended
         self.has_fin = False
         self.unread = 0  # newest bytes of the other end that its program cannot have read when it ended
-        self.is_closed_window = False  # its sender has told a window of 0
+        self.is_closed_window = False  # its sender's window is 0
         self.was_probed = False
         self.probe = b""
         self.kept: deque[KeptPiece] | None = None
@@ -165,7 +165,7 @@ class WireDirection:
         return self.position - self.missing
 
     def is_in_order(self) -> bool:
-        """Return whether nothing is under way but bytes in their order."""
+        """Return whether only bytes in order can come: the fast path of `add_packets`."""
         other, conversation = self.other, self.conversation
         return (
             self.is_firm
@@ -177,7 +177,7 @@ class WireDirection:
 
 
 class Conversation:
-    """What two ends said to each other; `there` is what the sender of the first packet said."""
+    """The two directions between two ends; `there`: from the sender of the first packet."""
 
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
                  "is_ours", "last_ns", "listener", "number", "protocol", "sent", "tap",
@@ -193,51 +193,51 @@ class Conversation:
         self.goes_back = False  # in time
         self.is_cut = False  # a packet of it is
         self.is_ours = False  # a tap of ours has reset it
-        self.tap = ""  # of ours that tells of it: its packets come in order, none comes twice
-        self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
+        self.tap = ""  # name of our tap: its packets come in order, none comes twice
+        self.sent: bool | None = None  # first packet: True by the PLC of our recording, None: other captures
         self.undelivered: list[TimedNote] = []  # of its packets
         self.listener: WireDirection | None = None
-        self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
+        self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and the direction that sent it
         self.there = WireDirection(self, ends[0], macs[0])
         self.back = WireDirection(self, ends[1], macs[1])
         self.there.other, self.back.other = self.back, self.there
 
     def mark_established(self) -> None:
-        """Take it as one whose SYN was answered before anything else of it came."""
+        """Mark its SYN as answered, though no packet of the handshake is here."""
         self.begins_with_syn = self.is_established = True
         self.listener = self.back
 
     @property
     def timeout_ns(self) -> int:
-        """Return after how much silence a growing capture forgets it."""
+        """Return the silence after which a growing capture forgets it."""
         if self.protocol == "udp" and not self.tap:
             return SILENT_NS
         return ENDED_KEPT_NS if self.end is not None else FOREVER_NS
 
 
 class Conversations:
-    """Takes the packets of a capture; knows all conversations, tells their events to `told`.
+    """All conversations of a capture, made from its packets; their events go to `on_event`.
 
-    ACK, EARLY, LATE and LINE_ERROR are told with `is_detailed` alone.
+    ACK, EARLY, LATE and LINE_ERROR are events only with `is_detailed`.
     """
 
     def __init__(
-        self, told: Callable[[ConversationEvent], None] | None = None, is_detailed: bool = False
+        self, on_event: Callable[[ConversationEvent], None] | None = None, is_detailed: bool = False
     ) -> None:
-        self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
-        self.noted: Callable[[int, bytes], object] | None = None  # takes the notes of a tap of ours
-        self.is_tapped = False  # a tap tells of each conversation: there are no others
+        self.names: Callable[[int], str] = str  # interface number to name; a serial line has that name
+        self.noted: Callable[[int, bytes], object] | None = None  # called with the notes of our tap
+        self.is_tapped = False  # our tap announces each conversation: there are no others
         self.all: list[Conversation] = []
         self.not_read: Counter[SkippedPacket] = Counter()
         self.others: Counter[OtherPacket] = Counter()
-        self.drops = 0  # packets that the program that captured has lost
+        self.drops = 0  # packets that the capturing program lost
         self.unlisted = 0  # packets of conversations above the limit
         self.hosts = HostNotes()
         self.first_ns: int | None = None
         self.recorded_to: int | None = None  # by the journal of a recording of ours
         self.packets = 0
-        self._told = told
-        self._is_detailed = is_detailed and told is not None
+        self._on_event = on_event
+        self._is_detailed = is_detailed and on_event is not None
         self._fragments = Fragments()
         self._flows: dict[bytes, WireDirection] = {}  # addresses and ports of the sender and the receiver
         self._kept: deque[deque[KeptPiece]] = deque()  # whose oldest piece goes next
@@ -251,8 +251,8 @@ class Conversations:
         self.add_packets((packet,), {packet.interface: link_type})
 
     def add_packets(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
-        """Take packets; those that go on where a steady direction is cost as little as can be."""
-        flow_of, is_told, deliver = self._flows.get, self._told is not None, self._deliver
+        """Take packets; the next segment of a steady direction has a fast path of few operations."""
+        flow_of, has_sink, deliver = self._flows.get, self._on_event is not None, self._deliver
         is_detailed = self._is_detailed
         for packet in packets:
             self.packets += 1
@@ -302,7 +302,7 @@ class Conversations:
                         direction.has_overrun = True
                 direction.segments += 1
                 payload = data[begin:end]
-                if is_told or self._kept_cost > MOST_KEPT_BYTES or direction.kept is None:
+                if has_sink or self._kept_cost > MOST_KEPT_BYTES or direction.kept is None:
                     deliver(ns, direction, payload, number)
                     continue
                 at = direction.position
@@ -329,7 +329,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_ended(self, ns: int) -> list[int]:
-        """Forget what ended long before this time, and the silent where there are many; return numbers."""
+        """Forget conversations that ended long ago, and silent ones if many; return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.timeout_ns)]
         if not over:
@@ -383,7 +383,7 @@ class Conversations:
         self.others[kind if is_known else OtherPacket("packet", " of more kinds")] += 1
 
     def _read_host_note(self, packet: Packet, link_type: int) -> bool:
-        """Take what is neither TCP nor UDP; return whether ARP or ICMP says something in it."""
+        """Read a packet without TCP and UDP; return whether it has an ARP or ICMP note."""
         data, note = packet.data, parse_host_note(link_type, packet.data)
         if isinstance(note, ArpNote):
             self.hosts.add_arp(packet.ns, self.packets, note)
@@ -398,7 +398,7 @@ class Conversations:
         return note is not None
 
     def host_facts(self) -> list[HostFact]:
-        """Return what ARP and ICMP say that belongs to no conversation, the first first."""
+        """Return the facts of ARP and ICMP outside of any conversation, in order of time."""
         heard_ns: dict[bytes, int] = {}
         for each in self.all:
             for end in (each.there, each.back):
@@ -516,7 +516,7 @@ class Conversations:
             return
         data, count = whole
         self.not_read[SkippedPacket.FRAGMENT] -= count
-        self.not_read += Counter()  # what is 0 is not told
+        self.not_read += Counter()  # drops the counts that are 0 now
         self._add_unusual_packet(packet._replace(data=data, length=len(data)), link_type)
 
     def _open_conversation(
@@ -532,7 +532,7 @@ class Conversations:
         return there
 
     def _make(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
-        """Return what the sender of a first packet says; None: there are too many conversations."""
+        """Return the direction of a first packet; None: there are too many conversations."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -542,10 +542,9 @@ class Conversations:
         return made.there
 
     def open_tapped(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
-        """Take a conversation of which a tap tells before its packets come, which have the ends `wire`.
+        """Add a conversation that a tap announces; its packets will have the ends `wire`.
 
-        Where no SYN will say that it is there, tell an event without bytes. Return False where it is one too
-        many.
+        Where no SYN will come, a KEEP_ALIVE event announces it. Return False above MOST_CONVERSATIONS.
         """
         if len(self.all) >= MOST_CONVERSATIONS:
             self.unlisted += 1
@@ -560,12 +559,12 @@ class Conversations:
 
     def _is_new_connection(self, direction: WireDirection, seq: int, flags: int) -> bool:
         conversation = direction.conversation
-        if direction.syn == seq:  # a copy, but where all has ended: our recordings count from 0 each time
+        if direction.syn == seq:  # a copy, unless all has ended: our recordings count from 0 each time
             return not flags & _ACK and conversation.is_established and conversation.end is not None
         if flags & _ACK:
             return direction.has_base and direction.is_firm
         if direction.syn is None and direction.other.syn is not None and not direction.is_firm:
-            return direction.acked != (seq + 1) & _SEQ_MASK  # its answer may stand before it in the capture
+            return direction.acked != (seq + 1) & _SEQ_MASK  # the capture may have its answer before it
         return direction.has_base or direction.other.has_base
 
     def _establish(self, ns: int, direction: WireDirection) -> None:
@@ -599,7 +598,7 @@ class Conversations:
         if direction.syn == seq:
             end = conversation.end if not conversation.is_established else None
             is_refused = end == ("rst", direction.other)
-            # Some stacks call again, as before; also after an RST of their own at an old connection.
+            # Some stacks repeat a refused SYN with its number, also after their own RST of an old connection.
             conversation.end = None if end is not None and end[0] == "rst" else conversation.end
             self._report_event(ns, direction, SegmentKind.SYN if is_refused else SegmentKind.RETRANSMISSION)
             return
@@ -624,30 +623,31 @@ class Conversations:
         if fills and 0 < (number - direction.early_number) & 0xFFFF < 1 << 15:
             self._report_event(ns, direction, SegmentKind.LATE, direction.position)
 
-    def _handle_ack(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
-        if not said.has_base:
-            said.next = said.acked = ack  # a guess, until bytes come
-            said.has_base = True
+    def _handle_ack(self, ns: int, direction: WireDirection, ack: int, size: int) -> None:
+        """Take an ACK of bytes of this direction; `size`: bytes in the acknowledging packet."""
+        if not direction.has_base:
+            direction.next = direction.acked = ack  # a guess, until bytes come
+            direction.has_base = True
             return
-        if said.was_probed and not size and ack == said.next:
-            said.was_probed = False
-            self._report_event(ns, said.other, SegmentKind.KEEP_ALIVE_ACK)
-        if distance(ack, said.acked) > 0:
-            said.acked = ack
-            if said.segments:
-                said.is_heard = True
-            beyond = distance(ack, said.next)
-            if beyond >= MOST_JUMP or beyond > FASTEST_BYTES + ns - said.conversation.first_ns:
-                said.has_jumped = True
-            if said.probe and beyond == 1:
-                probe, said.probe = said.probe, b""
-                self._deliver(ns, said, probe)  # the window was closed, the byte got in
+        if direction.was_probed and not size and ack == direction.next:
+            direction.was_probed = False
+            self._report_event(ns, direction.other, SegmentKind.KEEP_ALIVE_ACK)
+        if distance(ack, direction.acked) > 0:
+            direction.acked = ack
+            if direction.segments:
+                direction.is_heard = True
+            beyond = distance(ack, direction.next)
+            if beyond >= MOST_JUMP or beyond > FASTEST_BYTES + ns - direction.conversation.first_ns:
+                direction.has_jumped = True
+            if direction.probe and beyond == 1:
+                probe, direction.probe = direction.probe, b""
+                self._deliver(ns, direction, probe)  # the window was closed, the byte got in
             elif beyond <= 0:
-                said.waiting_since = None
-            elif said.waiting_since is None:
-                said.waiting_since = ns
-        if not said.is_firm and not said.bytes and distance(ack, said.next) > 0:
-            said.next = ack
+                direction.waiting_since = None
+            elif direction.waiting_since is None:
+                direction.waiting_since = ns
+        if not direction.is_firm and not direction.bytes and distance(ack, direction.next) > 0:
+            direction.next = ack
 
     def _segment(
         self, ns: int, direction: WireDirection, seq: int, payload: bytes, size: int, flags: int
@@ -717,7 +717,7 @@ class Conversations:
     # -- bytes -------------------------------------------------------------------------------------------
 
     def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
-        """Put bytes where they belong: what is there already stays, what is too early waits."""
+        """Put bytes into their place: delivered and waiting ones stay (rule 1), early ones wait."""
         old = direction.position - at
         if old > 0:
             self._compare(ns, direction, at, data[:old])
@@ -804,7 +804,7 @@ class Conversations:
         most = MOST_KEPT_BYTES if self._kept_cost <= MOST_KEPT_BYTES else MOST_KEPT_BYTES * 3 // 4
         while self._kept_cost > most:
             self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
-        if self._told is not None:
+        if self._on_event is not None:
             self._report_event(ns, direction, SegmentKind.BYTES, at, size, data)
 
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
@@ -832,12 +832,12 @@ class Conversations:
         size: int = 0,
         data: bytes = b"",
     ) -> None:
-        if self._told is not None:
-            self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
+        if self._on_event is not None:
+            self._on_event(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
 
 
 def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int]) -> bytes:
-    """Return with which key `_flows` has what comes from an end; the packet methods write it in parts."""
+    """Return the key of a direction in `_flows`; the packet methods build the same key in parts."""
     if protocol == "serial":
         return b"S%d" % source[1] + source[0]
     kind = b"U" if protocol == "udp" else b""
@@ -846,19 +846,19 @@ def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int
 
 
 def distance(one: int, other: int) -> int:
-    """Return how far a sequence number stands after another; negative: before it."""
+    """Return how far a sequence number is after another, modulo 2**32; negative: before it."""
     far = (one - other) & _SEQ_MASK
     return far - (_SEQ_MASK + 1) if far & _SEQ_HALF else far
 
 
-def _add_sack(said: WireDirection, options: bytes) -> None:
+def _add_sack(direction: WireDirection, options: bytes) -> None:
     for begin, end in sack_blocks(options):
-        if begin in said.sacked or len(said.sacked) < MOST_SACKED:
-            said.sacked[begin] = end
+        if begin in direction.sacked or len(direction.sacked) < MOST_SACKED:
+            direction.sacked[begin] = end
 
 
 def _is_challenge(direction: WireDirection, ack: int) -> bool:
-    """Return whether an ACK that answers a SYN is one of an older connection (RFC 5961)."""
+    """Return whether an ACK that answers a SYN belongs to an older connection (RFC 5961)."""
     caller = direction.other
     is_first = direction.syn is None and caller.syn is not None and not direction.conversation.is_established
     return is_first and not caller.segments and not direction.segments and ack != caller.next

@@ -89,7 +89,7 @@ def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tm
         until(lambda: b"kept" in file.read_bytes(), lambda: (tap.process.poll(), file.read_bytes()))
         os.kill(recorder, signal.SIGKILL)
         assert tap.process.stderr is not None
-        assert tap.process.stderr.readline() == b"the recording has ended: bytes still go on\n"
+        assert tap.process.stderr.readline() == b"the recording has ended; forwarding continues\n"
         near.sendall(b"not kept")
         assert exactly(far, 8) == b"not kept"
         assert tap.end() == (0, "", "")

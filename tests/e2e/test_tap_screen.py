@@ -144,7 +144,7 @@ def test_a_screen_that_is_left_leaves_the_line_open_until_a_signal(line: Line) -
     line.terminal.keys("q")  # the tap itself knows what is open
     line.terminal.wait(asks)
     line.terminal.keys("d")
-    line.terminal.wait("the screen has ended: bytes still go on; Ctrl+C or kill")
+    line.terminal.wait("the screen has ended; forwarding continues; Ctrl+C or kill")
     assert passes(line)
     line.terminal.keys("C-c")
     line.terminal.wait("ended with 0")
@@ -173,7 +173,7 @@ def test_without_its_screen_a_tap_lets_go_and_goes_on(line: Line) -> None:
     line.terminal.wait("4 B held")
     os.kill(line.process(WORDS), signal.SIGKILL)
     assert exactly(line.far, 4) == b"held"
-    line.terminal.wait("the screen has ended: bytes still go on")
+    line.terminal.wait("the screen has ended; forwarding continues")
     assert passes(line)
     line.terminal.keys("C-c")
     line.terminal.wait("ended with 0")
@@ -209,5 +209,5 @@ def test_a_killed_tap_ends_both_ends_and_its_screen_gives_the_terminal_back(line
         sock.settimeout(PATIENCE)
         with suppress(ConnectionResetError):
             assert sock.recv(1) == b""
-    line.terminal.wait("the tap has ended: both ends have seen an end")
+    line.terminal.wait("the tap has ended: both ends have got a FIN or RST")
     assert "7 Line" not in line.terminal.screen()

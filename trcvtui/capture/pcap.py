@@ -59,7 +59,7 @@ _PCAP_MAGICS: Final = {  # magic -> byte order, nanoseconds a tick, bytes before
     b"\xa1\xb2\xc3\xd4": (">", 1000, 16),
     b"\x4d\x3c\xb2\xa1": ("<", 1, 16),
     b"\xa1\xb2\x3c\x4d": (">", 1, 16),
-    b"\x34\xcd\xb2\xa1": ("<", 1000, 24),  # Kuznetzov's: interface, protocol and kind stand after the usual
+    b"\x34\xcd\xb2\xa1": ("<", 1000, 24),  # Kuznetzov's: interface, protocol, kind after the usual head
     b"\xa1\xb2\xcd\x34": (">", 1000, 24),
 }
 _EXPECTED_TEXT: Final = "a capture: pcapng or pcap, also as .gz"

@@ -1,6 +1,6 @@
-"""A capture put through shadow instances, and what they show handed on.
+"""A capture played to shadow instances.
 
-The capture is read twice: first who talks to whom, then what they said when, scan by scan.
+The capture is read twice: first its conversations, then their events, scan by scan.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from trcvtui.recording.seam import Seam
 from trcvtui.scenario.scenario import load_bench
 
 MOST_LISTED: Final = 1000  # conversations in the last line
-MISSING: Final = "? missing in the capture"  # is said of a job that lacks bytes
-MOST_UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+MISSING: Final = "? missing in the capture"  # note of a job that lacks bytes
+MOST_UNANSWERED: Final = 2  # keep-alive probes of the PLC end in a row: after these its partner is dead
 END_TEXTS: Final = {SegmentKind.FIN: "has closed the connection", SegmentKind.RST: "has reset the connection"}
-# What comes before a connection stands; what no partner does again.
+# Events before a connection is up; events that are not played again.
 _OPENING_KINDS: Final = frozenset({SegmentKind.SYN, SegmentKind.ANSWER, SegmentKind.RST})
 _IGNORED_KINDS: Final = frozenset(
     {SegmentKind.RETRANSMISSION, SegmentKind.DIFFERENT_COPY, SegmentKind.SILENCE, SegmentKind.WINDOW_OPENS,
@@ -59,21 +59,21 @@ PlanMaker = Callable[[Sequence[Conversation]], ShadowPlan]
 
 
 class ShadowOutput(Protocol):
-    """What takes the things that shadows show."""
+    """The output of shadows: STATUS edges and notes."""
 
     first_ns: int = 0  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
+        """Take the changes of a scan; `lacking`: instances whose job ended and lacks bytes."""
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Take what is said of a conversation; `ns` counts from the first packet."""
+        """Take a note on a conversation; `ns` counts from the first packet."""
 
 
 class CaptureOutcome(NamedTuple):
-    """By number of a conversation: its CONNECTs, why it has none, how many bytes never reached a shadow.
+    """By number of a conversation: its CONNECTs, why it has none, bytes that never reached a shadow.
 
-    `not_run`: scans of silence of which it is not known whether they change something.
+    `not_run`: scans of silence that were skipped, though they might have changed something.
     """
 
     assigned: dict[int, list[str]]
@@ -83,7 +83,7 @@ class CaptureOutcome(NamedTuple):
 
 
 class _PlayState:
-    """A conversation while it is played: its ends by direction, and what the wire has shown of it."""
+    """A conversation while it is played: its ends by direction, and unanswered keep-alive probes."""
 
     def __init__(self, ends: list[tuple[WireDirection, ReplayedPartner]]) -> None:
         self.ends = ends
@@ -103,11 +103,11 @@ class CapturePlayer:
     ) -> None:
         self.first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
-        self.talks: ConversationFigures | None = None  # count what is taken
-        self.heard: Callable[[ConversationEvent], None] | None = None  # told of each event, too
-        self.shown = frozenset(_find_shown_instances(plan))  # the instances that look on
-        self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
-        self._over: list[int] = []  # conversations above what the last line lists
+        self.talks: ConversationFigures | None = None  # also count the events
+        self.heard: Callable[[ConversationEvent], None] | None = None  # called with each event
+        self.shown = frozenset(_find_shown_instances(plan))  # the instances whose scans are reported
+        self.overlaps: dict[int, int] = {}  # unassigned conversation -> the one that holds its CONNECT
+        self._over: list[int] = []  # ended conversations beyond MOST_LISTED
         self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._report_scan)
         self._running: dict[int, _PlayState] = {}
         self._reading = Conversations(self.play_event)
@@ -122,7 +122,7 @@ class CapturePlayer:
         return self._reading.packets
 
     def change_plan(self, plan: ShadowPlan) -> None:
-        """Go on with this plan: shadows that are new, or other ones, begin with the next scan."""
+        """Switch to this plan: new and changed shadows begin with the next scan."""
         self._plan, shadows = plan, self.shadows
         self.shown |= _find_shown_instances(plan)
         wire = shadows.network.wire
@@ -135,7 +135,7 @@ class CapturePlayer:
         shadows.run_next_scans()
 
     def forget_conversation(self, number: int) -> None:
-        """Forget a conversation that is over, unless the last line lists it, or a CONNECT still has it."""
+        """Forget an ended conversation, unless the last line lists it or a CONNECT still holds it."""
         if number > MOST_LISTED:
             self._over.append(number)
         if len(self._over) <= MOST_LISTED:
@@ -158,7 +158,7 @@ class CapturePlayer:
             self.lines.scan(scan, shown, [name for name in ended if name in lacking])
 
     def play_event(self, event: ConversationEvent) -> None:
-        """Let time pass up to an event, and do what it says."""
+        """Run the scans before an event, then play it."""
         number = event.conversation.number
         if self.talks is not None and number in self._plan.guesses:
             self.talks.add_event(event, event.direction is self._plc_direction(event.conversation))
@@ -176,7 +176,7 @@ class CapturePlayer:
             return
         running = self._running.get(number)
         if running is not None and event.kind is SegmentKind.BYTES:
-            for says, end in running.ends:  # nearly all that is said
+            for says, end in running.ends:  # the usual case, without the checks below
                 if says is not event.direction:
                     end.note_plc_bytes()
                 elif not end.has_ended:
@@ -210,7 +210,7 @@ class CapturePlayer:
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
     def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayState | None:
-        """Give a conversation its CONNECTs; None: it is not built yet, or another one has them."""
+        """Give a conversation its CONNECTs; None: another conversation has one of them."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
         parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
@@ -292,21 +292,21 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Let a conversation have its place: the one that has it said nothing after this time."""
+        """Give a conversation its CONNECT: the one that holds it was silent after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
     def end_conversation(self, number: int, ns: int) -> None:
-        """Let others have the place of a conversation after this time, also where no packet told its end."""
+        """Free a conversation's CONNECTs after this time, even if no packet showed its end."""
         self._last_ns[number] = ns
 
     def play_captures(self, paths: Sequence[str]) -> None:
-        """Play a capture to its last packet, and let the shadows settle."""
+        """Play captures to the last packet, and let the shadows settle."""
         read_captures(paths, self._reading, [])
         recorded_to = self._reading.recorded_to
         last_ns = max(*self._last_ns.values(), recorded_to or 0, self.first_ns)
         self.shadows.advance_to(last_ns - self.first_ns)
-        if recorded_to is not None:  # its PLC read no datagram after that
+        if recorded_to is not None:  # the recorded PLC read no datagram after that
             tasks = [self.shadows.count_task_scans(link) for link in self._played]
             for _ in range(FIRST_JOB_SCANS * max(tasks, default=0)):
                 self.shadows.step()
@@ -315,7 +315,7 @@ class CapturePlayer:
         self.shadows.settle()
 
     def close(self) -> CaptureOutcome:
-        """End it; return what became of the conversations."""
+        """End the shadows; return the outcome of each conversation."""
         self.shadows.bench.close()
         for holder in self._at.values():
             self._release_end(*holder)
@@ -343,9 +343,9 @@ def _find_shown_instances(plan: ShadowPlan) -> set[str]:
 def plan_capture(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
-    """Return the shadows of a capture, what is in it, what could not be read.
+    """Return the shadows of a capture, its conversations, and its troubles.
 
-    Raise UserError, also where the PLC end or the project is of none of its conversations.
+    Raise UserError, also if no conversation fits the PLC end or the project.
     """
     found, troubles = Conversations(), list[Problem]()
     plan_of, _ = plan_maker(project, plc, dialect)
@@ -365,7 +365,7 @@ def plan_capture(
 def plan_maker(
     project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
 ) -> tuple[PlanMaker, Project | None]:
-    """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
+    """Return a function that makes a plan of conversations, and its project; raise UserError."""
     if project is None:
         name = dialect or next(iter(DIALECTS))
         return lambda found: _change_ad_hoc_keys(plan_ad_hoc(found, plc, name), sets), None

@@ -1,4 +1,4 @@
-"""Conversations of others in figures: ends, state, bytes each way, what came again or not at all."""
+"""Figures of captured conversations: ends, state, bytes each way, retransmitted and missing bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentK
 from trcvtui.snapshots.conversations import ConversationSnapshot, DirectionSnapshot
 from trcvtui.wording import SECOND
 
-MOST_CONVERSATIONS: Final = 512  # conversations with figures; those that are over go first
+MOST_CONVERSATIONS: Final = 512  # with figures; above it ended ones are dropped first
 MOST_SHOWN: Final = 64
 SHOWN_SECONDS: Final = 30
 _END_STATES: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
@@ -42,7 +42,7 @@ class _Direction:
 
 
 class _Figures:
-    """What one conversation has shown; `ways`: to the PLC end, and from it."""
+    """The figures of one conversation; `ways`: to the PLC end, and from it."""
 
     def __init__(self, talk: Conversation) -> None:
         self.talk = talk
@@ -69,7 +69,7 @@ class ConversationFigures:
     def __init__(self) -> None:
         self._figures: dict[int, _Figures] = {}
         self._newest = 0  # ns
-        self.now_ns = 0  # of a tap, whether anything comes or not
+        self.now_ns = 0  # a tap's time, which advances without packets, too
 
     def add_event(self, event: ConversationEvent, is_from_plc: bool) -> None:
         """Take one event; `is_from_plc`: the PLC end has sent it."""
@@ -111,7 +111,7 @@ class ConversationFigures:
         return figures
 
     def set_held(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
-        """Take what a tap holds back in a direction; None: nothing any more."""
+        """Set the bytes that a tap holds in a direction; None: it holds none."""
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]
@@ -119,7 +119,7 @@ class ConversationFigures:
             way.held, way.first = held, first
 
     def set_figures(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
-        """Take what a tap's stack says of the end that a direction goes to."""
+        """Set the tap's TCP figures for the receiving end of a direction."""
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]
@@ -136,7 +136,7 @@ class ConversationFigures:
         self.set_held(number, False, None, b"")
 
     def make_snapshots(self) -> tuple[ConversationSnapshot, ...]:
-        """Return those that go on, the newest first, then those that are over."""
+        """Return the open ones, the newest first, then the ended ones."""
         listed = sorted(self._figures.values(), key=lambda each: (each.is_over, -each.talk.number))
         return tuple([self._make_snapshot(each) for each in listed[:MOST_SHOWN]])
 

@@ -1,10 +1,10 @@
-"""Packets of a stream that grows, played to shadows as they come; a conversation gets shadows when it begins.
+"""Packets of a growing capture, played to shadows as they come; a conversation gets shadows when it begins.
 
-Rule 1: time is the capture's. An event is played when packets 40 ms younger have come, so that shadows of
-a new PLC end stand before its first event: how the stream was cut into reads changes nothing.
-Rule 2: where nothing comes, all is played after 30 ms, and time goes on with the clock: some scans at once,
-more after a second. Programs that pipe packets hold some back so long, and these are older than the clock.
-Rule 3: what is over is forgotten: memory follows the conversations that go on, not those that were.
+Rule 1: time is the capture's. An event is played when packets 40 ms younger have come: then the shadows of a
+new PLC end exist before its first event, and the cuts between reads change nothing.
+Rule 2: after 30 ms without a packet all events are played, and time follows the clock: some scans at once,
+more after a second. A program that pipes packets may hold some back so long; they are older than the clock.
+Rule 3: ended conversations are forgotten: memory follows the open ones.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ from trcvtui.project.project import Project
 PLAY_DELAY_NS: Final = 40_000_000
 IDLE_HOLD_NS: Final = 30_000_000
 LULL_NS: Final = 1_000_000_000
-SCANS_AFTER_LAST: Final = 6  # after the last packet what it did is shown
-SWEEP_INTERVAL_NS: Final = 10_000_000_000  # between two looks at what is over
+SCANS_AFTER_LAST: Final = 6  # so that the effect of the last packet is shown
+SWEEP_INTERVAL_NS: Final = 10_000_000_000  # between two searches for ended conversations
 MOST_WAITING_EVENTS: Final = 1 << 16  # events
 MOST_KEPT_BYTES: Final = 8 << 20  # bytes of packets, for the doctor
-MOST_DECISIONS: Final = 4096  # pairs of ends of which it is known what gets them
-MOST_LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
-TOO_FAST_TEXT: Final = "packets come faster than they are played; what their program drops is missing"
+MOST_DECISIONS: Final = 4096  # pairs of ends with a decision
+MOST_LATE_NS: Final = 1_000_000_000  # lag of the shadows from which TOO_FAST_TEXT is shown
+TOO_FAST_TEXT: Final = "packets come faster than they are played; those that their program drops are missing"
 ANY_PORT: Final = 49_152
-_ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not show it
+_ANY_CALLER: Final = bytes((127, 0, 0, 1))  # never shown: the shadow listens
 _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
 class _Decision(NamedTuple):
-    """What gets the conversations between two ends: parts, or why none; which end is the PLC."""
+    """The parts for conversations between two ends, or why there are none; which end is the PLC."""
 
     parts: tuple[ShadowPart, ...] | None
     why: str
@@ -69,19 +69,19 @@ class _Decision(NamedTuple):
 
 
 class LivePlan:
-    """A plan that grows with the conversations that come; raise UserError for a mistake in what is asked."""
+    """A plan that grows with new conversations; raise UserError for a wrong project, PLC end or dialect."""
 
-    routes: Sequence[Route] = ()  # of taps; which are called by the PLC; the name of each one's serial line
+    routes: Sequence[Route] = ()  # of taps; `calls`: which the PLC calls; `lines`: names of serial lines
     calls: Sequence[bool] = ()
     lines: Mapping[str, str] = {}
 
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
         self.path = project
         self._plan_of, expected = self._plan_expected(project, plc, dialect)
-        self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
+        self._first: list[Conversation] = []  # the first of each CONNECT: it decides the CONNECT's values
         self._of_first: dict[int, tuple[ShadowPart, ...]] = {}
         self._known: dict[tuple[object, ...], _Decision] = {}
-        self._own: Project | None = None  # of conversations that the user gave shadows of their own
+        self._own: Project | None = None  # the shadows that the user added (`add_shadow`)
         self.decided: set[int] = set()  # numbers of conversations
         self.plan = self._plan_of(expected)
         for talk in expected:
@@ -92,12 +92,12 @@ class LivePlan:
     def _plan_expected(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
-        """Return what makes plans, and which conversations are expected."""
+        """Return the plan maker and the expected conversations."""
         plan_of, loaded = plan_maker(project, plc, dialect)
         return plan_of, [] if loaded is None else list_expected(loaded, plc)
 
     def start_plan(self, talks: Iterable[Conversation]) -> ShadowPlan:
-        """Return the plan for those that are there before the first scan."""
+        """Return the plan for the conversations before the first scan."""
         listed = sorted(talks, key=lambda talk: talk.number)
         made = self._plan_of([*self._first, *listed])
         self.plan = self.plan._replace(project=made.project)
@@ -111,12 +111,12 @@ class LivePlan:
         return self.plan
 
     def assign(self, talk: Conversation) -> bool:
-        """Give a conversation its parts; return whether the shadows have to become others."""
+        """Give a conversation its parts; return whether the shadows must change."""
         number, plan = talk.number, self.plan
         if number in self.decided:
             return False
-        is_said = _is_under_way(talk)
-        key = _make_decision_key(talk, is_said)
+        is_under_way = _is_under_way(talk)
+        key = _make_decision_key(talk, is_under_way)
         known, grows = self._known.get(key), False
         if known is None:
             known, grows = self._decide(talk)
@@ -130,7 +130,7 @@ class LivePlan:
             plan.unassigned.pop(number, None)
         else:
             self.plan.unassigned[number] = known.why
-        if known.parts is not None or is_said:
+        if known.parts is not None or is_under_way:
             self.decided.add(number)
         return grows
 
@@ -138,7 +138,7 @@ class LivePlan:
         made = self._plan_of([*self._first, talk])
         expects = not talk.tap and any(each.number < 0 for each in self._first)
         if talk.number not in made.parts and expects:
-            # What was expected may come otherwise: as the end that calls in place of the one that is called.
+            # An expected conversation may begin at the other end: then the expected one is dropped.
             real = [each for each in self._first if each.number > 0]
             other = self._plan_of([*real, talk])
             if talk.number in other.parts:
@@ -156,7 +156,7 @@ class LivePlan:
         self._of_first[talk.number] = parts
 
     def add_shadow(self, talk: Conversation) -> str:
-        """Give a conversation that has none shadows of its own, beside all others; return what is wrong."""
+        """Give a conversation without shadows its own, beside all others; return an error, "" if none."""
         number, plan = talk.number, self.plan
         plc = address_text(plan.guesses[number].says.address if number in plan.guesses else talk.back.address)
         made = plan_ad_hoc([talk], plc, plan.project.dialect.name)
@@ -167,7 +167,7 @@ class LivePlan:
         if not names.isdisjoint(part.connect for part in parts):
             return f"{parts[0].connect} is a CONNECT already"
         connects = [replace(c, local=Endpoint(c.local.address, 0)) for c in made.project.connects]
-        own = replace(made.project, connects=tuple(connects))  # the PLC's port is that of another one
+        own = replace(made.project, connects=tuple(connects))  # port 0: another CONNECT has the PLC's port
         self._own = own if self._own is None else _join_projects(self._own, own)
         plan.parts[number], plan.guesses[number] = parts, made.guesses[number]
         plan.unassigned.pop(number, None)
@@ -208,17 +208,17 @@ def _make_decision(made: ShadowPlan, talk: Conversation) -> _Decision:
     return _Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
 
 
-def _make_decision_key(talk: Conversation, is_said: bool) -> tuple[object, ...]:
+def _make_decision_key(talk: Conversation, is_under_way: bool) -> tuple[object, ...]:
     there, back, listener = talk.there, talk.back, talk.listener
     one = there.address[0] if listener is back else there.address
     other = back.address[0] if listener is there else back.address
-    return talk.tap, talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
+    return talk.tap, talk.protocol, is_under_way, one, there.mac[:3], other, back.mac[:3], listener is None
 
 
 def list_expected(project: Project, plc: str | None) -> list[Conversation]:
-    """Return what the PLC ends will have that are named: one with its port listens there, others call.
+    """Return the expected conversations of the named PLC ends: an end with a port listens, others call.
 
-    Whom a PLC end calls, its row or its CONNECT says; where neither does nothing is expected.
+    The row or the CONNECT names the called partner; without one no conversation is expected.
     """
     rows = [(each.plc, each.partner, project.connect(each.connect)) for each in project.watches]
     if plc is not None:
@@ -258,16 +258,16 @@ def make_conversation(
 
 
 class TimedAction(NamedTuple):
-    """What is to be done between two events."""
+    """An action between two events."""
 
     ns: int
     act: Callable[[], object]
 
 
 class LiveWatch:
-    """Plays the conversations of a growing capture; `begin` makes the player: of a plan, from a time on.
+    """Plays the conversations of a growing capture; `begin` makes the player from a plan and a time.
 
-    `left` is told of each conversation that has no shadow, and why.
+    `left` is called with each conversation that has no shadow, and the reason.
     """
 
     play_delay_ns = PLAY_DELAY_NS
@@ -341,7 +341,7 @@ class LiveWatch:
         return self.player
 
     def _advance_to(self, player: CapturePlayer, ns: int) -> None:
-        """Let time go on to a time of UTC; it does not before the first packet."""
+        """Advance to a time of UTC; before the first packet there is no time."""
         if player.first_ns:
             player.shadows.advance_to(max(ns - player.first_ns, 0))
             if player.talks is not None:
@@ -350,14 +350,14 @@ class LiveWatch:
     def _check_overlap(self, player: CapturePlayer, event: ConversationEvent) -> None:
         number = event.conversation.number
         if event.conversation.tap:
-            return  # the other one goes on until its end is told
+            return  # a tap reports the end of the other conversation
         holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
         last_ns = 0 if holder is None else holder.last_ns
         if event.ns - last_ns > SILENCE_NS:
             player.resolve_overlap(number, last_ns)
 
     def add_shadow(self, name: str) -> str:
-        """Let `C7`, "": the newest conversation without a shadow, have shadows; return what is wrong."""
+        """Give shadows to `C7`, "": the newest conversation without any; return an error, "" if none."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
         chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
@@ -371,7 +371,7 @@ class LiveWatch:
         return wrong
 
     def advance_to_packet(self, ns: int) -> None:
-        """Take the time of the newest packet that has been read."""
+        """Advance to the time of the newest packet read."""
         self._newest = ns = max(self._newest, ns)
         if self.player is None and not (self._waiting and self._waiting[0].ns < ns - self.play_delay_ns):
             return
@@ -384,16 +384,16 @@ class LiveWatch:
                 player.forget_conversation(number)
 
     def handle_idle(self, idle_ns: int) -> None:
-        """Let time go on: nothing has come for so long."""
+        """Advance time after so long without a packet (rule 2)."""
         if idle_ns < IDLE_HOLD_NS or (self.player is None and not self._waiting):
             return
         player = self._play_until(self._newest)
         shown = SCANS_AFTER_LAST * self._plan.interval_ns
-        gone = max(min(idle_ns - IDLE_HOLD_NS, shown), idle_ns - LULL_NS)
-        self._advance_to(player, self._newest + gone)
+        passed_ns = max(min(idle_ns - IDLE_HOLD_NS, shown), idle_ns - LULL_NS)
+        self._advance_to(player, self._newest + passed_ns)
 
     def finish(self) -> CapturePlayer:
-        """Play what is left, and let the shadows settle."""
+        """Play all waiting events, and let the shadows settle."""
         self.found.close()
         last_ns = max((talk.last_ns for talk in self.found.all), default=0)
         player = self._play_until(max(last_ns, self._newest, *(event.ns for event in self._waiting), 0))
@@ -406,7 +406,7 @@ class LiveWatch:
 
 
 class PacketBuffer:
-    """The newest packets of a stream, at most MOST_KEPT bytes of them, as a file for the doctor."""
+    """The newest packets of a stream, MOST_KEPT_BYTES at most, as a file for the doctor."""
 
     def __init__(self) -> None:
         self._packets: deque[Packet] = deque()
@@ -427,7 +427,7 @@ class PacketBuffer:
             self._size -= len(self._packets.popleft().data)
 
     def write_file(self) -> list[str]:
-        """Write them into a file in memory; return its name, which other processes can open."""
+        """Write the packets into a file in memory; return its name, which other processes can open."""
         self._opened.close()
         handle, name = self._opened.enter_context(open_private_file())
         with open(handle, "wb", closefd=False) as file:
@@ -440,10 +440,10 @@ class PacketBuffer:
 
 
 class PacketStream:
-    """The packets of a pipe, taken by `live`; `say` gets lines for the user.
+    """The packets of a pipe, for `live`; `say` gets lines for the user.
 
-    `came` is called when something was played, at least each 50 ms; `kept` keeps the newest packets.
-    Raise UserError where nothing comes for longer than `most_idle_ns`, 0: it may be silent for ever.
+    `came` is called after each play, at least every 50 ms; `kept` stores the newest packets.
+    Raise UserError after `most_idle_ns` without a byte; 0: no limit.
     """
 
     def __init__(
@@ -460,7 +460,7 @@ class PacketStream:
         self.pipe = PacketPipe(fd, self._handle_wait, whole)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
-        self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment
+        self._busy_from = self._from_ns = 0  # when the pipe was last empty, and the newest packet then
         self._is_late = False
         self._failed: Exception | None = None
 
@@ -494,7 +494,7 @@ class PacketStream:
             self._say(TOO_FAST_TEXT)
 
     def read_all(self) -> list[str]:
-        """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
+        """Read all packets to the end; return notes for the user. Raise UserError if it is no capture."""
         found = self._live.found
         try:
             reader = CaptureReader(self._read, "stdin" if found.noted is None else "the tap")
@@ -507,8 +507,8 @@ class PacketStream:
         found.add_packets(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed
-        said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
+        notes = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
         troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopped else []
-        if found.is_tapped:  # the tap has told what is lost, and of each conversation
+        if found.is_tapped:  # the tap has reported losses and conversations itself
             return [*map(str, troubles)]
-        return [*said, *capture_notes(found, troubles)]
+        return [*notes, *capture_notes(found, troubles)]

@@ -1,4 +1,4 @@
-"""Shadows that play while a screen looks, in a process of their own; `watch -` on the screen."""
+"""The process behind a live screen: shadows that play while it shows them (`watch -`, `tap`)."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
 TAP_ENDED_TEXT: Final = "the tap has ended"
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
-MOST_SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each 50 ms
+MOST_SILENT_NS: Final = 5_000_000_000  # a tap sends something every 50 ms
 
 
 def make_live_driver(asked: ShadowChoice) -> ProcessDriver:
-    """Return shadows of the packets of stdin; that is the keyboard from now on."""
+    """Return shadows of the packets of stdin; from now on stdin is the keyboard."""
     return ProcessDriver(live_main, Channel(detach_stdin(with_keyboard=True), writable=False), asked)
 
 
 def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
-    """Serve the screen with what comes; the last words say what is wrong. A tap is never silent for long."""
+    """Serve the screen with the packets of a pipe; `most_idle_ns`: the longest silence of a tap, else 0."""
     from trcvtui.line.live import LivePlan
 
     serve_until_gone(
@@ -57,7 +57,7 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(ProcessDriver):
-    """Shadows of a tap that hands over ways to what it shows, whose screen is a child of it.
+    """Shadows of the tap that started this screen, and hands over channels to its packets.
 
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
@@ -70,7 +70,7 @@ class TapDriver(ProcessDriver):
         """Return the newest picture that has arrived; raise TapEnded."""
         picture = super().poll_picture()
         if picture is not None and picture.over:
-            raise TapEnded(f"{picture.over}: both ends have seen an end")
+            raise TapEnded(f"{picture.over}: both ends have got a FIN or RST")
         return picture
 
     def describe_cuts(self) -> str:
@@ -78,7 +78,7 @@ class TapDriver(ProcessDriver):
 
 
 def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
-    """Serve the screen with what a tap shows, for which this process asks; what is asked is read before."""
+    """Serve the screen with the packets of a tap; `asks`: the channel on which this process asks for them."""
 
     def run() -> None:
         from trcvtui.line.tap_watch import TapPlan
@@ -95,10 +95,10 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
 
 
 class TapSocketDriver(ProcessDriver):
-    """Shadows of what passes the tap of a project, which is a program of its own."""
+    """Shadows of the bytes that pass the running tap of a project."""
 
     def __init__(self, project: Path) -> None:
-        """Raise UserError where that tap does not run."""
+        """Raise UserError if that tap does not run."""
         super().__init__(live_main, (project, None, None), MOST_SILENT_NS)
 
     def _arguments(self) -> tuple[Any, ...]:
@@ -109,11 +109,11 @@ class TapSocketDriver(ProcessDriver):
 
     def _start(self) -> None:
         super()._start()
-        self._tap.close()  # its end is the end of the shadows
+        self._tap.close()  # the shadows have their own; when the tap ends they end
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
-    """Serve with what a capture program writes, which this process starts; it ends when we do."""
+    """Start a capture program and serve the screen with its packets; it ends with this process."""
     serve_until_gone(channel, lambda: _run_capture(channel, command, asked))
 
 
@@ -131,14 +131,14 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
         assert program.stdout is not None
         ShadowServer(channel, plan, asked).run(program.stdout.fileno())
     finally:
-        program.kill()  # it has nothing of its own to end
+        program.kill()  # it has nothing to save
         program.wait()
 
 
 class ShadowServer:
-    """Serves a screen with shadows that play while it looks.
+    """Serves a screen with playing shadows.
 
-    `way`: of the tap that the screen is a child of; a tap may also be a program of its own.
+    `way`: to the tap that started the screen; None: packets of a pipe, or of a tap that runs by itself.
     """
 
     first_ns = 0
@@ -155,7 +155,7 @@ class ShadowServer:
         self._plan, self._way, self._kernel = plan, way, kernel
         self._project, self._plc, _ = asked
         self._controller: Controller | None = None
-        self._told: list[tuple[str, str]] = []
+        self._early_notes: list[tuple[str, str]] = []  # before there is a controller
         self._live: LiveWatch | None = None
         self._judge: FilesJudge | None = None  # of what came
 
@@ -175,13 +175,13 @@ class ShadowServer:
         stream = PacketStream(
             fd, live, lambda line: self._add_note(subject, line), self._serve, kept, most_idle_ns, whole
         )
-        said = stream.read_all()
+        notes = stream.read_all()
         live.finish()
-        for line in (*said, over):
+        for line in (*notes, over):
             self._add_note(subject, line)
         if self._controller is not None:
             self._controller.over = over
-        while True:  # nothing more comes
+        while True:  # no packet comes any more; the screen stays
             self._serve(0.01 if self._screen.pipe.is_busy() else None)
 
     def _make_player(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
@@ -198,7 +198,7 @@ class ShadowServer:
         self._channel.send(player.shadows.bench.project)
         return player
 
-    # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
+    # -- the output of the shadows: notes go into the ledger ---------------------------------------------
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         from trcvtui.line.capture_player import MISSING
@@ -221,11 +221,11 @@ class ShadowServer:
             self._controller.report_problem(text)
 
     def _add_note(self, subject: str, text: str) -> None:
-        self._told.append((subject, text))
+        self._early_notes.append((subject, text))
         if self._controller is not None:
-            for told in self._told:
-                self._controller.bench.note(*told)
-            self._told.clear()
+            for note in self._early_notes:
+                self._controller.bench.note(*note)
+            self._early_notes.clear()
 
     def _serve(self, waits: float | None = 0.0) -> None:
         controller = self._controller
@@ -233,7 +233,7 @@ class ShadowServer:
             return
         controller.catch_up()
         if self._live is not None and self._judge is not None and (player := self._live.player) is not None:
-            controller.shadows = player.shown  # more with each PLC end
+            controller.shadows = player.shown  # grows with each PLC end
             self._judge.begins_ns = player.first_ns or None
         self._screen.handle_messages(controller.handle_line, waits)
         self._screen.send(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))

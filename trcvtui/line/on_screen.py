@@ -1,6 +1,6 @@
-"""A capture on the screen: its shadows run once, into a recording that is shown and not kept.
+"""A capture on the screen: its shadows run once, into a temporary recording that the screen shows.
 
-Rule: what is shown is the run of `trcvtui watch` on the same files, scan by scan.
+Rule: the screen shows the run of `trcvtui watch` on the same files, scan by scan.
 """
 
 from __future__ import annotations
@@ -57,22 +57,22 @@ class _RunNotes:
 
 
 class _Progress:
-    """How far a large capture is read, on the terminal on which the screen will open."""
+    """Progress of reading a large capture, on the terminal before the screen opens."""
 
     def __init__(self, player: CapturePlayer, packets: int) -> None:
         self._player, self._packets = player, packets
-        self._told_ns = clock.now_ns()
-        self._is_told = False
+        self._shown_ns = clock.now_ns()
+        self._is_shown = False
 
     def show(self) -> None:
         now = clock.now_ns()
-        if now - self._told_ns >= PROGRESS_INTERVAL_NS and sys.stderr.isatty():
-            self._told_ns, self._is_told = now, True
+        if now - self._shown_ns >= PROGRESS_INTERVAL_NS and sys.stderr.isatty():
+            self._shown_ns, self._is_shown = now, True
             sys.stderr.write(f"\r{self._player.packets} of {count(self._packets, 'packet')} ")
             sys.stderr.flush()
 
     def finish(self) -> None:
-        if self._is_told:
+        if self._is_shown:
             sys.stderr.write("\n")
 
 
@@ -91,15 +91,15 @@ def _play_shadows(paths: Sequence[str], asked: ShadowChoice, file: Path) -> Time
 
     plan, found, troubles = plan_capture(paths, *asked)
     plan = plan._replace(project=replace(plan.project, path=Path(describe_paths(paths))))  # the header's name
-    first_ns, told = found.first_ns or 0, _RunNotes()
+    first_ns, notes = found.first_ns or 0, _RunNotes()
     recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
     with recorder:
         file = _unlink_file(file)
-        player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
+        player = CapturePlayer(plan, found.all, first_ns, notes, recorder.seam)
         rows = PauseMessages(plan, first_ns) if asked[0] is None else None
         player.heard = rows.add_event if rows is not None else None
         bench = player.shadows.bench
-        told.write = bench.record_line
+        notes.write = bench.record_line
         progress = _Progress(player, found.packets)
 
         def after_scan() -> None:
@@ -131,7 +131,7 @@ def _unlink_file(file: Path) -> Path:
         return file
     handle = os.open(file, os.O_RDONLY)
     file.unlink()
-    with suppress(OSError):  # it holds something else
+    with suppress(OSError):  # the folder is not empty
         file.parent.rmdir()
     return Path(f"/proc/self/fd/{handle}")
 

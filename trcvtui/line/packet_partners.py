@@ -1,12 +1,12 @@
-"""What partners did, done again in the simulated network when they did it; scans pass between.
+"""The partners of a capture, played in the simulated network at their times, with scans between.
 
-Rule 1: a scan sees what happened up to its time. Scans that change nothing are counted, not run.
-Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
-Rule 3: bytes that are not taken wait, up to a bound; then scans pass until there is room, as a closed window
-would make the partner wait. Those that are never taken are left out, and that is told.
-Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
-ends in its next scan; so many scans later as it was late in the beginning, and not before its first job. Of a
-recording of ours it is known that all of it was read: it ends then.
+Rule 1: a scan sees all events up to its time. Scans that change nothing are counted, not run.
+Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-alive is answered.
+Rule 3: bytes that a shadow does not read wait, up to a bound. Then scans run until there is room, as a closed
+window would make the partner wait. Bytes that are never read are left out, and counted.
+Rule 4: a PLC end that closes or resets in the capture ends its shadow: the shadow reads the bytes that the
+PLC can have read, and ends in its next scan, not before its first job; if it connected late, it ends later by
+the same number of scans. In a recording of ours all bytes were read: it ends after them.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from trcvtui.net.sim.network import PLAYED_SEND_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StatusEdge
 
-MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
-MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
+MOST_UNREAD: Final = 128 << 10  # bytes of datagrams or a serial line that wait for a shadow
+MOST_FILLED: Final = 64 << 10  # missing bytes get placeholders, at most so many more than real bytes
 FIRST_JOB_SCANS: Final = 3  # scans from a new connection to its first DONE
 NEXT_CALL_SCANS: Final = 5  # scans at most from a refused call to the next one
-QUIET_SCANS: Final = 3  # scans without a change, after which none comes by itself
-MOST_QUIET_SCANS: Final = 100_000  # such scans that are run, where it is not known that they change nothing
-PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
+QUIET_SCANS: Final = 3  # after so many scans without a change none comes without an event
+MOST_QUIET_SCANS: Final = 100_000  # quiet scans that are run where skipping is not proven safe
+PATIENCE_NS: Final = 3_000_000_000  # an answered SYN waits so long for a shadow that listens
 SETTLE_SCANS: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
 _WASTE_BUFFER: Final = memoryview(bytearray(1 << 16))
 
 
 class ShadowBench:
-    """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
+    """A bench whose partners are played; `on_scan` gets the changes of a scan, and instances that lack bytes.
 
-    It is called after each scan that changed or told anything.
+    It is called after each scan with a change or an event.
     """
 
     def __init__(
@@ -45,16 +45,16 @@ class ShadowBench:
         self.bench = bench
         self.network = bench.network
         self.waiting: list[ReplayedPartner | ReplayedLine] = []  # in the order in which they came
-        self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
-        self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
-        self.not_run = 0  # scans of which it is not known that they change nothing
+        self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> (begin, end) of placeholders
+        self.of_datagrams: set[str] = set()  # CONNECTs whose holes count datagrams: DATA may cut one
+        self.not_run = 0  # skipped scans that might have changed something
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
         self.after_scan: Callable[[], object] = int
-        self.sent: Callable[[PeerSent, int], None] | None = None  # told of each packet and its time
+        self.sent: Callable[[PeerSent, int], None] | None = None  # called with each packet and its time
         self.packet_ns = 0  # the time of the packet that is played
         self.works_on = {each.name: each.connect for each in bench.project.instances}
-        self.leaving: list[ReplayedPartner] = []  # their own ends have closed or reset them
+        self.leaving: list[ReplayedPartner] = []  # their shadows are to end (rule 4)
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
@@ -62,7 +62,7 @@ class ShadowBench:
         self._lacking: set[str] = set()  # instances whose job has a place without bytes
 
     def advance_to(self, ns: int) -> None:
-        """Let the scans before this time pass; then it is the time of the network."""
+        """Run or skip the scans before this time, then set the network to it."""
         while (due := self.bench.runtime.scans * self._interval) < ns:
             if self.network.take_ready_flag() or self._quiet < QUIET_SCANS:
                 self.step()
@@ -76,11 +76,11 @@ class ShadowBench:
         self.network.advance(max(ns, self.network.now_ns))
 
     def run_next_scans(self) -> None:
-        """Run the next scans: a CONNECT that still calls looks what became of it, no poll tells."""
+        """Run the next scans, even without an event: a calling CONNECT checks its call without one."""
         self._quiet = 0
 
     def refuse_call(self, connect: str) -> None:
-        """Refuse the call of a shadow. The PLC has called, so one that would pause before it calls now."""
+        """Refuse the call of a shadow; if it pauses between calls, it calls now, as the PLC did."""
         runtime = self.bench.runtime
         for _ in range(NEXT_CALL_SCANS):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
@@ -91,7 +91,7 @@ class ShadowBench:
         self.run_next_scans()
 
     def count_task_scans(self, connect: str) -> int:
-        """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
+        """Return the scans between two calls of the slowest block of a CONNECT."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
         tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
         return max([-(-each // self._interval) for each in tasks], default=1)
@@ -171,9 +171,9 @@ class ShadowBench:
 
 
 class ReplayedPartner:
-    """One end of one conversation, as a CONNECT meets it. It `calls`, or is called by the CONNECT.
+    """One end of a conversation as the partner of a CONNECT; it calls the CONNECT (`calls`) or is called.
 
-    `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nothing to talk to.
+    `left_out` counts bytes that never reached the shadow; `is_over`: after FIN, RST, or no connection.
     """
 
     def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:
@@ -182,19 +182,19 @@ class ReplayedPartner:
         self.is_over = False
         self.has_ended = self.has_left = False  # in the capture: the partner; the shadow's own end
         self.gives_up_at = 0
-        self.keeps_out = True  # it was the link that let it not in: those after it have no better luck
+        self.keeps_out = True  # the link is not ready: those waiting after it need not try
         self._shadows = shadows
         self._own = own
         self._calls = calls
         self._is_begun = self._has_called = False
         config = shadows.bench.project.connect(connect)
         self._asks = calls and config is not None and config.session is not None
-        self._awaits = self._has_answer = False  # the partner the shadow's answer: its CC
+        self._awaits = self._has_answer = False  # the shadow's answer: its CC or first bytes
         self._stream: SimStream | None = None
-        self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
-        self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
-        self._has_read = False  # is known of that end: all that it can have
-        self._kept = self._packets = 0  # bytes of these; of the conversation
+        self._acts: deque[Callable[[], None]] = deque()  # events that wait for the connection
+        self._begun = self._stood = 0  # scan of the beginning; scans from there to the PLC end's FIN or RST
+        self._has_read = False  # the PLC is known to have read all bytes (a recording of ours)
+        self._kept = self._packets = 0  # bytes in `_acts`; packets so far
         self._sent = 0
 
     def begin_connecting(self) -> None:
@@ -209,7 +209,7 @@ class ReplayedPartner:
                 self._shadows.waiting.append(self)
 
     def note_plc_bytes(self) -> None:
-        """Hear the PLC end: to the first that it says the partner had waited, so it is waited for here."""
+        """Note bytes of the PLC end: the first ones are an answer, so the partner waits for the shadow's."""
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
@@ -221,7 +221,7 @@ class ReplayedPartner:
         self._awaits = not self._has_answer
 
     def retry(self, may_try: bool) -> bool:
-        """Look again whether the shadow is ready; return whether it still waits."""
+        """Try again to connect; return whether this partner still waits."""
         if may_try and self._stream is None:
             self._connect()
         is_late = self._shadows.network.now_ns >= self.gives_up_at
@@ -288,14 +288,14 @@ class ReplayedPartner:
             self._run_or_queue(lambda: self._send_now(data, ns), len(data))
 
     def send_placeholder(self, size: int) -> None:
-        """Keep a place for bytes that are not known, so that what follows stands where it stood."""
+        """Send zeros in place of missing bytes, so that later bytes keep their offsets."""
         self._run_or_queue(lambda: self._send_placeholder(size))
 
     def _send_placeholder(self, size: int) -> None:
         if self.is_over:
             return
         shadows, place = self._shadows, size
-        if size > shadows.room:  # whole jobs of it are left out, so that frames begin where they began
+        if size > shadows.room:  # leave out whole jobs: the next frame keeps its beginning
             job = shadows.last_job.get(self.connect, 1)
             left_out = -(-(size - shadows.room) // job) * job
             place = size - left_out if left_out <= size else size % job
@@ -349,7 +349,7 @@ class ReplayedPartner:
         self.is_over = True
 
     def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
-        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may, or has."""
+        """End the PLC end: it has not read `unread` bytes, may have read the others, or (`has_read`) has."""
         self._shadows.run_next_scans()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
@@ -364,7 +364,7 @@ class ReplayedPartner:
 
     @property
     def due_scan(self) -> int:
-        """Return in which scan a shadow is over that its own end has ended."""
+        """Return the scan in which the shadow of an ended PLC end must end (rule 4)."""
         runtime, task = self._shadows.bench.runtime, self._shadows.count_task_scans(self.connect)
         since = runtime.connected_since(self.connect)
         now_ns, stream = self._shadows.network.now_ns, self._stream
@@ -387,9 +387,9 @@ class ReplayedPartner:
 
 
 class ReplayedLine:
-    """What comes to shadows without a connection: datagrams at a socket, bytes on a serial line.
+    """Datagrams for a socket or bytes of a serial line, played to shadows.
 
-    `left_out` counts, by the number of their conversation, bytes that never reached the shadow.
+    `left_out` counts bytes that never reached the shadow, by the number of their conversation.
     """
 
     def __init__(self, shadows: ShadowBench, link: str, left_out: Counter[int]) -> None:
@@ -407,7 +407,7 @@ class ReplayedLine:
         self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
 
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
-        """Let a datagram, or bytes, come; of so many that follow it is known that they are missing."""
+        """Send a datagram or bytes; `missing`: so many more are missing in the capture."""
         ns = self._shadows.packet_ns
         if not self._waiting and self._deliver(ns, number, source, data, missing):
             return
@@ -421,7 +421,7 @@ class ReplayedLine:
             self._left_out[number] += len(data)
 
     def retry(self, may_try: bool) -> bool:
-        """Look again whether something receives; return whether something still waits."""
+        """Try again to deliver; return whether something still waits."""
         while may_try and self._waiting and self._deliver(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[3])
         if self._shadows.network.now_ns >= self.gives_up_at:

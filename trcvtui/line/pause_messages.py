@@ -1,4 +1,4 @@
-"""The messages that conversations say to ad-hoc shadows: cut by pauses, as `trcvtui messages` cuts them."""
+"""The messages for ad-hoc shadows: cut by pauses, as `trcvtui messages` cuts them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trcvtui.net.received_ring import ReceivedRings
 
 
 class PauseMessages(NewestRows):
-    """Rows by shadow; their scan is 0 until the run of the shadows is known."""
+    """Message rows by shadow; their scan is 0 until the shadows have run."""
 
     def __init__(self, plan: ShadowPlan, first_ns: int) -> None:
         self._rings = ReceivedRings()

@@ -1,7 +1,6 @@
-"""Which conversation goes to which CONNECT: those of a project, or ad-hoc ones that take whatever comes.
+"""Which conversation goes to which CONNECT: one of the project, or an ad-hoc one.
 
-Rule 1: which end calls, which listens, follows the wire; what a CONNECT says of it, and of its ends, is set
-aside.
+Rule 1: the wire decides addresses, and which end calls; what the CONNECT has for them is ignored.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 """
 
@@ -43,9 +42,9 @@ _DATAGRAM_SERVICES: Final = {
     53: "DNS", 67: "DHCP", 68: "DHCP", 123: "NTP", 137: "NetBIOS", 138: "NetBIOS", 546: "DHCP", 547: "DHCP",
     1900: "SSDP", 5353: "mDNS", 5355: "LLMNR",
 }  # fmt: skip
-STAND_IN_ADDRESS: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
-DEFAULT_ON_PINS: Final = ("EN_R", "CONT")  # 1 where nothing sets them
-AD_HOC_BYTES: Final = 65535  # of an ad-hoc job, where the dialect allows so many
+STAND_IN_ADDRESS: Final = "10.0.0.1"  # for captured addresses that a simulated PLC cannot have
+DEFAULT_ON_PINS: Final = ("EN_R", "CONT")  # 1 if neither project nor program sets them
+AD_HOC_BYTES: Final = 65535  # of an ad-hoc job, if the dialect allows it
 
 
 ShadowChoice = tuple[Path | None, str | None, str | None]  # project, PLC end, dialect; None: not chosen
@@ -55,9 +54,9 @@ OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
 class ShadowPart(NamedTuple):
-    """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does that one call it.
+    """One end of a conversation as the partner of a CONNECT: the PLC end (`plays_plc`) or the other one.
 
-    Datagrams may go to a UDP_CONFIG in place of a CONNECT, the bytes of a serial line go to a ComBuffer.
+    `calls`: it calls the CONNECT. Datagrams may go to a UDP_CONFIG, bytes of a serial line go to a ComBuffer.
     """
 
     connect: str
@@ -76,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and of its partner, in another reading of the same capture."""
+    """Return the directions of the PLC end and its partner; the guess may be of another reading."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -103,7 +102,7 @@ def _guess_plc_ends(
 
 
 def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) -> ShadowPlan:
-    """Return a plan with two TRCV_Cs for each PLC end: what goes to it, and what comes from it."""
+    """Return a plan with two TRCV_Cs for each PLC end: for the bytes to it and for those from it."""
     rules = read_project({"dialect": dialect}, "--dialect", Path()).rules
     of_bytes = f"ARRAY[0..{min(AD_HOC_BYTES, rules.max_len) - 1}] OF BYTE"
     base = read_project(
@@ -114,11 +113,11 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
     names: dict[tuple[object, ...], str] = {}
     parts: dict[int, tuple[ShadowPart, ...]] = {}
     connects: list[ConnectConfig] = []
-    said = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)}
+    used = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)}
     for number, (each, guess) in usable.items():
         key, listens = _key(each, guess), _plc_listens(each, guess)
         why_not = _explain_no_shadow(base, each, plc is not None) if each.protocol != "tcp" else ""
-        if why_not or key not in said:
+        if why_not or key not in used:
             unassigned[number] = why_not or "no connection was built"
             continue
         if key not in names and len(names) == MOST_AD_HOC_ENDS:
@@ -146,9 +145,9 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
 
 
 def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool) -> str:
-    """Return why nothing looks on at datagrams, or at a serial line; "" where an ad-hoc block does."""
+    """Return why datagrams or a serial line get no ad-hoc shadow; "" if they do."""
     if conversation.protocol == "serial":
-        return "a serial line: a ComBuffer of a project looks on at it"
+        return "a serial line: it needs a ComBuffer of a project"
     if not any(block_row(block).speaks_udp for block in base.dialect.blocks):
         return f"UDP: no block of {base.dialect.name} receives it"
     ends = conversation.there.address, conversation.back.address
@@ -157,7 +156,7 @@ def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool
 
 
 def begins_late(conversation: Conversation) -> bool:
-    """Return whether bytes of a connection have come that was built before."""
+    """Return whether the capture begins inside a connection that has sent bytes since."""
     return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
 
 
@@ -174,7 +173,7 @@ def _make_local_address(packed: bytes) -> str:
 
 
 def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
-    """Return an end of a capture as the simulated network has it; of a serial line its name."""
+    """Return an end of a capture for the simulated network; for a serial line its name."""
     if end[1] < 0:
         return Endpoint(end[0].decode(errors="replace"), 0)
     address = ip_address(end[0])
@@ -184,7 +183,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture; `is_free`: any port will do, several stand at one end."""
+    """Return a CONNECT at an end of the capture; `is_free`: on any port, since another one has the end's."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -245,7 +244,7 @@ def _add_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
 
 
 def list_known_ends(project: Project) -> KnownEnds:
-    """Return the ports and addresses of the PLC and of its partners, as a project has them."""
+    """Return a project's ports and addresses of its PLC and partners."""
     calls = [each for each in project.connects if each.active]
     sockets: tuple[AnySocket, ...] = (*project.connects, *project.udp_configs)
     listening: tuple[AnySocket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
@@ -259,13 +258,13 @@ def list_known_ends(project: Project) -> KnownEnds:
 
 
 def _list_hosts(addresses: Iterable[str]) -> frozenset[bytes]:
-    """Return addresses as a capture has them, without names and those that mean any."""
+    """Return addresses as packed bytes; names and any-addresses (0.0.0.0) are left out."""
     found = (parse_end(each) for each in addresses if each != ANY_ADDRESS)
     return frozenset(end[0] for end in found if end is not None and any(end[0]))
 
 
 def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
-    """Return rows that name the same conversations, as far as they have ends: a serial line has none."""
+    """Return [[watch]] rows for the same conversations; a serial line has no ends, and no row."""
     places = [(tap, parse_place(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
     return tuple(
         WatchDecl(tap.name, format_end(to.address, to.port), tap.connect, back=tap.back)
@@ -275,14 +274,14 @@ def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
 
 
 def plan_for_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
-    """Return a plan with the links of a project: those of its [[watch]] rows, else the one that fits."""
+    """Return a plan with the links of a project: by its [[watch]] rows, else the only one that fits."""
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
     usable = _guess_plc_ends(found, given, list_known_ends(project), unassigned)
     parts: dict[int, tuple[ShadowPart, ...]] = {}
     taken: dict[str, AnyLink] = {}
-    ends: set[tuple[bytes, int]] = set()  # of the PLC, that have a link
+    ends: set[tuple[bytes, int]] = set()  # PLC ends that have a link
     for number, (each, guess) in tuple(usable.items()):
         name, back = None, ""
         for end, partner, row in rows if given is None else ():
@@ -350,7 +349,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the link that fits the ends; with `--plc` also the only one that there is."""
+    """Return the link that fits the ends; with `--plc` also a link that is the only one."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
@@ -380,7 +379,7 @@ def _find_fitting_line(project: Project, line: str) -> str | None:
 
 
 def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
-    """Return what receives datagrams at a port; with `--plc` also the only one that receives any."""
+    """Return the link that receives datagrams at a port; with `--plc` also one that is the only receiver."""
     links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]
@@ -390,7 +389,7 @@ def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_gi
 
 
 def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
-    """Return a link with the ends that the wire shows; `is_free`: another one has this end."""
+    """Return a link with the ends of the wire; `is_free`: another link has this end already."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address

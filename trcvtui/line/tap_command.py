@@ -1,4 +1,4 @@
-"""`trcvtui tap`: forwards in this process; other processes look on, so that nothing waits for them."""
+"""`trcvtui tap`: this process forwards; other processes show and record, so that it never waits for them."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ RUN_SCREEN: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.ex
 RUN_SERVER: Final = (
     "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
-MOST_WAITING_LINES: Final = 100  # lines that wait for the end of the screen
+MOST_WAITING_LINES: Final = 100  # lines for the terminal, while the screen has it
 SECOND: Final = 1_000_000_000
-MOST_PAUSE_NS: Final = 60 * SECOND  # before observers are served anew
-# Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
+MOST_PAUSE_NS: Final = 60 * SECOND  # before the server process is started again
+# For a terminal whose screen was killed: mouse off, normal screen, cursor on.
 LEAVE_SCREEN: Final = b"\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
-PATIENCE_S: Final = 5.0  # seconds for the processes that look on to end
+PATIENCE_S: Final = 5.0  # seconds for child processes to end
 EXIT_WRONG_INPUT: Final = 2
 
 
 class ObserverSettings(NamedTuple):
-    """What shadows look on, and whether it is shown; `form`: text or jsonl.
+    """How the tap is observed; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
-    `is_armed`: keys of the screen intervene without a question. `may_order`: so may observers at the socket.
+    `is_armed`: keys of the screen intervene without a question. `may_order`: observers at the socket, too.
     """
 
     project: Path | None
@@ -57,11 +57,11 @@ class ObserverSettings(NamedTuple):
 
 
 def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None) -> int:
-    """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
+    """Forward until SIGTERM or Ctrl+C; raise UserError for an address that cannot be used."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
     if looks.holds and not looks.has_screen:
-        raise mistake("--hold", "no screen", "one that lets go what is held")
+        raise mistake("--hold", "no screen", "a screen, which releases held bytes")
     raise_descriptor_limit()
     voice = _UserOutput()
     loop = Forwarder(voice.write_line)
@@ -76,7 +76,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
         if shows_lines or record is not None or has_guests:
             server.start()
         if record is not None:
-            with create_file(record, "--record") as file:  # when all places are had
+            with create_file(record, "--record") as file:  # only after all addresses are open
                 children.append(_ObserverProcess(server, RECORDER, "the recording"))
                 children[-1].start((RUN_RECORDER,), stdin=DEVNULL, stdout=file)
         loop.holds = looks.holds
@@ -88,7 +88,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
                 return screen.wait_for_end()
         else:
             if shows_lines:
-                children.append(_ObserverProcess(server, shows_lines, "what shows it"))
+                children.append(_ObserverProcess(server, shows_lines, "the output"))
                 words = json.dumps((*asked, looks.form, looks.is_shown, types))
                 if not children[-1].start((RUN_LINES,), words, stdin=None if types else DEVNULL):
                     return EXIT_WRONG_INPUT
@@ -120,26 +120,26 @@ def _announce_places(say: Callable[[str], None], loop: Forwarder, routes: Sequen
 
 
 class _UserOutput:
-    """What is said to the user: at once, or after the screen that has the terminal."""
+    """Lines for the user: written at once, or after the screen has left the terminal."""
 
     def __init__(self) -> None:
-        self.is_kept = False
-        self._kept: deque[str] = deque(maxlen=MOST_WAITING_LINES)
+        self.is_waiting = False
+        self._waiting: deque[str] = deque(maxlen=MOST_WAITING_LINES)
 
     def write_line(self, line: str) -> None:
-        if self.is_kept:
-            self._kept.append(line)
+        if self.is_waiting:
+            self._waiting.append(line)
         else:
             write_or_drop_line(line)
 
     def flush(self) -> None:
-        self.is_kept = False
-        while self._kept:
-            write_or_drop_line(self._kept.popleft())
+        self.is_waiting = False
+        while self._waiting:
+            write_or_drop_line(self._waiting.popleft())
 
 
 class _ServerProcess:
-    """The process that serves observers; bytes go on whatever becomes of it."""
+    """The process that serves observers; if it ends, forwarding continues and it is started again."""
 
     def __init__(
         self, loop: Forwarder, voice: _UserOutput, routes: Sequence[Route], looks: ObserverSettings
@@ -149,20 +149,20 @@ class _ServerProcess:
         self.loop, self.voice = loop, voice
         path = "" if looks.project is None else str(make_socket_path(looks.project))
         taps = [(route.name, str(route.listen), str(route.to)) for route in routes]
-        told = json.dumps({"taps": taps, "plc": looks.plc, "dialect": looks.dialect})
-        self._words = path, str(int(looks.may_order)), told
+        described = json.dumps({"taps": taps, "plc": looks.plc, "dialect": looks.dialect})
+        self._words = path, str(int(looks.may_order)), described
         self._pause = 0
         self._process: Popen[bytes] | None = None
         self._pipes: ObserverServerPipes | None = None
-        self._pending: list[tuple[bytes, Any]] = []  # ways that wait for it
+        self._pending: list[tuple[bytes, Any]] = []  # channels of observers that wait for it
 
     def start(self) -> None:
-        """Start it; where the system gives no process now, later."""
+        """Start the process; if the system refuses, try again later."""
         try:
             pipes = ObserverServerPipes()
-            told = DEVNULL if self.voice.is_kept else None  # the terminal belongs to the screen
+            err = DEVNULL if self.voice.is_waiting else None  # the terminal belongs to the screen
             words = (RUN_SERVER, *map(str, pipes.fds), *self._words)
-            self._process = _run_python(words, stdin=DEVNULL, stdout=DEVNULL, stderr=told, pass_fds=pipes.fds)
+            self._process = _run_python(words, stdin=DEVNULL, stdout=DEVNULL, stderr=err, pass_fds=pipes.fds)
             pipes.close_far_ends()
         except OSError as failed:
             self._retry_later(failed.strerror or str(failed))
@@ -174,7 +174,7 @@ class _ServerProcess:
             pipes.hand_over_observer(kind, way)
 
     def hand_over_observer(self, kind: bytes, way: Any) -> None:
-        """Let an observer of that kind be served; later, when there is no process now."""
+        """Give an observer to the process; if it does not run, when it does."""
         if self._pipes is None:
             self._pending.append((kind, way))
         else:
@@ -184,17 +184,18 @@ class _ServerProcess:
         if self._pipes is not None and self._process is not None:
             self._pipes.close()
             self._pipes = None
-            self._process.kill()  # it has closed its socket, and has nothing of its own to end
+            self._process.kill()  # its socket is closed and it has nothing to save
             self._process.wait()
         self._retry_later("their process has ended")
 
     def _retry_later(self, why: str) -> None:
-        self.voice.write_line(f"no observers: {why}; tried again in {self._pause // SECOND} s, bytes go on")
+        seconds = self._pause // SECOND
+        self.voice.write_line(f"no observers: {why}; next try in {seconds} s, forwarding continues")
         self.loop.call_after(self._pause, self.start)
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
     def wait_for_end(self) -> None:
-        """Let it hand over what is left: the tap has ended."""
+        """Wait until it has handed over its last bytes, and end it: the tap has ended."""
         for _, way in self._pending:
             way.close()
         if self._process is not None:
@@ -202,16 +203,16 @@ class _ServerProcess:
 
 
 class _ObserverProcess:
-    """A program that reads what the tap shows; it asks for a way, also when its way has ended."""
+    """A child process that shows or records; it asks for a channel, and for a new one if that ends."""
 
     def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what
-        self._loop, self._asked = server.loop, ChannelServer()  # at its end the child has ended
+        self._loop, self._asked = server.loop, ChannelServer()  # it is closed when the child has ended
         self._process: Popen[bytes] | None = None
-        self._is_served = False  # it has asked
+        self._is_served = False  # it has asked for a channel
 
     def start(self, program: tuple[str, ...], *words: str, **given: Any) -> bool:
-        """Start it; return whether it has asked for a way, otherwise it has said what is wrong."""
+        """Start it; return True once it asks for a channel, False if it ended with an error message."""
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _run_python(words, pass_fds=(theirs.fileno(),), **given)
@@ -220,34 +221,33 @@ class _ObserverProcess:
         return self._is_served
 
     def _answer_question(self, _: int = 0) -> bool:
-        """Wait for a question of it; return whether it has one, and has not ended."""
+        """Wait for its next question and answer it; return False if it has ended."""
         question = self._asked.read_question()
         if question == ASK_COUNT:
             self._asked.answer_count(self._loop.describe_open())
         elif not question:
             self._loop.unregister(self._asked.fd)
-            if self._is_served:  # otherwise it has said what is wrong
+            if self._is_served:  # otherwise it has written its error
                 self._handle_end()
         elif (way := self._asked.hand_over_channel()) is not None:
             self._server.hand_over_observer(self._kind, way)
         return bool(question)
 
     def _handle_end(self) -> None:
-        self._server.voice.write_line(f"{self._what} has ended: bytes still go on")
+        self._server.voice.write_line(f"{self._what} has ended; forwarding continues")
 
     def wait_for_end(self) -> int:
         assert self._process is not None
         return self._process.wait()
 
     def end_process(self) -> None:
-        """Let it end: the tap has ended."""
         self._asked.close()
         if self._process is not None:
             _wait_or_kill(self._process)
 
 
 class _ScreenProcess(_ObserverProcess):
-    """The screen: the terminal is put right when it was killed."""
+    """The screen; if it was killed, the terminal is restored."""
 
     def __init__(self, server: _ServerProcess) -> None:
         super().__init__(server, SCREEN, "the screen")
@@ -258,11 +258,11 @@ class _ScreenProcess(_ObserverProcess):
 
         self._terminal = termios.tcgetattr(0)
         is_open = self.start((RUN_SCREEN,), json.dumps(asked), ARMED_TAP if is_armed else TAP)
-        self._server.voice.is_kept = is_open  # the terminal belongs to the screen
+        self._server.voice.is_waiting = is_open  # the terminal belongs to the screen
         return is_open
 
     def _handle_end(self) -> None:
-        """The user has ended the tap with it; or it was left or killed, and bytes go on."""
+        """Exit code 0 ends the tap. Else the screen was left or killed; forwarding continues."""
         import termios
 
         code = self.wait_for_end()
@@ -278,7 +278,7 @@ class _ScreenProcess(_ObserverProcess):
                 ends = f"Ctrl+C or {ends}"
                 if code < 0 and poll_once({1: OUT}):
                     os.write(1, LEAVE_SCREEN)
-            write_or_drop_line(f"the screen has ended: bytes still go on; {ends}")
+            write_or_drop_line(f"the screen has ended; forwarding continues; {ends}")
         self._server.voice.flush()
 
     def end_process(self) -> None:

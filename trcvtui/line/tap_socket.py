@@ -1,6 +1,6 @@
-"""The socket of a tap: where it is, and the process that serves its observers with pcapng and notes.
+"""The socket of a tap: its path, and the process that serves observers with pcapng and notes.
 
-It is between the tap and its observers, so that what forwards waits for none of them, and builds no packet.
+The process is between the tap and its observers: the forwarding process never waits and builds no packet.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 
 def make_socket_path(project: Path) -> Path:
-    """Return where the tap of a project and its observers find each other."""
+    """Return the socket path of a project's tap, the same for the tap and its observers."""
     whole = project.resolve()
     digest = sha256(os.fsencode(whole)).hexdigest()[:8]
     return paths.runtime_folder() / f"tap-{whole.stem[:40]}-{digest}.sock"
 
 
 def open_connection(project: Path) -> int:
-    """Return the descriptor of a connection to the tap of a project; raise UserError where none runs."""
+    """Return the descriptor of a connection to a project's tap; raise UserError if none runs."""
     return connect_to_tap(make_socket_path(project), f"`trcvtui tap --project {project}` beside it")
 
 
-def serve_observers(events: str, ways: str, path: str, may_order: str, told: str) -> None:
-    """Serve until the tap ends, which tells `events` and hands over `ways`; path "": no guests.
+def serve_observers(events: str, ways: str, path: str, may_order: str, taps: str) -> None:
+    """Serve observers until the tap ends.
 
-    `told`: its taps, and which end is the PLC, in JSON.
+    `events`, `ways`: descriptors, of the tap's events and of new channels. path "": no guests. `taps`: the
+    routes and the PLC end, in JSON.
     """
-    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     place = Path(path) if path else None
-    capture = TapCapture("what passes a tap", json.loads(told))
+    capture = TapCapture("what passes a tap", json.loads(taps))
     ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

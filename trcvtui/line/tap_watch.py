@@ -1,7 +1,7 @@
-"""A tap for shadows: the packets of its conversations, notes of what it does, and orders for it.
+"""The pcapng of a tap, played to shadows: packets of conversations, and notes of the tap; orders go back.
 
-Its pcapng is played as any capture that grows. The notes say which conversations there are, and which tap has
-each; what they say of one is played in its place between the events.
+It is played like any growing capture. The notes announce the conversations and the tap of each; a note on a
+conversation is played at its time between the events.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _MAPPED_PREFIX: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a p
 
 
 class TapPlan(LivePlan):
-    """Which CONNECT gets the conversations of each tap; `plc` names the PLC end where it is not at `to`."""
+    """The plan of a tap: which CONNECT gets which conversations; `plc`: the PLC end, if it is not at `to`."""
 
     def __init__(
         self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None
@@ -48,7 +48,7 @@ class TapPlan(LivePlan):
         routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
         self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
         if given is not None and given.port is not None and any(self.calls):
-            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or without a port who comes to LISTEN")
+            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or the caller of LISTEN without a port")
         end = plc or (format_end(to.address, to.port) if to.kind != "serial" else None)
         plan_of, loaded = plan_maker(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
@@ -84,13 +84,13 @@ def _make_line_ends(name: str) -> TwoEnds:
 
 
 class TapWatch(LiveWatch):
-    """Plays what a tap tells.
+    """Plays the packets and notes of a tap.
 
-    `tell` gets what is said of no conversation: when, the note, its words. `order` gets lines for the tap.
-    A plan that is none of a tap becomes one with the first note, which names the taps.
+    `tell` gets each note outside of conversations: its time, the note, its text. `order` gets lines for the
+    tap. The first note names the taps: a plan without taps becomes a TapPlan then.
     """
 
-    play_delay_ns = 0  # no PLC end comes that the plan does not have
+    play_delay_ns = 0  # all PLC ends are in the plan from the beginning
 
     def __init__(
         self,
@@ -103,11 +103,11 @@ class TapWatch(LiveWatch):
         super().__init__(plan, begin, left)
         self.found.noted = self._handle_note
         self._tell, self._order = tell, order
-        self._talks: dict[int, Conversation] = {}  # that go on
+        self._talks: dict[int, Conversation] = {}  # the open ones
         self._typed = b""
 
     def _handle_note(self, ns: int, data: bytes) -> None:
-        """Take a note; leave out what is none."""
+        """Handle a note; ignore a broken one."""
         wire = None
         try:
             note = decode(data, type=TapNote)
@@ -122,7 +122,7 @@ class TapWatch(LiveWatch):
         self.found.is_tapped = True
         if self.player is None:
             self._start_player()
-        if note.note == "taps":  # of another process than before: it was not there when these ended
+        if note.note == "taps":  # from a new server process: it missed the end of these
             for number in [each for each in self._talks if each not in note.open]:
                 self._end_conversation(ns, replace(note, note="end", conversation=number))
         elif wire is not None and self.found.open_tapped(ns, talk, wire, note.new):
@@ -139,10 +139,9 @@ class TapWatch(LiveWatch):
         self._queue_event(TimedAction(ns, partial(self._apply_note, ns, note, "", b"")))
 
     def handle_idle(self, idle_ns: int) -> None:
-        """Do nothing: a tap tells the time itself, in its place between what passes."""
+        """Do nothing: the tap itself sends the time between its packets."""
 
     def _make_conversation(self, ns: int, note: TapNote) -> tuple[Conversation, TwoEnds]:
-        """Return a conversation, and its ends as packets have them."""
         name, ((near, near_port), (far, far_port)) = self._plan.routes[note.tap].name, note.ends
         if note.kind == "serial":
             ends, wire = _make_line_ends(self._plan.lines[name]), _make_line_ends(f"{near} - {far}")
@@ -162,7 +161,7 @@ class TapWatch(LiveWatch):
 
     def _apply_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
         player, number, guess = self.player, note.conversation, self._plan.plan.guesses.get(note.conversation)
-        assert player is not None and player.talks is not None  # since the first note
+        assert player is not None and player.talks is not None  # set by the first note
         to_plc = guess is not None and note.to_connect is (guess.says is guess.says.conversation.back)
         match note.note:
             case "refused" | "lack":
@@ -174,7 +173,7 @@ class TapWatch(LiveWatch):
                 act = f"{'to-plc' if to_plc else 'from-plc'} {one_line(note.text)}"
                 player.shadows.bench.note(tap, "tap", act)
                 player.lines.note(max(ns - player.first_ns, 0), number, f"ours: {act}")
-            case "open" if not note.new:  # what is held still, is told after it
+            case "open" if not note.new:  # notes of bytes that are still held follow
                 player.talks.clear_held(number)
             case "held":
                 player.talks.set_held(number, to_plc, note.bytes if note.holds else None, first)
@@ -185,11 +184,11 @@ class TapWatch(LiveWatch):
                 player.talks.end_conversation(number)
                 player.end_conversation(number, ns)
 
-    # -- what the user says --------------------------------------------------------------------------------
+    # -- lines of the user ---------------------------------------------------------------------------------
 
     def run_typed_lines(self, data: bytes) -> list[str]:
-        """Take what was typed, lines of a bench; return what is wrong in them."""
-        assert self.player is not None  # it stands since the first note
+        """Run typed bench commands, one a line; return their errors."""
+        assert self.player is not None  # set by the first note
         bench, wrong = self.player.shadows.bench, list[str]()
         *lines, self._typed = (self._typed + data).split(b"\n")
         if len(self._typed) > MOST_LINE:

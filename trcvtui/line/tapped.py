@@ -1,7 +1,7 @@
-"""What passes a tap as packets: a conversation between a caller and the end that it wants, as without a tap.
+"""The bytes that pass a tap as packets between the caller and the end it wants, as if there were no tap.
 
-An intervention of ours is a comment of the packet that it has made or changed. The program that records a
-tap writes this to stdout; cut off it is still good.
+An intervention is a comment on the packet that it made or changed. The recording child process writes them to
+stdout; a file that is cut off can still be read.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from trcvtui.recording.wire import (
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 READ_BYTES: Final = 1 << 18
-WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
-NOTES_ID: Final = 1  # the interface of what the tap itself does
+WIRE: Final = 0  # the interface of IP packets; those of serial lines come after it and after NOTES, if any
+NOTES_ID: Final = 1  # the interface of the tap's own notes
 NOTE_NAMES: Final[dict[int, str]] = {
     TapEventKind.OPEN: "open",
     TapEventKind.OVER: "end",
@@ -47,7 +47,7 @@ NOTE_NAMES: Final[dict[int, str]] = {
     TapEventKind.LOST: "lost",
     TapEventKind.LACK: "lack",
 }
-STATE_KINDS: Final = (TapEventKind.HELD, TapEventKind.FIGURES)  # of which the newest counts
+STATE_KINDS: Final = (TapEventKind.HELD, TapEventKind.FIGURES)  # a newer one replaces the older
 _PACK_IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _PACK_IP_V6: Final = struct.Struct(">IHBB16s16s").pack
 _PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -59,7 +59,7 @@ Port = Annotated[int, Meta(ge=0, le=65535)]
 
 
 class TapNote(Struct):
-    """A note as it is read; docs/fleet-formats.md says which fields it has."""
+    """A note of the tap; its fields: docs/fleet-formats.md."""
 
     note: str
     tap: int = 0
@@ -93,15 +93,15 @@ class TapPacket(NamedTuple):
 
 
 class _TappedConversation:
-    """One conversation: its ends by way, what each has sent, our remarks on its next packets."""
+    """One conversation: its ends and next sequence numbers by way, remarks for its next packets."""
 
     def __init__(self, kind: str, ends: tuple[tuple[bytes, int], tuple[bytes, int]]) -> None:
         self.kind, self.ends = kind, ends
         self.interface = WIRE
         self.next = [0, 0]  # sequence numbers
         self.remarks: tuple[list[str], list[str]] = [], []
-        self.stands = self.is_over = False
-        # What the checksum of a segment has in each direction, but for its length and its payload.
+        self.is_up = self.is_over = False
+        # The part of a checksum that is the same for all segments of a direction: pseudo header and ports.
         self.sums = [
             sum(_split_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)
             for a, b in (ends, ends[::-1])
@@ -113,7 +113,7 @@ def _split_words(data: bytes) -> tuple[int, ...]:
 
 
 class TapPackets:
-    """The packets of a tap's events, one event after the other."""
+    """Makes packets from a tap's events, in their order."""
 
     def __init__(self, first_line: int = 1) -> None:
         self.lines: list[str] = []  # names of serial lines; the first is interface `first_line`
@@ -137,11 +137,11 @@ class TapPackets:
         elif kind == TapEventKind.OURS:
             talk.remarks[way].append(f"{pcap.OWN_PREFIX}{event.data.decode(errors='replace')}")
         elif kind == TapEventKind.STANDS and talk.kind == "tcp":
-            talk.stands = True
+            talk.is_up = True
             yield self._make_segment(talk, WAY_BACK, ns, SYN | ACK)
             yield self._make_segment(talk, WAY_TO, ns, ACK)
         elif kind in (TapEventKind.FIN, TapEventKind.RST) and talk.kind == "tcp":
-            if talk.stands:
+            if talk.is_up:
                 talk.next[way] = event.at + 1
             yield self._make_segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
             talk.is_over |= kind == TapEventKind.RST
@@ -164,7 +164,7 @@ class TapPackets:
         talk = self._talks[event.number] = _TappedConversation(kind, ends)
         if kind == "tcp" and not event.at:
             yield self._make_segment(talk, WAY_TO, event.ns, SYN)
-        talk.stands = bool(event.at)
+        talk.is_up = bool(event.at)
 
     def _handle_over(self, number: int, ns: int) -> Iterator[TapPacket]:
         talk = self._talks.pop(number)
@@ -235,14 +235,14 @@ class TapPackets:
         return _PACK_IP_V4(0x45, 0, 20 + size, self._number, 0x4000, 64, protocol, sum_of, source, target)
 
 
-_EVENT_OF: Final = (SERIAL_RECEIVED, SERIAL_SENT)  # as the end at LISTEN is on the line that is received from
+_EVENT_OF: Final = (SERIAL_RECEIVED, SERIAL_SENT)  # by way: the end at LISTEN is the one received from
 
 
 _SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472, 736)])
 
 
 def _sum_words(data: bytes) -> int:
-    """Return a number that is the sum of the 16-bit words modulo 65535; a whole segment costs half of `%`."""
+    """Return the sum of the 16-bit words modulo 65535; for a full segment in half the time of `%`."""
     if len(data) != MOST_PAYLOAD:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")
@@ -253,25 +253,25 @@ def _sum_words(data: bytes) -> int:
 
 
 class TapCapture:
-    """What passes a tap as pcapng, whole blocks at a time; `told`: its taps, and which end is the PLC.
+    """Makes the pcapng of a tap, whole blocks at a time; `taps`: its routes, and which end is the PLC.
 
-    What the tap does and leaves out are packets, too: JSON on an interface of their own; a block of
-    statistics tells the time where nothing else does. Serial lines are interfaces behind these two.
+    Notes on the tap's actions and losses are packets, too: JSON on an interface of their own. A statistics
+    block carries the time when no packet does. Serial lines are interfaces after these two.
     """
 
-    def __init__(self, title: str, told: Mapping[str, object]) -> None:
-        self._title, self._told = title, told
+    def __init__(self, title: str, taps: Mapping[str, object]) -> None:
+        self._title, self._taps = title, taps
         self._packets = TapPackets(NOTES_ID + 1)
-        # Of each conversation that goes on: with what it has begun, and the newest state of each direction.
+        # Of each open conversation: its OPEN event, and the newest state of each direction.
         self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
-        self._lost = self._ns = 0  # events that the tap has left out; when the last head or loss was told
+        self._lost = self._ns = 0  # events that the tap left out; time of the newest head or loss
 
     def head(self, ns: int) -> bytes:
         self._ns = ns
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
-        return made + _encode_note(ns, {"note": "taps", **self._told, "open": [*self._open]})
+        return made + _encode_note(ns, {"note": "taps", **self._taps, "open": [*self._open]})
 
     def encode_lines(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
@@ -288,12 +288,12 @@ class TapCapture:
         return b"".join(blocks)
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
-        # Of the interface of notes: the tap's own count, for all observers, stands at that of packets.
-        self._ns, told = ns, {"note": "lost", "events": events, "bytes": size}
-        return pcap.statistics_block(NOTES_ID, ns, dropped) + _encode_note(ns, told)
+        # This observer's loss counts on the interface of notes; the tap's own, for all, on that of packets.
+        self._ns, note = ns, {"note": "lost", "events": events, "bytes": size}
+        return pcap.statistics_block(NOTES_ID, ns, dropped) + _encode_note(ns, note)
 
     def encode_open(self) -> bytes:
-        """Return which conversations there are, and how they stand."""
+        """Return notes of the open conversations and their state."""
         events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
         return b"".join([block for event in events for block in self._encode_notes(event)])
 
@@ -304,45 +304,45 @@ class TapCapture:
         name = NOTE_NAMES.get(event.kind)
         if name is None:
             return
-        told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
+        note: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
         if event.kind == TapEventKind.LOST:
-            told |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
+            note |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
         elif event.kind == TapEventKind.LACK:
-            told |= {"waiting": event.at, "text": event.data.decode()}
+            note |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
             holds, first = bool(event.data), event.data[1:].hex()
-            told |= {"to_connect": event.way == WAY_TO, "holds": holds, "bytes": event.at, "first": first}
+            note |= {"to_connect": event.way == WAY_TO, "holds": holds, "bytes": event.at, "first": first}
         elif event.kind == TapEventKind.OPEN:
             kind, near, near_port, far, far_port = event.data.decode().split("|")
             ends = (near, int(near_port)), (far, int(far_port))
-            told |= {"kind": kind, "ends": ends, "new": not event.at}
+            note |= {"kind": kind, "ends": ends, "new": not event.at}
         elif event.kind == TapEventKind.FIGURES:
             figures = zip(("round_trip_us", "window", "again"), FIGURES_DATA.unpack(event.data), strict=True)
-            told |= {"to_connect": event.way == WAY_TO, **dict(figures)}
+            note |= {"to_connect": event.way == WAY_TO, **dict(figures)}
         elif event.kind != TapEventKind.OVER:
-            told |= {"to_connect": event.way == WAY_TO, "text": event.data.decode(errors="replace")}
-        yield _encode_note(event.ns, told)
+            note |= {"to_connect": event.way == WAY_TO, "text": event.data.decode(errors="replace")}
+        yield _encode_note(event.ns, note)
 
 
-def _encode_note(ns: int, told: Mapping[str, object]) -> bytes:
-    return pcap.packet_block(NOTES_ID, ns, json.dumps(told).encode())
+def _encode_note(ns: int, note: Mapping[str, object]) -> bytes:
+    return pcap.packet_block(NOTES_ID, ns, json.dumps(note).encode())
 
 
-# -- the program that records --------------------------------------------------------------------------------
+# -- the recording child process -----------------------------------------------------------------------------
 
 
 def record_tap(asks: int) -> None:
-    """Write what a tap hands over to stdout until its end; exit 2 where there is no room.
+    """Write the tap's pcapng to stdout until it ends; exit 2 if the disk is full.
 
-    When the process that serves observers was killed, a new one begins a new section, after whole blocks.
+    If the server process was killed, the new one begins a new section after whole blocks.
     """
-    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     way = TapChannel(asks)
     try:
         while (data := way.feed(os.read(way.fd, READ_BYTES))) != b"":
             _write_stdout(data or b"")
     except OSError as failed:
-        sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
+        sys.stderr.write(f"--record: {failed.strerror}; the recording has ended\n")
         sys.exit(2)
 
 

@@ -1,4 +1,4 @@
-"""`trcvtui watch`: what shadow instances show of a capture, as lines of text or of JSON."""
+"""`trcvtui watch`: the scans of shadow instances of a capture, as lines of text or JSON."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TYPED_BYTES: Final = 1 << 16  # bytes of one read
 
 
 class WatchLines:
-    """The records of the shadows, and what is said of conversations between them."""
+    """Writes records of the shadows, and notes on conversations between them."""
 
     def __init__(
         self, write: Callable[[str], object], form: str | None, interval_ns: int, first_ns: int
@@ -43,7 +43,7 @@ class WatchLines:
         self._lines = None if form is None else JsonLines(write, interval_ns)
         self._interval_ns = interval_ns
         self.first_ns = first_ns
-        self._known: dict[tuple[str, Outputs] | None, str] = {}  # lines of JSON without their beginning
+        self._known: dict[tuple[str, Outputs] | None, str] = {}  # ends of JSON lines that were written before
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         if self._lines is not None and not lacking:
@@ -69,11 +69,11 @@ class WatchLines:
         return known
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Write what is said of a conversation; `ns` counts from the first packet."""
+        """Write a note on a conversation; `ns` counts from the first packet."""
         self._emit(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
     def write_tap_record(self, ns: int, record: dict[str, object]) -> None:
-        """Write a record that is said of a tap; `ns` counts from 1970. Text stands on stderr already."""
+        """Write a record of a tap in JSON alone (stderr has its text); `ns` counts from 1970."""
         if self._lines is not None:
             self._lines.write_record({"time": utc_text(ns), **record})
 
@@ -122,7 +122,7 @@ def _describe_record(record: Mapping[str, object]) -> Iterator[str]:
 def watch_captures(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
 ) -> None:
-    """Write lines to stdout, JSON where `form` says so, and to stderr what could not be read."""
+    """Write lines to stdout (`form`: JSON, None: text); notes and troubles go to stderr."""
     plan, found, troubles = plan_capture(paths, project, plc, dialect)
     first_ns = found.first_ns or 0
     interval = min(task.interval_ns for task in plan.project.tasks)
@@ -139,25 +139,25 @@ def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form
 
 
 def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
-    """Write lines as packets come through a pipe, until it ends, or Ctrl+C or SIGTERM."""
+    """Write lines as packets come through a pipe, until it ends or Ctrl+C or SIGTERM comes."""
     plan = LivePlan(project, plc, dialect)
     live = LiveWatch(plan, _maker(plan, form, sys.stdout.write))
     stream = PacketStream(fd, live, _write_stderr, sys.stdout.flush)
     before = {number: signal.signal(number, lambda *_: stream.pipe.stop()) for number in END_SIGNALS}
     try:
-        said = stream.read_all()
+        notes = stream.read_all()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    _write_end(live, plan, said)
+    _write_end(live, plan, notes)
 
 
 def watch_tap(asks: int, asked: str) -> None:
-    """Write lines of what a tap shows, and take bench commands from stdin, until it ends.
+    """Write lines of a tap's shadows, and run bench commands from stdin, until the tap ends.
 
-    Exit 2 and ask for nothing where what is asked is wrong.
+    `asked`: the request of the tap in JSON; if it is wrong, exit 2 without asking for a channel.
     """
-    ignore_signals(GROUP_SIGNALS)  # they end the tap, and its end ends us
+    ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     places, project, plc, dialect, form, is_shown, can_type = json.loads(asked)
     try:
         plan = TapPlan(places, project and Path(project), plc, dialect)
@@ -177,7 +177,7 @@ def watch_tap(asks: int, asked: str) -> None:
     def handle_event() -> None:
         nonlocal can_type
         sys.stdout.flush()
-        if can_type and live.player is not None and poll_once({0: IN}):  # once: stdin may never be empty
+        if can_type and live.player is not None and poll_once({0: IN}):  # one read: stdin may never be empty
             data = b""
             with suppress(OSError):
                 data = os.read(0, TYPED_BYTES)
@@ -188,13 +188,13 @@ def watch_tap(asks: int, asked: str) -> None:
                 way.send(RELEASE + b"\n")
 
     live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, report, way.send)
-    said: list[str] = []
+    notes: list[str] = []
     try:
-        with suppress(UserError):  # the tap has ended before its first word
-            said = PacketStream(way.fd, live, _write_stderr, handle_event, whole=way.feed).read_all()
-        _write_end(live, plan, said)
+        with suppress(UserError):  # the tap ended before it sent anything
+            notes = PacketStream(way.fd, live, _write_stderr, handle_event, whole=way.feed).read_all()
+        _write_end(live, plan, notes)
         sys.stdout.flush()
-    except OSError:  # the reader of what shadows show is gone, or its terminal
+    except OSError:  # the reader of stdout is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
@@ -206,12 +206,12 @@ def _maker(
     )
 
 
-def _write_end(live: LiveWatch, plan: LivePlan, said: Sequence[str]) -> None:
+def _write_end(live: LiveWatch, plan: LivePlan, notes: Sequence[str]) -> None:
     player = live.finish()
     lines = player.lines
     assert isinstance(lines, WatchLines)
     lines.write_outcome(player.close())
-    for line in (*plan.plan.notes, *said):
+    for line in (*plan.plan.notes, *notes):
         _write_stderr(line)
 
 

@@ -77,7 +77,7 @@ def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) ->
 @pytest.mark.parametrize("option", ["--site", "--name"])
 def test_an_empty_name_is_a_mistake(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["agent", "configs/active.toml", "--metrics", "127.0.0.1:9", option, ""]) == 2
-    assert f"{option}: found an empty one" in capsys.readouterr().err
+    assert f"{option}: found an empty name" in capsys.readouterr().err
 
 
 # -- a capture program -------------------------------------------------------------------------------------

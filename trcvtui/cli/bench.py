@@ -40,7 +40,7 @@ def add_run(parser: CommandParser) -> None:
     add_kernel(parser)
     add_netns(parser)
     parser.add_argument("--read-only", action="store_true", help="show only: the screen sends no commands")
-    parser.add_argument("--attach", type=Path, help=SUPPRESS)  # a tab of `serve`, to its engine
+    parser.add_argument("--attach", type=Path, help=SUPPRESS)  # a tab of `serve` reaches its engine by this
     add_record(parser, "FILE")
     add_theme(parser)
 
@@ -105,7 +105,7 @@ def add_scenario(parser: CommandParser) -> None:
 def _scenario(args: Args) -> int:
     if args.format not in SCENARIO_FORMATS:
         raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(SCENARIO_FORMATS))
-    gc.disable()  # what is imported stays
+    gc.disable()  # imported modules stay: to collect them would only cost time
     from trcvtui.scenario.command import run_files
 
     gc.enable()
@@ -114,16 +114,19 @@ def _scenario(args: Args) -> int:
 
 
 def add_record_command(parser: CommandParser) -> None:
-    parser.description = "Runs a project without a screen and records all, the newest, or each trigger."
+    parser.description = "Runs a project without a screen and records all, the newest part, or each trigger."
     add_project(parser)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder of the numbered files")
     add_kernel(parser)
-    parser.add_argument("--ring", metavar="SIZE", help="size of all files: the oldest go; such as 256MiB")
+    parser.add_argument(
+        "--ring", metavar="SIZE", help="size of all files, such as 256MiB; the oldest go first"
+    )
     parser.add_argument("--split", metavar="SIZE", help="size of one file; default: an eighth of the ring")
-    parser.add_argument("--on", metavar="CONDITION", help='keep only around "TRCV_C_1 STATUS=80C5"')
+    about = 'keep only the time around a trigger, such as "TRCV_C_1 STATUS=80C5"'
+    parser.add_argument("--on", metavar="CONDITION", help=about)
     parser.add_argument("--before", metavar="T#..", help="time kept before a trigger; default: T#30s")
     parser.add_argument("--after", metavar="T#..", help="time kept after a trigger; default: T#10s")
-    parser.add_argument("--duration", metavar="T#..", help="end after it; default: at Ctrl+C or SIGTERM")
+    parser.add_argument("--duration", metavar="T#..", help="run this long; default: to Ctrl+C or SIGTERM")
     add_no_secrets(parser)
 
 
@@ -176,7 +179,7 @@ def add_recording(parser: CommandParser) -> None:
 def _add_strip(parser: CommandParser) -> None:
     parser.add_argument("source", metavar="IN", type=find_file, help="a recording")
     parser.add_argument("target", metavar="OUT", type=find_file, help="a new file")
-    parser.add_argument("--no-payload", action="store_true", help="zeros for all that was sent, no TLS keys")
+    parser.add_argument("--no-payload", action="store_true", help="zeros for all payload, no TLS keys")
     parser.add_argument("--no-secrets", action="store_true", help="no TLS keys: TLS data stays encrypted")
     about = "other addresses, no names, no TLS keys; payload stays"
     parser.add_argument("--anonymise", action="store_true", help=about)
@@ -203,7 +206,7 @@ COMMANDS = {
     "examples": ("projects and stories to try", "", add_examples, _examples),
     "serve": ("the screen in a browser", "bench.toml --port 8000", add_serve, _serve),
     "scenario": ("a test without a screen", "test.toml --format junit", add_scenario, _scenario),
-    "record": ("keep what a bench does", "bench.toml --out runs", add_record_command, _record),
-    "replay": ("a recording again, step by step", "run.pcapng", add_replay, _replay),
+    "record": ("record what a bench does", "bench.toml --out runs", add_record_command, _record),
+    "replay": ("play a recording, step by step", "run.pcapng", add_replay, _replay),
     "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", add_recording, None),
 }

@@ -24,7 +24,7 @@ BROKER_HELP = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
 
 
 def _add_certificates(parser: CommandParser) -> None:
-    parser.add_argument("--mqtt-ca", metavar="FILE", help="authority of the broker's certificate (PEM)")
+    parser.add_argument("--mqtt-ca", metavar="FILE", help="CA of the broker's certificate (PEM)")
     parser.add_argument("--mqtt-cert", metavar="FILE", help="certificate of this client (PEM)")
     parser.add_argument("--mqtt-key", metavar="FILE", help="key of --mqtt-cert (PEM)")
 
@@ -58,10 +58,10 @@ def _agent(args: Args) -> int:
 
     path = args.project
     if args.mqtt is None and args.metrics is None:
-        raise mistake("trcvtui agent", "neither", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
-    for option, given in (("--site", args.site), ("--name", args.name)):
-        if given == "":
-            raise mistake(option, "an empty one", "a name, it is a level of each topic")
+        raise mistake("trcvtui agent", "no output", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
+    for option, value in (("--site", args.site), ("--name", args.name)):
+        if value == "":
+            raise mistake(option, "an empty name", "a name: it is a level of each topic")
     page = None if args.metrics is None else parse_page_address(args.metrics)
     if page is not None:
         require("prometheus_client", "metrics", "--metrics", "no prometheus-client")
@@ -108,7 +108,7 @@ def _fleet(args: Args) -> int:
         raise mistake("trcvtui fleet", "no terminal", "a terminal; for scripts: docs/fleet-formats.md")
     if not broker.has_tls:
         sys.stderr.write(f"{NO_TLS_TEXT}\n")
-    gc.disable()  # until the list stands: what is imported on the way to it stays
+    gc.disable()  # until the list is shown: imported modules stay, to collect them only costs time
     os.environ.setdefault("TEXTUAL_FPS", "200")
     from trcvtui.tui.fleet.app import run_fleet
 

@@ -38,9 +38,8 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
     parser.last_words = dialect_names
     add_project(parser, "project whose instances receive the traffic as shadows")
     add_plc(parser, plc)
-    parser.add_argument(
-        "--dialect", metavar="NAME", help="of the shadows; default: the project's or the first"
-    )
+    about = "dialect of the shadows; default: the project's, else the first"
+    parser.add_argument("--dialect", metavar="NAME", help=about)
 
 
 # -- watch ----------------------------------------------------------------------------------------------
@@ -97,7 +96,7 @@ def _capture_programs() -> str:
   macOS    sudo tcpdump -U --immediate-mode -i en0 -w - | trcvtui watch -
   Windows  (cmd.exe) "%ProgramFiles%\\Wireshark\\dumpcap" -q -i 1 -w - | trcvtui watch -
   ssh      ssh HOST tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
-not allowed to capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
+if you may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 {fill(dialect_names(), 78)}"""
 
 
@@ -131,11 +130,11 @@ def _tap(args: Args) -> int:
     if args.listen is None:
         routes = _routes_of_taps(args.project)
     elif args.connect is None:
-        raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
+        raise mistake("CONNECT", "nothing", "the end to which the bytes of LISTEN go")
     else:
         routes = [make_route("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
     shadows = args.project, args.plc, args.dialect, args.format
-    looks = ObserverSettings(
+    settings = ObserverSettings(
         *shadows,
         args.format is not None or has_terminal(1),
         args.format is None and has_terminal(),
@@ -143,11 +142,11 @@ def _tap(args: Args) -> int:
         args.armed,
         args.allow_orders,
     )
-    return forward(routes, looks, args.record)
+    return forward(routes, settings, args.record)
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
-    """Show a tap that hands us ways to what it shows over a socket; a child of the process that forwards."""
+    """Show a tap, from a child of the process that forwards; `tap` is the number of its socket."""
     import json
 
     from trcvtui.line.live_screen import TapDriver
@@ -163,7 +162,7 @@ def _routes_of_taps(project: Path | None) -> list[Route]:
     """Return the taps of a project; raise UserError where there is none."""
     taps = () if project is None else load_bench(project).taps
     if not taps:
-        raise mistake("trcvtui tap", "neither", "LISTEN and CONNECT, or a --project with [[tap]]")
+        raise mistake("trcvtui tap", "no ends", "LISTEN and CONNECT, or a --project with [[tap]]")
     from trcvtui.net.tap import make_route
 
     return [make_route(t.name, t.listen, t.to, (f"[[tap]] {t.name}: listen", "to")) for t in taps]
@@ -173,10 +172,10 @@ def _routes_of_taps(project: Path | None) -> list[Route]:
 
 
 def add_conversations(parser: CommandParser) -> None:
-    parser.description = "Lists who talked to whom in a capture, and what each end sent."
+    parser.description = "Lists the conversations of a capture, and what each end sent."
     about = "files of one capture: pcapng or pcap, also .gz"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
-    add_project(parser, "project of the PLC: its ports tell which end it is")
+    add_project(parser, "project of the PLC: its ports show which end is the PLC")
     add_plc(parser)
     add_format(parser, "text", "json")
 
@@ -217,7 +216,7 @@ def _doctor(args: Args) -> int:
     from trcvtui.diagnosis.doctor import DoctorQuestion, judge_project, run_doctor
 
     sets = tuple(args.set) if args.project is None else ()
-    asked = DoctorQuestion(args.plc, _receivers(args), partial(_read_recorded_facts, sets))
+    question = DoctorQuestion(args.plc, _receivers(args), partial(_read_recorded_facts, sets))
     projects = [Path(file) for file in args.files if file.endswith(".toml")]
     lints = [judge_project(load_bench(path, args.set)) for path in projects]
     files = [file for file in args.files if not file.endswith(".toml")]
@@ -227,12 +226,12 @@ def _doctor(args: Args) -> int:
         for line in suggest(files, args.plc, args.suggest):
             sys.stderr.write(f"{line}\n")
     if args.time is None:
-        return run_doctor(files, asked, args.format, args.jobs, lints, scheduler=args.scheduler)
+        return run_doctor(files, question, args.format, args.jobs, lints, scheduler=args.scheduler)
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
         runs = {run: str(path) for path in projects for run in _record_run(path, args, folder)}
-        return run_doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
+        return run_doctor([*files, *runs], question, args.format, args.jobs, lints, runs)
 
 
 def _receivers(args: Args) -> tuple[Receiver, ...]:
@@ -257,7 +256,7 @@ def _read_recorded_facts(sets: tuple[str, ...], path: str) -> RecordedFacts | No
 
     try:
         Recording(path)
-    except UserError:
+    except UserError:  # no recording: then it is a capture, which has no project
         if sets:
             raise mistake("--set", f"{path}, a capture", "--project beside it, or a recording") from None
         return None
@@ -338,8 +337,8 @@ def _messages(args: Args) -> int:
         for option in ("type", "layout", "byte_order"):
             if getattr(args, option) is not None:
                 raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
-    asked = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
-    return write_messages(MessagesQuestion(*asked, args.format, args.out, args.kernel, time_ns))
+    fields = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
+    return write_messages(MessagesQuestion(*fields, args.format, args.out, args.kernel, time_ns))
 
 
 COMMANDS = {
@@ -348,5 +347,5 @@ COMMANDS = {
     "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations, _conversations),
     "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages, _messages),
     "doctor": ("find what is wrong", "line.pcapng", add_doctor, _doctor),
-    "report": ("one page to send on", "line.pcapng --out line.html", add_report, _report),
+    "report": ("a report as one HTML page", "line.pcapng --out line.html", add_report, _report),
 }

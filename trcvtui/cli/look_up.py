@@ -1,4 +1,4 @@
-"""Commands that look something up: a code, a call, a type; and what a shell completes."""
+"""Commands that look something up: a code, a call, a type; and shell completion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add_status(parser: CommandParser) -> None:
         nargs="?",
         help="80C5, 16#80C5, W#16#80C5 or 0x80c5; for TwinCAT also a number such as 23",
     )
-    parser.add_argument("--dialect", metavar="NAME", help="default: the first that has it; json: all")
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first that has the code; json: all")
     parser.add_argument("--all", action="store_true", help="explain it in all dialects")
     parser.add_argument("--block", metavar="BLOCK", help="only this block, such as TRCV_C")
     add_format(parser, "text", "json")
@@ -52,11 +52,11 @@ def _status(args: Args) -> int:
     if is_json:
         by_dialect = {dialect.name: find_scenarios(dialect.scenario_folder, codes) for dialect in chosen}
         return print_text(report.as_json(report.add_scenarios(found, by_dialect)))
-    telling = report.add_card_scenarios(
+    cards = report.add_card_scenarios(
         found, lambda name, may_tell: find_scenarios(DIALECTS[name].scenario_folder, codes, may_tell)
     )
-    asked = None if args.all or args.dialect is not None else dialects[0].name
-    return print_text(report.as_text(telling, others, asked))
+    default = None if args.all or args.dialect is not None else dialects[0].name
+    return print_text(report.as_text(cards, others, default))
 
 
 def add_st(parser: CommandParser) -> None:
@@ -92,7 +92,7 @@ def _completion(args: Args) -> int:
 
 
 def _prepare_completion(parser: CommandParser) -> None:
-    """Show the commands, which help leaves out, and let what names a file be completed by files."""
+    """Show the commands, which help leaves out; complete file arguments with names of files."""
     from argparse import _SubParsersAction
 
     import shtab

@@ -1,4 +1,4 @@
-"""The only door: arguments to a command, its exit code; stdout is data, messages go to stderr.
+"""The entry point: runs the command that the arguments name; data go to stdout, messages to stderr.
 
 Rule: a command imports what it needs inside its own function, so that headless commands start fast.
 """
@@ -32,7 +32,7 @@ COMMANDS: Final = {name: row for group in COMMAND_GROUPS.values() for name, row 
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; return 0 good, 1 an expectation failed, 2 the user's mistake, 130, 141."""
+    """Run one command line; return 0 (good), 1 (an expectation failed), 2 (wrong input), 130 or 141."""
     prepare_streams()
     if sys.stdout is None:  # the shell's >&-
         sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")
@@ -46,14 +46,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exit_code_of(failed: OSError) -> int:
-    """Return that of an output that is not read or has no room, of too few descriptors; raise others."""
+    """Return the exit code of a closed pipe, a full disk or too few descriptors; raise other errors."""
     is_closed = isinstance(failed, BrokenPipeError)
     if failed.errno in (errno.EMFILE, errno.ENFILE):
         sys.stderr.write(f"trcvtui: found '{failed.strerror}', expected more descriptors: `ulimit -n`\n")
         return WRONG_INPUT
     if not is_closed and failed.errno != errno.ENOSPC:
         raise failed
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter's last flush is quiet
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else the last flush fails, too
     if is_closed:
         return PIPE_CLOSED
     sys.stderr.write(f"stdout: found '{failed.strerror}', expected room for the output\n")
@@ -63,7 +63,7 @@ def _exit_code_of(failed: OSError) -> int:
 def _run_command(given: Sequence[str]) -> int:
     try:
         if (reconfigure := getattr(sys.stdout, "reconfigure", None)) is not None:
-            reconfigure(errors="backslashreplace")  # printing never fails
+            reconfigure(errors="backslashreplace")  # a narrow encoding gets escapes, no error
         args = parser_of(given).parse_args(given, Args(whole=lambda: parser_of(())))
         code: int = args.command(args)
         return code
@@ -89,7 +89,6 @@ def parser_of(given: Sequence[str]) -> CommandParser:
 
 
 def _overview() -> str:
-    """Return the commands of `trcvtui --help`, in groups, each as a line to copy."""
     lines = ["A soft PLC on a test bench: TRCV_C on real sockets, scan by scan."]
     lines += ["Without a command: the built-in demo."]
     for title, group in COMMAND_GROUPS.items():

@@ -20,7 +20,7 @@ GOOD: Final = 0
 FAILED: Final = 1
 WRONG_INPUT: Final = 2
 KERNELS: Final = ("sim", "live")
-THEME_NAMES: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
+THEME_NAMES: Final = (  # ours, then Textual's: to import it for their names takes 0.1 s
     "dark", "light", "ansi", "textual-dark", "textual-light", "nord", "gruvbox", "dracula", "monokai",
     "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe",
     "catppuccin-macchiato",
@@ -42,39 +42,37 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """One line for a mistake; the last lines of the help are made when they are asked for."""
+    """Prints a mistake as one line; `last_words` makes the last lines of the help when it is shown."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
         self.last_words: Callable[[], str] | None = None
-        self.given: Sequence[str] = ()  # what stands after the command's name
+        self.given: Sequence[str] = ()  # the arguments after the command's name
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and leave with 2."""
         self.exit(WRONG_INPUT, one_line(f"{self.prog}: {message}") + "\n")
 
     def format_help(self) -> str:
-        """Return the help, with the names that only an import can tell."""
-        if self.last_words is not None:
+        if self.last_words is not None:  # names of dialects and formats need slow imports: only for help
             self.epilog = self.last_words()
         return super().format_help()
 
 
 Add = Callable[[CommandParser], None]  # its arguments
-Run = Callable[[Args], int] | None  # None: one of the commands below it
+Run = Callable[[Args], int] | None  # None: it has commands of its own
 CommandRow = tuple[str, Add, Run]  # what a command does, in a few words
 CommandRows = Mapping[str, CommandRow]
 
 
 def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
-    """Let the first word be a command; where it was given, it is made alone: each takes a millisecond."""
+    """Add the commands; if the first argument names one, only that one: each takes a millisecond."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]
-        made = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
-        made.given = parser.given[1:]
-        made.set_defaults(command=run)
-        add(made)
+        command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+        command.given = parser.given[1:]
+        command.set_defaults(command=run)
+        add(command)
 
 
 # -- options --------------------------------------------------------------------------------------------
@@ -93,7 +91,7 @@ def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> No
 
 
 def add_project(parser: CommandParser, help: str | None = None) -> None:
-    """Add the project: the first word, or with a text an option."""
+    """Add the project as the first argument; with `help` as the option --project."""
     name, about = ("--project", help) if help else ("project", "the project file")
     parser.add_argument(name, metavar="PROJECT.toml", type=resolve_path, help=about)
 
@@ -120,7 +118,7 @@ def add_netns(parser: CommandParser) -> None:
 
 def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument(
-        "--no-secrets", action="store_true", help="no TLS keys, zeros for TLS data: no replay"
+        "--no-secrets", action="store_true", help="no TLS keys, zeros for TLS data: it cannot be replayed"
     )
 
 
@@ -131,7 +129,6 @@ def add_record(parser: CommandParser, places: str) -> None:
 
 
 def record_target(args: Args) -> RecordTarget | None:
-    """Return what `--record` asks for; None: nothing."""
     if args.record is None:
         return None
     from trcvtui.recording.files import RecordTarget
@@ -152,7 +149,7 @@ def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
 
 
 def find_file(text: str) -> str:
-    """Return the name of a file as it was given, or of the example that it means."""
+    """Return a file's name as given, or the path of the example with this name."""
     return str(resolve_path(text)) if text != "-" else text
 
 

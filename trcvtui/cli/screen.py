@@ -1,6 +1,6 @@
-"""The screen, beside the process whose pictures it shows.
+"""The screen, and the process that sends its pictures.
 
-Rule: the screen library is imported after that process has been started, which reads the project meanwhile.
+Rule: that process is started before the screen library is imported, so that it reads the project meanwhile.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def open_screen(
     if netns:
         from trcvtui.bench.bench import enter_own_network
 
-        enter_own_network(kernel)  # found out here, where there is no screen yet
+        enter_own_network(kernel)  # before the screen, so that you see the error
     if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
@@ -52,15 +52,15 @@ def launch(
 ) -> int:
     from trcvtui.picture.protocol import EngineStopped
 
-    gc.disable()  # until the first frame stands: what is imported on the way to it stays
-    driver = start()  # at once: it reads the project while the screen is imported
+    gc.disable()  # until the first frame: imported modules stay, to collect them only costs time
+    driver = start()  # the rule: it reads the project while the next lines import the screen
     try:
-        # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
+        # Textual paints at the next tick of this clock, 60 Hz by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
         return run_app(driver, driver.wait_for_project(), theme, read_only, is_replay, is_run)
-    except EngineStopped as stopped:  # before there was a screen that could show it
+    except EngineStopped as stopped:  # it ended before there was a screen to say so
         sys.stderr.write(f"{str(stopped).rstrip()}\n")
         return FAILED
     finally:
@@ -69,11 +69,11 @@ def launch(
 
 def _ensure_project(path: Path) -> bool:
     if "TEXTUAL_DRIVER" in os.environ:
-        return True  # in a browser nobody can be asked
+        return True  # a browser tab has no terminal for the question
     try:
         if path.stat().st_size:
             return True
-    except OSError:
+    except OSError:  # it does not exist
         pass
     from trcvtui.engine.project_edits import can_create_project, offer_project
 

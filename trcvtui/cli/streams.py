@@ -1,4 +1,4 @@
-"""The streams that a shell gives: a closed one becomes the null device, and no socket gets its number."""
+"""The standard streams: a closed one becomes the null device, so that no socket gets its number."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class _MessageStream(io.FileIO):
-    """stderr: what it does not take is left out, and ends no command."""
+    """stderr: a text that it does not take is dropped, and the command continues."""
 
     def write(self, text: Any, /) -> int:
         try:
@@ -19,13 +19,13 @@ class _MessageStream(io.FileIO):
 
 
 def prepare_streams() -> None:
-    """Make stdin, stdout and stderr fit to be used; `sys.stdin` and `sys.stdout` stay None where closed."""
+    """Open closed standard streams as the null device; a closed `sys.stdin` or `sys.stdout` stays None."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it gets the lowest number, this one
-    if sys.stderr is sys.__stderr__ and not os.isatty(2):  # both are None where it was closed
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest free number, this one
+    if sys.stderr is sys.__stderr__ and not os.isatty(2):  # both are None if it was closed
         encoding = getattr(sys.stderr, "encoding", "utf-8")
         lines = io.BufferedWriter(_MessageStream(2, "w", closefd=False))
         made = io.TextIOWrapper(lines, encoding, "backslashreplace", line_buffering=True)

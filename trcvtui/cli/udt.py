@@ -21,16 +21,14 @@ BYTES = "HEX|@FILE|-"
 
 
 def add_udt(parser: CommandParser) -> None:
-    parser.description = (
-        "Shows a type, its layouts and its bytes, exports it, and finds and mends a mismatch."
-    )
+    parser.description = "Shows a type, its layouts and its bytes, exports it, finds and mends a mismatch."
     add_commands(parser, COMMANDS, required=True)
 
 
 def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = False) -> None:
     _add_files(parser)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
-    layout = "default: baosky, of a Siemens source s7-standard"
+    layout = "default: baosky; for a Siemens source s7-standard"
     if twice:
         layout += (
             "; twice: ours, then theirs; likewise --type, --byte-order, --text, --pointer-size, --string-even"
@@ -53,12 +51,8 @@ def _add_files(parser: CommandParser) -> None:
     about = "file that declares the type, a folder of such files, or - for stdin"
     parser.add_argument("file", metavar="FILE", type=find_file, help=about)
     many: dict[str, Any] = {"action": "append", "default": []}
-    parser.add_argument(
-        "--constant",
-        metavar="NAME=VALUE",
-        help="constant that the type uses, such as GVL.MAX=10; repeatable",
-        **many,
-    )
+    about = "constant that the type uses, such as GVL.MAX=10; repeatable"
+    parser.add_argument("--constant", metavar="NAME=VALUE", help=about, **many)
     about = "file or folder with types and constants that FILE uses; repeatable"
     parser.add_argument("--with", metavar="FILE", dest="others", type=find_file, help=about, **many)
     about = "bytes of long in a C header; needed for a type that has one"
@@ -73,17 +67,14 @@ def _list_formats() -> str:
 
 
 def _printer(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
-    """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
-
-    Some answers say whether all is well, too, which the exit code tells; None stands in a file.
-    """
+    """Return a command that prints what `trcvtui.udt.command.ANSWER` returns: a text, or (text, is good)."""
 
     def run(args: Args) -> int:
         from trcvtui.udt import command
 
         found = getattr(command, answer)(args)
         text, is_good = found if isinstance(found, tuple) else (found, True)
-        if text is not None:
+        if text is not None:  # None: it was written to --out
             print_text(text)
         return GOOD if is_good else bad
 
@@ -122,15 +113,15 @@ def _add_compare(parser: CommandParser) -> None:
     more = parser.add_argument(
         "hex", metavar=BYTES, nargs="+", default=[], help="compare the values of these bytes, too"
     )
-    more.required = False  # with "*" argparse takes none, as soon as an option stands before them
+    more.required = False  # with "*" argparse takes none once an option comes before them
 
 
 def _add_fit(parser: CommandParser) -> None:
     _add_plain(parser)
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
-        "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0: one fits best, "
-        "1: not sure. The layout options say what your side uses: of equal results it comes first."
+        "exchanged words or bytes, one byte short or long) by the bytes that arrived. Exit 0: one fits best, "
+        "1: not sure. The layout options name what your side uses: it comes first among equal results."
     )
     about = "one message, or several of one size in a row; in a file an empty line separates messages"
     parser.add_argument("hex", metavar=BYTES, nargs="+", help=about)

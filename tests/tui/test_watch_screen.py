@@ -59,7 +59,7 @@ async def test_shadows_are_marked_and_keys_go_from_edge_to_edge(
     packets = [*handshake(), *stream(12, 12), answer(seq=501, ack=125, flags=RST | ACK)]
     async with on_a_capture(tmp_path, packets, project(tmp_path), size) as looker:
         assert "◌R1" in looker.pane("instances")
-        assert "◌ looks on" in looker.pane("instances")
+        assert "◌ shadow" in looker.pane("instances")
         edges = list(looker.stood.line.survey.edges["R1"])
         await looker.go("shift+right")
         assert looker.scan == edges[1]

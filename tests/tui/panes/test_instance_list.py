@@ -71,7 +71,7 @@ async def test_while_it_is_typed_a_filter_moves_no_selection() -> None:
 async def test_words_that_no_instance_has_say_so() -> None:
     async with looking(SMALL, bench(50)) as looker:
         await looker.type("/zzz\r")
-        assert "none has these words" in looker.pane("instances")
+        assert "no instance has these words" in looker.pane("instances")
         assert looker.app.view_model.selected == "TRCV_C_1"
 
 

@@ -81,7 +81,7 @@ async def test_a_single_instruction_shows_the_id_of_its_connection_and_lets_nobo
         await shown.select("TSEND_1")
         assert re.search(r"REQ ▷┤.*\n.*  ID ─┤ 1 .*\n.*LEN ─┤ 0", shown.text)
         await shown.press("down", "enter")
-        assert "ID is 1: the description of C1 says so (C)" in shown.words
+        assert "ID is 1: the description of C1 sets it (C)" in shown.words
         await shown.select("TCON_1")
         assert "ID ─┤ 1" in shown.text and "CONNECT C1" in shown.words
         assert " ID ─┤" not in shown.text.replace("ID ─┤ 1", "")

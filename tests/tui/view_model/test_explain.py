@@ -132,7 +132,7 @@ async def test_a_frozen_view_says_whose_bytes_it_has_not_kept() -> None:
     async with looking(WIDE) as looker:
         await looker.press("F", "1", "down", "5")
         assert looker.app.view_model.selected == "TRCV_C_2"
-        assert "the view froze without its bytes: F shows those of now" in looker.pane("received")
+        assert "the view froze without these bytes: F goes back to live" in looker.pane("received")
         await looker.press("1", "up", "5")
         assert "not kept" not in looker.pane("received")
 

@@ -1,4 +1,4 @@
-"""ComBuffers on the screen: below the box of their block, frames and gap timer; and the lines fed by hand."""
+"""ComBuffers on the screen: frames and gap timer below the box of a block, and the lines that you feed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_GAP_TIMER: Final = "Timeout is 0: no gap ends a frame"
 
 
 class GapTimer(NamedTuple):
-    """How long no byte has come, of `limit_ns`; `reason` says why nothing runs, "" where it does."""
+    """Time since the last byte, of `limit_ns`; `reason` says why the timer does not run, "" if it does."""
 
     elapsed_ns: int
     limit_ns: int
@@ -28,7 +28,6 @@ class GapTimer(NamedTuple):
 
 
 def find_gap_timer(view_model: ViewModel, instance: InstanceSnapshot) -> GapTimer | None:
-    """Return the gap timer of the selected instance, None where its block has none."""
     framer, snapshot = instance.framer, view_model.snapshot
     if framer is None or snapshot is None:
         return None
@@ -45,18 +44,18 @@ def _explain_stop(view_model: ViewModel, running: bool) -> str:
     if not running:
         return "frozen: the PLC is in STOP"
     if view_model.is_frozen:
-        return "frozen view: F shows it as it runs"
+        return "frozen view: F goes back to live"
     if view_model.picture is not None and view_model.picture.holding:
         return "frozen: the scans are held"
     return ""
 
 
 def gap_parts(gap: GapTimer) -> list[tuple[str, str]]:
-    """Return the timer as a bar with its times, and its reason where it stands."""
+    """Return the timer as a bar with its times, and why it does not run."""
     if not gap.limit_ns:
         return [("─" * GAP_BAR_WIDTH, "faint"), (f" {gap.reason}", "dim")]
     full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR_WIDTH)
-    near = gap.elapsed_ns * 4 >= gap.limit_ns * 3
+    near = gap.elapsed_ns * 4 >= gap.limit_ns * 3  # the last quarter is drawn as a warning
     times = f" {format_ns(gap.elapsed_ns)} of {format_ns(gap.limit_ns)}"
     parts = [(full, "warn" if near else "busy"), (empty, "faint"), (times, "strong" if full else "dim")]
     return [*parts, (f" · {gap.reason}", "dim")] if gap.reason else parts
@@ -64,7 +63,7 @@ def gap_parts(gap: GapTimer) -> list[tuple[str, str]]:
 
 LABEL_WIDTH: Final = 9
 QUEUE_BAR_WIDTH: Final = 8
-TIGHT_DIVISOR: Final = 4  # a ComBuffer with less than a quarter of its room left
+TIGHT_DIVISOR: Final = 4  # less than a quarter of a ComBuffer's room is a warning
 ROOMY: Final = 72
 
 
@@ -108,7 +107,7 @@ def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Ro
     if buffer.lost:
         parts.append((f"  {buffer.lost} lost", "error"))
     if not buffer.is_up:
-        parts.append(("  port is away", "error"))
+        parts.append(("  port is missing", "error"))
     elif width >= ROOMY or not buffer.lost:
         parts.append((f"  {source_words(buffer)}", "dim"))
     return row(*parts)
@@ -141,14 +140,14 @@ def _frames(framer: FramerSnapshot) -> Row:
 
 
 def _noise_rows(framer: FramerSnapshot, width: int) -> list[Row]:
-    """Return how many bytes no frame has: noise before a prefix, and parts that had no end."""
+    """Return the rows for bytes that are in no frame: noise before a prefix, and parts without an end."""
     tally = framer.tally
     if not framer.discarded and not tally.parts:
         return [row(_label("noise"), ("nothing thrown away", "dim"))]
     parts: list[Part] = [(f"{framer.discarded} B thrown away", "warn" if framer.discarded else "dim")]
     if tally.parts:
         parts.append((f"  {count(tally.parts, 'part')} of frames", "warn"))
-    parts.append(("  X: which", "dim"))
+    parts.append(("  X shows them", "dim"))
     rows = [row(_label("noise"), *parts)]
     if framer.discarded:
         room = max(3, (width - LABEL_WIDTH - 2) // 3)
@@ -160,12 +159,12 @@ def _noise_rows(framer: FramerSnapshot, width: int) -> list[Row]:
 
 FEED_VERB: Final = "feed"
 LINE_BAR_WIDTH: Final = 10
-MOST_KEPT_BYTES: Final = 65_536  # bytes that are kept to be fed again
-GONE: Final = "›"  # after the bytes of a message that have been fed
+MOST_KEPT_BYTES: Final = 65_536  # bytes of a fed message, kept to be fed again
+FED: Final = "›"  # drawn between the bytes that were fed and those still to be fed
 
 
 class SerialLineList(LineView):
-    """One line a ComBuffer; below them the last bytes that were fed to the one under the cursor."""
+    """One row for each ComBuffer; below them, the last bytes fed to the one under the cursor."""
 
     KEYS: ClassVar = (
         ("enter", "type bytes"), ("s", "again"), ("→", "next byte"), ("b", "break"), ("↑↓", "line"),
@@ -180,7 +179,7 @@ class SerialLineList(LineView):
         self._view_model = view_model
         self._actions = actions
         self._cursor = 0
-        self._fed: dict[str, tuple[bytes, int]] = {}  # by ComBuffer: the message, how much of it went in
+        self._fed: dict[str, tuple[bytes, int]] = {}  # by ComBuffer: the message, bytes of it that were fed
 
     @property
     def names(self) -> list[str]:
@@ -204,7 +203,7 @@ class SerialLineList(LineView):
             return self._line(names[y])
         if y == len(names):
             return self._message()
-        keys = "enter: type bytes · s: again · →: byte by byte · b: the cable is pulled"
+        keys = "enter: type bytes · s: feed again · →: next byte · b: pull the cable"
         return row((clip(keys, self.line_width), "dim"))
 
     def _line(self, name: str) -> Row:
@@ -217,20 +216,20 @@ class SerialLineList(LineView):
         return row(*parts, style=self.cursor_style(chosen))
 
     def _message(self) -> Row:
-        payload, gone = self._fed.get(self.choice, (b"", 0))
+        payload, fed = self._fed.get(self.choice, (b"", 0))
         if not payload:
             return row(("  nothing was fed yet", "dim"))
         room = max(4, (self.line_width - 26) // 3)
-        first = max(0, min(gone - room // 2, len(payload) - room))
-        before, after = payload[first:gone].hex(" "), payload[gone : first + room].hex(" ")
+        first = max(0, min(fed - room // 2, len(payload) - room))
+        before, after = payload[first:fed].hex(" "), payload[fed : first + room].hex(" ")
         lead, tail = "…" * (first > 0), "…" * (first + room < len(payload))
-        parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (GONE, "key"), (after + tail, "ghost")]
-        return row(*parts, (f"  {gone} of {len(payload)} B fed", "dim"))
+        parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (FED, "key"), (after + tail, "ghost")]
+        return row(*parts, (f"  {fed} of {len(payload)} B fed", "dim"))
 
     # -- what is fed -------------------------------------------------------------------------------------
 
     def wrap(self, submit: Callable[[str], None]) -> Callable[[str], None]:
-        """Return `submit`, listening for bytes that are fed from the prompt."""
+        """Return a `submit` that also notes the bytes of `feed` lines from the prompt."""
 
         def submit_and_note(line: str) -> None:
             self._note_fed_bytes(line)
@@ -241,12 +240,12 @@ class SerialLineList(LineView):
     def _note_fed_bytes(self, line: str) -> None:
         if not line.startswith(f"{FEED_VERB} "):
             return
-        from trcvtui.commands.table import parse_line  # read when the first line is fed
+        from trcvtui.commands.table import parse_line  # imported with the first fed line
 
         try:
             command = parse_line(line, self._view_model.project, FEED_VERB)
         except UserError:
-            return  # the engine says what is wrong
+            return  # the engine reports the mistake
         if isinstance(command, FeedLine) and command.payload and len(command.payload) <= MOST_KEPT_BYTES:
             self._fed[command.buffer] = command.payload, len(command.payload)
             self.show()
@@ -260,9 +259,9 @@ class SerialLineList(LineView):
         self._feed(payload, len(payload))
 
     def action_piece(self) -> None:
-        """Feed the next byte of the message; after its end it begins anew."""
-        payload, gone = self._fed.get(self.choice, (b"", 0))
-        place = gone % len(payload) if payload else 0
+        """Feed the next byte of the message; after the last one, the first again."""
+        payload, fed = self._fed.get(self.choice, (b"", 0))
+        place = fed % len(payload) if payload else 0
         self._feed(payload, place + 1, place)
 
     def action_back(self) -> None:
@@ -279,7 +278,7 @@ class SerialLineList(LineView):
         self.show()
 
     def action_break(self) -> None:
-        """Pull the cable: a frame that is half here has no end."""
+        """Pull the cable: a half-received frame gets no end."""
         if self.choice:
             self._actions.submit(f"{FEED_VERB} {self.choice} break")
 

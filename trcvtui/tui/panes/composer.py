@@ -1,4 +1,4 @@
-"""What the peer shall send: hex, text or udt, where it is cut and how often; judged while typed."""
+"""The message that the peer will send: hex, text or udt, its cuts and repeats, checked as you type."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import format_time
 from trcvtui.wording import count
 
-if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
+if TYPE_CHECKING:  # imported late: a screen seldom parses a line
     from trcvtui.commands.words import PeerSend
 
 PAUSES_MS: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
@@ -32,7 +32,7 @@ FIRST_PAUSE_NS: Final = 20 * MS
 
 @dataclass(frozen=True, slots=True)
 class Splits:
-    """The places of the cuts, each with its pause in ns: a cut at 3 stands before the byte of offset 3."""
+    """The cuts of a message, each with its pause in ns: a cut at 3 is before the byte at offset 3."""
 
     pauses: Mapping[int, int] = field(default_factory=dict)
 
@@ -41,14 +41,14 @@ class Splits:
         return tuple(sorted(self.pauses))
 
     def toggle_at(self, place: int) -> Splits:
-        """Return these with a cut more or less; a new one pauses as the one before it, or after it."""
+        """Return a copy with this cut added or removed; a new one takes the pause of its neighbour."""
         if place in self.pauses:
             return Splits({at: ns for at, ns in self.pauses.items() if at != place})
         near = [at for at in self.places if at < place][-1:] or list(self.places[:1])
         return Splits({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE_NS})
 
     def step_pause(self, place: int, step: int) -> Splits:
-        """Return these with the next longer or shorter pause at a cut."""
+        """Return a copy with the next longer or shorter pause at a cut."""
         now = self.pauses[place]
         longer = [ms * MS for ms in PAUSES_MS if ms * MS > now]
         shorter = [ms * MS for ms in PAUSES_MS if ms * MS < now]
@@ -61,7 +61,7 @@ class Splits:
 
     @property
     def gap(self) -> str:
-        """Return what stands after `gap=`, "" where nothing pauses."""
+        """Return the value of `gap=`, "" without pauses."""
         pauses = [self.pauses[at] for at in self.places]
         if not any(pauses):
             return ""
@@ -69,19 +69,19 @@ class Splits:
 
 
 def read_splits(send: PeerSend) -> Splits:
-    """Return the cuts of a send command; one after the message cuts nothing."""
+    """Return the cuts of a send command, without those behind the end of its message."""
     gaps = send.gaps_ns or (send.gap_ns,)
     places = [at for at in accumulate(send.split) if at < len(send.payload)]
     return Splits({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
 
 
-BYTE_WIDTH: Final = 3  # two digits and the place before them
-NO_MESSAGE: Final = "no message yet: its bytes and cuts stand here"
+BYTE_WIDTH: Final = 3  # two digits and the column before them
+NO_MESSAGE: Final = "no message yet: its bytes and cuts appear here"
 CUT, CURSOR_SIGN, CUT_CURSOR = "┃", "╎", "╂"
 
 
 class SplitsLine(OneLine, can_focus=True):
-    """`changed` is told the cuts after every change; `payload` and `cuts` are what is drawn."""
+    """Draws `payload` with its `cuts`, and calls `changed` with the cuts after every change."""
 
     KEYS: ClassVar = (("←→", "place"), ("space", "cut or join"), ("+ -", "pause"), ("del", "no cuts"))
     BINDINGS: ClassVar = [
@@ -89,7 +89,7 @@ class SplitsLine(OneLine, can_focus=True):
         Binding("space", "cut", "cut the message here, or join it", show=False),
         Binding("plus,equals_sign", "pause(1)", "a longer pause at this cut", show=False),
         Binding("minus", "pause(-1)", "a shorter pause at this cut", show=False),
-        Binding("delete,backspace", "join", "take all cuts away", show=False),
+        Binding("delete,backspace", "join", "remove all cuts", show=False),
         Binding("enter", "send", "send the message as it is cut", show=False),
     ]
 
@@ -99,7 +99,7 @@ class SplitsLine(OneLine, can_focus=True):
         self._send = send
         self.payload = b""
         self.cuts = Splits()
-        self.place = 1  # the cursor stands before this byte
+        self.place = 1  # the cursor is before this byte
         self._first = 0  # the first byte in view
 
     def draw(self, payload: bytes, cuts: Splits) -> None:
@@ -107,7 +107,7 @@ class SplitsLine(OneLine, can_focus=True):
         self.place = max(1, min(self.place, len(payload) - 1))
         self.show()
 
-    # -- what stands there --------------------------------------------------------------------------
+    # -- drawing ------------------------------------------------------------------------------------
 
     def line(self) -> Row:
         if not self.payload:
@@ -118,6 +118,7 @@ class SplitsLine(OneLine, can_focus=True):
         for at in range(self._first, last):
             if at > self._first:
                 parts.append(self._cut_part(at))
+            # Pieces alternate between plain and strong, so that a cut shows without its stroke.
             is_even = sum(place <= at for place in self.cuts.places) % 2 == 0
             parts.append((f"{self.payload[at]:02X}", "" if is_even else "strong"))
         parts.append(("‥" if last < len(self.payload) else " ", "dim"))
@@ -147,7 +148,7 @@ class SplitsLine(OneLine, can_focus=True):
             self._first = self.place - room + 1
         self._first = max(0, min(self._first, len(self.payload) - room))
 
-    # -- what keys and mouse do ---------------------------------------------------------------------
+    # -- keys and mouse -----------------------------------------------------------------------------
 
     def action_place(self, step: int) -> None:
         self._go(self.place + step)
@@ -174,7 +175,7 @@ class SplitsLine(OneLine, can_focus=True):
         self._send()
 
     def click(self, x: int, y: int) -> None:
-        """Cut or join where the mouse points between two bytes; on a byte: before it."""
+        """Cut or join between the two bytes at the mouse; on a byte, before it."""
         place = self._first + x // BYTE_WIDTH
         if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
             self.place = place
@@ -199,7 +200,7 @@ class PayloadField(TypedField):
         self._send()
 
     def convert_paste(self, text: str) -> str:
-        """Return the first line; a STRUCT takes the place of all, without its comments."""
+        """Return the first line; a STRUCT replaces the whole text, without its comments."""
         if not text.lstrip().upper().startswith("STRUCT"):
             return super().convert_paste(text)
         self.clear()
@@ -231,7 +232,7 @@ class Composer(Vertical):
         self._actions = actions
         self.mode = HEX
         self._texts = dict.fromkeys(PAYLOAD_MODES, "")
-        self._seen = ""
+        self._checked_line = ""
         self.fault = ""
         self._above, self._below = Horizontal(), Horizontal()
         self._modes = ButtonLine(
@@ -244,7 +245,7 @@ class Composer(Vertical):
         }
 
     def compose(self) -> Iterator[Widget]:
-        """Compose three lines; what can be typed into comes right after the first frame."""
+        """Compose three lines; the text fields are mounted right after the first frame."""
         with self._above:
             yield self._modes
         yield self._below
@@ -261,7 +262,7 @@ class Composer(Vertical):
 
     @property
     def line(self) -> str:
-        """Return the command as it stands, "" without a payload."""
+        """Return the command of the fields, "" without a payload."""
         if not self._payload.value.strip() or not self._view_model.peer:
             return ""
         options = tuple((name, option.value) for name, option in self._options.items())
@@ -269,9 +270,9 @@ class Composer(Vertical):
 
     def check_line(self) -> None:
         line = self.line
-        if line == self._seen:
+        if line == self._checked_line:
             return
-        self._seen = line
+        self._checked_line = line
         self.fault = find_mistake(line, self._view_model.project) if line else ""
         bad_options = bool(self.fault) and not find_mistake(self._without_options(), self._view_model.project)
         self._draw(line if not self.fault else self._without_options() if bad_options else "")
@@ -281,7 +282,7 @@ class Composer(Vertical):
             option.set_class(is_bad, "-bad")
 
     def _draw(self, line: str) -> None:
-        from trcvtui.commands.table import parse_line  # at the first line, not before the first screen
+        from trcvtui.commands.table import parse_line  # with the first line, not before the first screen
         from trcvtui.commands.words import PeerSend
 
         send = parse_line(line, self._view_model.project, "message") if line else None

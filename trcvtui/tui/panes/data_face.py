@@ -1,4 +1,4 @@
-"""DATA now as a face of pane 5, and below it how far the job is.
+"""DATA now as a face of pane 5, and below it the progress of the job.
 
 A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
 """
@@ -32,7 +32,7 @@ from trcvtui.udt.byte_text import SearchPatterns, describe_hit
 from trcvtui.wording import stamp
 
 BAR_WIDTH: Final = 12
-LEAST_GAP_WIDTH: Final = 74  # columns in which the gap timer stands beside the unfinished frame
+LEAST_GAP_WIDTH: Final = 74  # columns from which the gap timer fits beside the unfinished frame
 
 
 class JobLine(OneLine):
@@ -63,14 +63,14 @@ class JobLine(OneLine):
     def _frame_parts(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
         if instance.outputs.busy:
             full, empty = bar(instance.have, framer.size, BAR_WIDTH)
-            told: list[Part] = [
+            parts: list[Part] = [
                 ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
                 (f" {instance.have} of ≤{framer.size} B ", "strong"),
             ]  # fmt: skip
             gap = find_gap_timer(self._view_model, instance)
             if gap is not None and gap.limit_ns and self.line_width >= LEAST_GAP_WIDTH:
-                told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
-            return told
+                parts += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
+            return parts
         last = framer.last
         if last is None:
             return [("── no frame has begun ", "dim")]
@@ -81,7 +81,7 @@ class JobLine(OneLine):
                 (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
 
     def _sent_parts(self, instance: InstanceSnapshot) -> list[Part]:
-        """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
+        """Return how far the sent bytes are: DONE only means that the local stack took them."""
         parts: list[Part] = [("── ", "dim")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR_WIDTH)
@@ -95,6 +95,7 @@ class JobLine(OneLine):
             style = "warn" if connection.unacknowledged else "dim"
             parts.append((f" · {connection.unacknowledged} unacknowledged", style))
         for peer in self._view_model.peers:
+            # The same connection, seen from its other end.
             if (peer.local, peer.remote) == (connection.remote, connection.local):
                 parts.append((f" · {peer.received_here} read by {peer.name}", "dim"))
         return [*parts, (" ", "dim")]
@@ -137,7 +138,7 @@ class DataFace(ReceivedFace):
         return name, f"{declared.name}{size}"
 
     def _newest(self) -> DataSnapshot | None:
-        """Return what was written to DATA last, None where no older bytes stand behind it."""
+        """Return the newest write to DATA, None if it left no older bytes behind it."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if snapshot is None or instance is None or instance.sends:
             return None
@@ -149,7 +150,6 @@ class DataFace(ReceivedFace):
 
     @property
     def _pane_height(self) -> int:
-        """Return the rows of the whole pane."""
         return self.parent.size.height if isinstance(self.parent, Widget) else 0
 
     def hide_job(self) -> None:
@@ -158,7 +158,7 @@ class DataFace(ReceivedFace):
     def show(self) -> None:
         instance, partial = self._view_model.instance, self._view_model.job_bytes
         self._line.show()
-        if instance is None:  # its bytes go with it
+        if instance is None:  # no bytes without an instance
             for view in (self.data, self.job):
                 view.frame = None
                 view.show_bytes(b"", 0, frozenset())
@@ -168,7 +168,7 @@ class DataFace(ReceivedFace):
         if self.data.frame is None and (new := self._newest()) is not None:
             self.data.frame = make_marks(0, new.newest, 0, 0)
         declared = self._view_model.declaration
-        if declared is not None:  # as high before its bytes have come: one layout, not two
+        if declared is not None:  # full height before the bytes arrive: one layout, not two
             self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.row_lines
         self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
         self._size_job(instance)
@@ -226,7 +226,7 @@ class DataFace(ReceivedFace):
         connection = self._view_model.connection
         is_up = connection is not None and connection.state == "connected"
         wants_more = (instance.pin("EN_R") and is_up) or (instance.framer is not None and self._job_rows)
-        if not instance.need and wants_more:  # the next frame, too
+        if not instance.need and wants_more:  # keep the room for the next job or frame
             return
         need = 0 if instance.sends else instance.need
         self.job.rows_kept = -(-need // self.job.per_row)

@@ -1,4 +1,4 @@
-"""What the faces of pane 5 have in common: each is seen alone, with the same line above and below it."""
+"""The base of the faces of pane 5: one is shown at a time, with the same line above and below it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.typed_lines import Jump
 
 ROOMY: Final = 100
-BYTES_NOT_KEPT: Final = "the view froze without its bytes: F shows those of now"
+BYTES_NOT_KEPT: Final = "the view froze without these bytes: F goes back to live"
 
 
 class OriginLine(LineView, can_focus=False):
@@ -43,24 +43,24 @@ class OriginLine(LineView, can_focus=False):
 
 
 class ReceivedFace(Vertical):
-    """One way to see what was received; `first` is what the keys go to, `subtitle` stands in the frame."""
+    """One view of the received bytes; `first` gets the keys, `subtitle` is drawn in the frame."""
 
     def __init__(self, view_model: ViewModel, below: OriginLine, first: LineView) -> None:
         super().__init__()
         self._view_model, self._below, self.first = view_model, below, first
-        self.is_seen = self.is_searched = False  # searched: n and N are those of the search
+        self.is_seen = self.is_searched = False  # searched: n and N go to hits
         self.subtitle = self.note = ""  # note: what could not be found or done
-        self.hit = -1, ""  # where the search has come to, and which hit of how many that is
+        self.hit = -1, ""  # place of the hit, and `hit 2 of 7`
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number and bytes of the job of the past that is shown, None where it is DATA."""
+        """Return instance, number and bytes of the past job that is shown, None for DATA."""
         return None
 
     def byte_in_job(self) -> int:
         return -1
 
     def explain_lack(self) -> str:
-        """Return why the bytes of what is shown cannot be had, "" where they can."""
+        """Return why the shown bytes are not available, "" if they are."""
         return BYTES_NOT_KEPT if self._view_model.lacks_bytes else ""
 
     def show_field(self, field: range, goes_there: bool) -> None:
@@ -68,7 +68,7 @@ class ReceivedFace(Vertical):
 
     def _select_offset(self, goal: Jump, select: Callable[[int], None], kept: range, lack: str = "") -> None:
         is_here, is_older = goal.number in kept, lack and goal.number < kept.start
-        why = lack if is_older else f"not here: bytes {kept.start} to {kept.stop - 1} are"
+        why = lack if is_older else f"not here, only bytes {kept.start} to {kept.stop - 1} are"
         self.note = "" if is_here else f"{goal.about} is {why}"
         if is_here:
             select(goal.number)

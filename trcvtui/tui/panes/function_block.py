@@ -22,10 +22,7 @@ from trcvtui.wording import count
 
 
 class DrawnPin(NamedTuple):
-    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name.
-
-    `is_fixed`: the project file says what stands there, as it does at CONNECT.
-    """
+    """A pin of the drawing; `letter` toggles it, "" on an output. `label` is drawn as its name."""
 
     name: str
     text: str
@@ -34,7 +31,7 @@ class DrawnPin(NamedTuple):
     letter: str
     label: str
     is_wired: bool = False  # by the project file: no scan writes it
-    is_fixed: bool = False
+    is_fixed: bool = False  # the project file sets its value, as for CONNECT
 
 
 PINS_BELOW_BOX: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
@@ -77,7 +74,7 @@ def wired_pins(block: str) -> dict[str, DrawnPin]:
         for name, mark in of_block.mark_pins.items()
     ]
     if of_block.data_pin:
-        found.append((of_block.data_pin, "the variable of the bytes; its type is its size", "d"))
+        found.append((of_block.data_pin, "the variable of the bytes; its type gives the size", "d"))
     found.append((of_block.buffer_pin, "the ComBuffer; a simulated line can be fed", "c"))
     return {name: DrawnPin(name, text, False, False, letter, name, True) for name, text, letter in found}
 
@@ -97,7 +94,7 @@ def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -
 
 
 def drawing_of(project: Project, block: str, connect: str) -> BlockDrawing:
-    """Return the drawing of a block that works on a CONNECT; its ID stands after the first pin."""
+    """Return the drawing of a block that works on a CONNECT; its ID is drawn after the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in PINS_BELOW_BOX]
     wired = wired_pins(block)
     names = [pin.name for pin in pins if pin.direction != "out"]
@@ -147,16 +144,16 @@ def _status_style(instance: InstanceSnapshot | None) -> str:
 MARK_WIDTH: Final = 9  # columns of a mark inside the box
 NULL_POINTER: Final = "0"
 FEEDABLE_SOURCES: Final = ("sim", "serial")
-ROWS, FRAMER_ROWS = 14, 20  # that a block needs with its frame; a block with a framer
+ROWS, FRAMER_ROWS = 14, 20  # rows of a block with its border; of one with a framer
 
 
 def rows_needed(project: Project) -> int:
-    """Return the rows that the blocks of a project need, so that each is seen whole."""
+    """Return the rows in which every block of a project is seen whole."""
     return FRAMER_ROWS if any(block_row(each.block).mark_pins for each in project.instances) else ROWS
 
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
-    """Return what stands at such a pin: bytes of a mark, a variable, a ComBuffer."""
+    """Return what is wired to a pin: bytes of a mark, a variable, a ComBuffer."""
     if pin in buffer_pins():
         return clip(instance.connect, MARK_WIDTH)
     if pin == instance.data_pin:
@@ -175,7 +172,7 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
 
 
 def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
-    """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
+    """Return the beginning of the command that changes a wired pin, "" if none does."""
     if pin in buffer_pins():
         decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE_SOURCES else ""
@@ -192,7 +189,7 @@ def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -
 def pin_hint(pin: str, instance: InstanceSnapshot) -> str:
     if pin in buffer_pins():
         return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
-    return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
+    return f"{pin} of {instance.name} is 0: name its variable in the project, `{pin} = ...`"
 
 
 IN_BOX: Final = 6
@@ -202,11 +199,11 @@ LEAST_BOX_WIDTH: Final = 4
 JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
 LETTER_WIDTH: Final = 2  # the letter of an input
 ROOMY: Final = 72  # room for what each output means
-LATE_DETECTION_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
+LATE_DETECTION_S: Final = 2  # a stack checks its limit at a retransmission only, so up to this later
 
 
 class FunctionBlock(LineView):
-    """The selected instance. A toggle is shown as pending until a scan has taken it over."""
+    """The selected instance. A toggle is shown as pending until a scan has used it."""
 
     BINDINGS: ClassVar = [
         ("enter", "toggle_pin", "toggle the pin under the cursor"),
@@ -220,12 +217,11 @@ class FunctionBlock(LineView):
         self._drawings: dict[tuple[str, str], BlockDrawing] = {}
         self._pending: dict[tuple[str, str], tuple[int, int]] = {}
         self._cursor = 0
-        self._told: list[Row] = []  # below the box of a block on a ComBuffer
+        self._buffer_rows: list[Row] = []  # below the box of a block with a ComBuffer
         self._hover: int | None = None
-        self.propose_value: Callable[[str], str] = lambda pin: ""  # the value of a number that a remedy names
+        self.propose_value: Callable[[str], str] = lambda pin: ""  # the value that a remedy proposes
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        """Return the letters of the pins of this very block."""
         inputs = self.drawing().inputs
         levels = " ".join(pin.letter for pin in inputs if pin.is_bool and pin.letter)
         numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
@@ -233,7 +229,7 @@ class FunctionBlock(LineView):
         return (("enter", "toggle"), (levels, "pins"), *numbers, *described)
 
     def forget(self) -> None:
-        """Draw for another project: its dialect may name the pins of a block otherwise."""
+        """Forget the drawings: the dialect of another project may name pins differently."""
         self._drawings.clear()
         self._pending.clear()
 
@@ -253,7 +249,7 @@ class FunctionBlock(LineView):
         about = f"{instance.block}{self._describe_task(instance)}" if instance else ""
         self.set_title(2, self._view_model.selected or "Block", about)
         self._clear_pending()
-        self._told = framer_lines(self._view_model, instance, self.line_width) if instance else []
+        self._buffer_rows = framer_lines(self._view_model, instance, self.line_width) if instance else []
         super().show()
 
     def _describe_task(self, instance: InstanceSnapshot) -> str:
@@ -269,11 +265,11 @@ class FunctionBlock(LineView):
             return
         for (name, pin), (value, scan) in list(self._pending.items()):
             taken = name == instance.name and instance.pin(pin) == value
-            if taken or snapshot.scan > scan + 1:
+            if taken or snapshot.scan > scan + 1:  # not applied in two scans: it was refused
                 del self._pending[name, pin]
 
     def row_count(self) -> int:
-        return self.drawing().height + 2 + max(5, len(self._told))
+        return self.drawing().height + 2 + max(5, len(self._buffer_rows))
 
     def row_at(self, y: int) -> Row:
         drawing = self.drawing()
@@ -352,7 +348,7 @@ class FunctionBlock(LineView):
         joint = self._joints()[1]
         name = pin.label if roomy or not glow else pin.label.partition(" ")[0]
         used = self._left_width() + self._in_box_width() + self._out_box_width() + len(joint)
-        if used + measure(name + glow) > self.line_width:  # pane 3 has it whole
+        if used + measure(name + glow) > self.line_width:  # no room: pane 3 shows it in full
             name, glow = pin.label, ""
         gap = " " * (1 + self.drawing().label_width - measure(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
@@ -368,11 +364,11 @@ class FunctionBlock(LineView):
         instance = self._view_model.instance
         if instance is None:
             return EMPTY
-        if self._told:
+        if self._buffer_rows:
             pin = self._pin_under_cursor() if self.has_focus else None
-            if pin is not None and y == len(self._told) - 1:
+            if pin is not None and y == len(self._buffer_rows) - 1:
                 return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
-            return self._told[y] if y < len(self._told) else EMPTY
+            return self._buffer_rows[y] if y < len(self._buffer_rows) else EMPTY
         if y == 0:
             link = " CONFIG  " if instance.on_config else " CONNECT "
             end = (instance.connect, "strong")
@@ -390,17 +386,14 @@ class FunctionBlock(LineView):
         return row((" wire    ", "dim"), (self._dead_link(), "dim"))
 
     def _dead_link(self) -> str:
-        """Return when a dead link would show: 2 to 3 intervals after its last word (7.15.4).
-
-        While bytes of ours are not acknowledged keep-alive rests, and their own limit of 3 intervals counts.
-        """
+        """Return when a dead link is detected: 2 to 3 intervals after the partner's last packet (7.15.4)."""
         connection = self._view_model.connection
         if connection is None:
             return ""
         if connection.udp:
-            return "UDP: nobody notices a dead link"
+            return "UDP cannot detect a dead link"
         interval = connection.keep_alive_s
-        if connection.unacknowledged:
+        if connection.unacknowledged:  # keep-alive rests meanwhile, and their own limit of 3 intervals counts
             limited = self._view_model.project.options.get("user_timeout", True)
             when = f"in {3 * interval}–{3 * interval + LATE_DETECTION_S} s" if limited else "in minutes"
             return f"unacknowledged: dead link {when}"
@@ -422,7 +415,7 @@ class FunctionBlock(LineView):
         return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
 
     def _address(self) -> str:
-        """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""
+        """Return the ADDR variable and its value: `SOURCE 127.0.0.1:51322`."""
         instance, picture = self._view_model.instance, self._view_model.picture
         if instance is None or picture is None:
             return ""
@@ -441,26 +434,26 @@ class FunctionBlock(LineView):
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
     def press(self, letter: str) -> str:
-        """Toggle the pin of this letter; return what is missing, "" where there is one."""
+        """Toggle the pin of this letter; return which pin is missing, "" if none is."""
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
             return ""
         instance = self._view_model.instance
         missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
-        return f"{instance.block} has no {missing}" if instance is not None else "no instance is here"
+        return f"{instance.block} has no {missing}" if instance is not None else "there is no instance"
 
     def place_of_pin(self, letter: str) -> str:
-        """Say where the letter of a drawn pin works, "" where no pin has it."""
+        """Return in which panes the letter of a pin works, "" if no pin has it."""
         pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
 
     def letter_of(self, name: str) -> str:
-        """Return the letter of an input, "" where it has none."""
+        """Return the letter of an input, "" if it has none."""
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
-        """Ask for the command of a pin: a level changes over, an edge is pulsed, a number is typed."""
+        """Send the command of a pin: toggle a level or pulse an edge; a number is typed in the prompt."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return
@@ -469,7 +462,7 @@ class FunctionBlock(LineView):
             line = make_pin_line(pin.name, instance, self._view_model)
             self._actions.open_prompt(line) if line else self._actions.complain(pin_hint(pin.name, instance))
         elif pin.is_fixed:
-            why = f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
+            why = f"{pin.name} is {value}: the description of {instance.connect} sets it (C)"
             self._actions.complain(why)
         elif not pin.is_bool:
             self._actions.open_prompt(f"set {instance.name} {pin.name}={self.propose_value(pin.name)}")
@@ -492,7 +485,8 @@ class FunctionBlock(LineView):
     def action_move(self, rows: int) -> None:
         last = len(self.drawing().inputs) - 1
         self._cursor = max(0, min(last, self._cursor + rows))
-        self.keep_in_view(self.row_count() - 1 if self._told and self._cursor == last else self._cursor + 1)
+        shows_text = self._buffer_rows and self._cursor == last
+        self.keep_in_view(self.row_count() - 1 if shows_text else self._cursor + 1)
         self.show()
 
     def on_click(self, event: events.Click) -> None:

@@ -16,12 +16,11 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.wording import age
 
 ROOMY: Final = 110
-MIDDLE_WIDTH: Final = 90  # below: the lamps alone tell of a pulse
+MIDDLE_WIDTH: Final = 90  # below: only the lamps show a pulse
 NARROW_WIDTH: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR_WIDTH: Final = 10
-MANY_INSTANCES: Final = 8  # from here on there are keys to find one
-# What stands where no instance is.
-SHADOW_SIGN: Final = "◌"  # before an instance that lives on a conversation of others
+MANY_INSTANCES: Final = 8  # with more there are keys to find one
+SHADOW_SIGN: Final = "◌"  # before a shadow
 EMPTY_HINTS: Final = (
     "  empty: press A, then enter, for an instance with its CONNECT and DATA",
     "  then t raises CONT (it listens) and n raises EN_R (it receives)",
@@ -46,15 +45,15 @@ class InstanceList(LineView):
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
     KEYS: ClassVar = (("↑↓", "instance"), ("A", "add"), ("E", "change"))
     BINDINGS: ClassVar = [
-        Binding("slash", "screen.filter", "list those with some words", show=False),
+        Binding("slash", "screen.filter", "filter the list by words", show=False),
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
     ]
 
     def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
-        """Tell `selected` at once when another instance is chosen: all panes are painted with the list."""
+        """Call `selected` at once when another instance is chosen: all panes are painted with the list."""
         super().__init__(id="instances")
         self._selected, self._digit, self._view_model = selected, digit, view_model
-        self.words: list[str] = []  # of the filter: those listed have all of them
+        self.words: list[str] = []  # of the filter: a listed instance has all of them
         self._listed: Sequence[InstanceSnapshot] = ()
         self._columns = self._measure()
 
@@ -78,13 +77,13 @@ class InstanceList(LineView):
         """Repaint what changed; the title says how many a filter lets through, and how many show an ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
-        told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
-        told = told if self.words else []
+        details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
+        details = details if self.words else []
         if self._view_model.shadows:
-            told.append(f"{SHADOW_SIGN} looks on")
+            details.append(f"{SHADOW_SIGN} shadow")
         if len(instances) > MANY_INSTANCES and (errors := sum(map(self._shows_error, instances))):
-            told.append(f"{errors} with ERROR")
-        self.set_title(self._digit, "Instances", " · ".join(told))
+            details.append(f"{errors} with ERROR")
+        self.set_title(self._digit, "Instances", " · ".join(details))
         self._columns = self._measure()
         super().show()
 
@@ -92,7 +91,7 @@ class InstanceList(LineView):
         if y < len(self._listed):
             return self._row(self._listed[y], self._columns)
         if self.words:
-            return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
+            return row(("  no instance has these words in name, code, address", "dim")) if y == 0 else EMPTY
         declared = self._view_model.project.instances
         if not declared:
             return row((EMPTY_HINTS[y], "key" if y == 0 else "dim")) if y < len(EMPTY_HINTS) else EMPTY
@@ -101,20 +100,20 @@ class InstanceList(LineView):
     def _has_words(self, instance: InstanceSnapshot) -> bool:
         pulses = self._pulses(instance)
         codes = {instance.outputs.status, *(pulse.status for pulse in pulses.values())}
-        spoken = (
+        parts = (
             f"{instance.name} {instance.block} {self._describe_condition(instance)}",
             _partner(self._view_model.connection_of(instance), True),
             " ".join(f"16#{code:04X}" for code in codes),
             "error" if self._shows_error(instance) else "",
         )
-        text = " ".join(spoken).casefold()
+        text = " ".join(parts).casefold()
         return all(word in text for word in self.words)
 
     def _describe_condition(self, instance: InstanceSnapshot) -> str:
         return describe_condition(self._view_model.project, instance.name, instance)
 
     def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
-        """Return the pulses that still glow by the styles of their lamps."""
+        """Return the pulses that still glow, by the style of their lamp."""
         glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
         found = {style: glow(instance.name, lamp, now) for style, lamp in (("done", DONE), ("error", ERROR))}
         return {style: pulse for style, pulse in found.items() if pulse is not None}
@@ -127,9 +126,9 @@ class InstanceList(LineView):
         if 0 < self.line_width < NARROW_WIDTH:
             return ListColumns(min(max((measure(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
         name = min(max((measure(instance.name) for instance in shown), default=8), 24 if roomy else 12)
-        # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
+        # 86 columns are for STATUS, lamps, bar, numbers and age; the partner gets the rest.
         room = max(24, self.line_width - name - 86) if roomy else 23
-        # Where no block has a connection, what a block is doing may be told in full.
+        # Without any connection, the condition gets the partner's columns.
         spare = 13 if not any(self._view_model.connection_of(instance) for instance in shown) else 0
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
@@ -141,7 +140,7 @@ class InstanceList(LineView):
         )
 
     def _partner_width(self, both: bool) -> int:
-        links = {instance.connect: instance for instance in self._view_model.instances}  # one of each will do
+        links = {instance.connect: instance for instance in self._view_model.instances}  # one each is enough
         partners = (
             _partner(self._view_model.connection_of(instance), both) + self._security_part(name)[0]
             for name, instance in links.items()
@@ -164,7 +163,7 @@ class InstanceList(LineView):
         return row(*parts, style=style)
 
     def _security_part(self, connect: str) -> Part:
-        """Return what stands after the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
+        """Return the mark of a secure connection: ` TLS`, or ` TLS!` without a checked certificate."""
         found = security_of(self._view_model.project.connect(connect))
         if found is None:
             return "", ""
@@ -173,7 +172,7 @@ class InstanceList(LineView):
     def _partner(self, connection: ConnectionSnapshot | None, columns: ListColumns) -> list[Part]:
         width, text = columns.partner, _partner(connection, columns.both)
         mark, style = self._security_part(connection.name) if connection and width else ("", "")
-        if connection is not None and mark and measure(text) + len(mark) > width:  # the port says more
+        if connection is not None and mark and measure(text) + len(mark) > width:  # then only the port
             text = text.replace(connection.local.partition(":")[0] + ":", ":")
         text = clip(text, width - len(mark))
         gap = " " * (width - measure(text) - len(mark) + 2 * bool(width))
@@ -217,14 +216,14 @@ class InstanceList(LineView):
         names = [instance.name for instance in self._listed]
         if not names:
             return
-        if self._view_model.selected not in names:  # it is filtered away
+        if self._view_model.selected not in names:  # the filter hides it
             self._choose(0)
             return
         here = names.index(self._view_model.selected)
         self._choose(max(0, min(len(names) - 1, here + rows)))
 
     def action_next_error(self) -> None:
-        """Select the next instance that shows an ERROR; where none does, the next that has had one."""
+        """Select the next instance that shows an ERROR; if none does, the next that has had one."""
         names = [instance.name for instance in self._listed]
         here = names.index(self._view_model.selected) if self._view_model.selected in names else -1
         order = [*range(here + 1, len(names)), *range(here + 1)]
@@ -239,7 +238,7 @@ class InstanceList(LineView):
             self._choose(y)
 
     def choose_first(self) -> None:
-        """Select the first one that a filter has left, where it has left the selected one out."""
+        """Select the first listed instance if the filter hides the selected one."""
         if self._listed and self._view_model.selected not in {each.name for each in self._listed}:
             self._choose(0)
 
@@ -276,7 +275,7 @@ def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
     if connection is None:
         return ""
     if connection.udp:
-        remote = connection.remote or "nobody yet"
+        remote = connection.remote or "no partner yet"
         return f"UDP     {connection.local} ↔ {remote}" if both else f"↔ {remote}"
     connected = connection.state == "connected"
     if connection.active:

@@ -34,7 +34,7 @@ class Line:
 
     def call(self) -> None:
         """Call through the tap, as soon as the screen says where it listens."""
-        self.terminal.wait("looks on")
+        self.terminal.wait("◌ shadow")
         self.terminal.keys("7")
         place = r"T: 127\.0\.0\.1:(\d+) to"
         screen = self.terminal.wait(lambda text: re.search(place, text) is not None)
@@ -132,7 +132,7 @@ def test_a_key_holds_a_direction_another_lets_it_go_and_q_asks_before_it_cuts(li
 
 
 def test_q_asks_nothing_where_no_connection_is_open(line: Line) -> None:
-    line.terminal.wait("looks on")
+    line.terminal.wait("◌ shadow")
     line.terminal.keys("q")
     assert "cuts" not in line.terminal.wait("ended with 0")
 

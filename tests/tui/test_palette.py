@@ -63,7 +63,7 @@ async def test_each_key_of_the_whole_screen_has_an_entry() -> None:
         ("Received: rulers of the stream: all, fewer, none", "received", "Received so far"),
         ("Received: find bytes, text or a number", "received", "29 00 ·"),
         ("Timing: the other instances of this CONNECT, too", "timing", "Timing"),
-        ("Timing: follow the newest scan, or stand", "timing", "stands, f follows"),
+        ("Timing: follow the newest scan, or stay", "timing", "stays, f follows"),
         ("Timing: next ERROR", "timing", "no ERROR"),
         ("Peer: payload as hex, text or udt", "peer", "send"),
         ("Peer P1: Check …", "open-line", "peer P1 check on size=64 every=T#100ms on TRCV_C_1"),

@@ -36,7 +36,7 @@ async def test_when_the_last_instance_is_deleted_its_bytes_go_with_it(size: tupl
         await says(bench, "delete TRCV_C_1")
         assert "01 02 03 04" not in bench.text
         await bench.press("3")
-        assert "no instance is on this bench" in bench.text
+        assert "this bench has no instance" in bench.text
         await says(bench, "create TRCV_C TRCV_C_9 connect=C1 data=rx")
         assert "16#7000" in bench.text
         await bench.press("5")

@@ -99,4 +99,4 @@ async def test_a_len_that_the_block_refuses_is_mended_from_its_card(size: tuple[
         assert looker.lines == ["set TRCV_C_1 LEN=0"]
         looker.app.only_looks = True
         await looker.press("enter")
-        assert not looker.app.main.prompt.is_open and "commands nothing" in looker.words("echo")
+        assert not looker.app.main.prompt.is_open and "sends no commands" in looker.words("echo")

@@ -43,7 +43,7 @@ async def test_an_empty_payload_is_told_and_the_cursor_stands_in_it() -> None:
             await looker.press("escape")
         await looker.press("i", *"0A")
         await looker.press("escape", "x")
-        assert "✗ one byte has no place for a cut" in looker.text
+        assert "✗ a message of one byte cannot be cut" in looker.text
 
 
 # -- a trial that does not run -------------------------------------------------------------------------

@@ -135,7 +135,7 @@ async def test_what_is_not_known_of_a_message_is_empty_and_its_reason_is_said() 
         ]  # fmt: skip
         assert "values from 2 on" in title(looker)
         await looker.press("home")
-        assert looker.words("origin-line") == "message 1: its values have gone out of the ring"
+        assert looker.words("origin-line") == "message 1: its values are no longer in the ring"
         assert "00" not in looker.words("message") and "3.5" not in looker.pane("udt")
         await looker.press("n", "n", "n")
         assert "04 00 00 00 01 00 ??" in looker.words("message"), "the rest was never captured"

@@ -97,7 +97,7 @@ async def test_the_cursor_goes_scan_by_scan_and_tells_its_exact_time() -> None:
         assert "scan 78 at 0.770000 s" in look.text
         await look.press("left", "left", "right")
         assert "scan 77 at 0.760000 s" in look.text
-        assert "stands, f follows" in look.text
+        assert "stays, f follows" in look.text
 
 
 async def test_n_walks_the_edges_of_the_row_and_two_markers_tell_their_distance() -> None:
@@ -139,7 +139,7 @@ async def test_an_edge_chosen_here_is_explained_in_the_card_and_chosen_in_the_hi
 async def test_bang_goes_to_the_newest_error_and_round() -> None:
     async with analysing((140, 60)) as look:
         await look.press("exclamation_mark")
-        assert "no ERROR in what is known of TRCV_C_1" in look.text
+        assert "no ERROR in the known history of TRCV_C_1" in look.text
         for line in ("peer P1 rst", "peer P1 connect", "peer P1 rst"):
             await look.say(line, 8)
         await look.press("exclamation_mark")

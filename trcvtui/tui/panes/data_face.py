@@ -206,7 +206,7 @@ class DataFace(ReceivedFace):
             words += [f"{stamp(recv.t_ns)} s"] if recv is not None else []
         return " · ".join(words)
 
-    # -- looking for bytes -------------------------------------------------------------------------------
+    # -- searching for bytes -----------------------------------------------------------------------------
 
     def find(self, wanted: SearchPatterns, is_forward: bool, again: bool) -> None:
         self.note, patterns = "", wanted.patterns

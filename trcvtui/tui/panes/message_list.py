@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class MessageColumn(NamedTuple):
-    """A column before the members; wider where the newest message needs it."""
+    """A column before the members; wider if the newest message needs it."""
 
     name: str
     width: int
@@ -45,7 +45,7 @@ MESSAGE_COLUMNS: Final = (
     MessageColumn("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
 )
 LEAST_SCAN_WIDTH: Final = 96  # columns of the pane from which there is room for the scan
-LEAST_WIDTH, ENOUGH_WIDTH, MOST_WIDTH = 6, 9, 18  # columns of a member; with less than enough none is cut
+LEAST_WIDTH, ENOUGH_WIDTH, MOST_WIDTH = 6, 9, 18  # columns of a member; below ENOUGH_WIDTH none is cut
 
 
 def all_pass(shown: MessageRow) -> bool:
@@ -55,7 +55,7 @@ def all_pass(shown: MessageRow) -> bool:
 class MessageLines(LineView):
     """Rows that pass the filter. The newest is followed until one is chosen.
 
-    A replay has those of the whole recording; its newest is that of the scan that is shown.
+    A replay has the rows of the whole recording; its newest is that of the shown scan.
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
@@ -66,13 +66,13 @@ class MessageLines(LineView):
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="messages")
         self._view_model = view_model
-        self._typed = self._text = self._wrong = ""  # filter: as typed, the one in force, what is wrong
+        self._typed = self._text = self._wrong = ""  # filter: as typed, in force, its mistake
         self._passes: Filter = all_pass
-        self._of: tuple[KnownMessages, str] | None = None  # whose the rows are
-        self._declared: DataDecl | None = None  # whose the members and the filter are
-        self._found: list[int] = []  # numbers of those that pass, from 0, among all rows of the instance
-        self._looked, self._oldest = 0, 0  # up to where; the first that has values
-        self._at: int | None = None  # the chosen one, None: the newest
+        self._source: tuple[KnownMessages, str] | None = None  # whose rows are listed
+        self._declared: DataDecl | None = None  # DATA of the members and the filter
+        self._listed: list[int] = []  # rows that pass, by number from 0 among all of the instance
+        self._filtered_to, self._oldest = 0, 0  # filtered up to here; first with values
+        self._at: int | None = None  # number of the chosen row, None: the newest
         self.columns: list[tuple[MessageColumn, int]] = []  # with their widths
         self.members: list[tuple[Leaf, int]] = []
         self._longest: dict[str, int] = {}  # text of each member that was drawn
@@ -81,20 +81,20 @@ class MessageLines(LineView):
 
     @property
     def _known_messages(self) -> KnownMessages:
-        """Return the rows of the selected instance: before they come, none of another one."""
+        """Return the rows of the selected instance: none until they arrive, never those of another one."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 
     def _row(self, number: int) -> MessageRow | None:
-        """Return a row, None where it has gone since `show`."""
+        """Return a row, None if it was dropped since `show`."""
         known = self._known_messages
         return known.rows[number - known.first] if known.first <= number < known.stop else None
 
     def rows(self) -> list[MessageRow]:
-        return [shown for number in self._found if (shown := self._row(number)) is not None]
+        return [shown for number in self._listed if (shown := self._row(number)) is not None]
 
     def find_chosen_row(self) -> MessageRow | None:
-        return self._row(self._found[self._chosen_place]) if self._chosen_place >= 0 else None
+        return self._row(self._listed[self._chosen_place]) if self._chosen_place >= 0 else None
 
     @property
     def is_followed(self) -> bool:
@@ -102,15 +102,17 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return which of the rows that pass is chosen, -1: none, as all are still to come."""
-        last = len(self._found) - 1
+        """Return the place of the chosen row among those that pass, -1: all come after the shown scan."""
+        last = len(self._listed) - 1
         if self._at is not None:
-            return min(last, bisect_left(self._found, self._at))
-        return bisect_right(self._found, self._scan, key=self._scan_of) - 1 if self._scan < MAX_SCAN else last
+            return min(last, bisect_left(self._listed, self._at))
+        if self._scan == MAX_SCAN:
+            return last
+        return bisect_right(self._listed, self._scan, key=self._scan_of) - 1
 
     @property
     def _scan(self) -> int:
-        """Return the scan after which messages are still to come."""
+        """Return the shown scan of a replay: later messages are drawn faint."""
         position = self._view_model.position
         return position.scan if position is not None else MAX_SCAN
 
@@ -132,33 +134,33 @@ class MessageLines(LineView):
     def _catch_up(self) -> None:
         view_model, known = self._view_model, self._known_messages
         of = view_model.known_messages, view_model.selected
-        if of != self._of or view_model.message_type is not self._declared:
-            self._at = self._at if of == self._of else None
-            self._of, self._declared, self._longest = of, view_model.message_type, {}
+        if of != self._source or view_model.message_type is not self._declared:
+            self._at = self._at if of == self._source else None
+            self._source, self._declared, self._longest = of, view_model.message_type, {}
             self._forget_rows()
             self._text, self._passes = "", all_pass
             self.set_filter(self._typed)
-        if known.stop < self._looked:
+        if known.stop < self._filtered_to:
             self._forget_rows()
-        if gone := bisect_left(self._found, known.first):
-            del self._found[:gone]
+        if gone := bisect_left(self._listed, known.first):
+            del self._listed[:gone]
             if self._at is not None:  # what is in view stays in view
                 self.scroll_to(y=max(0, self.scroll_offset.y - gone), animate=False)
-        if self._oldest != known.oldest:  # a condition on members is false where there are none any more
-            first, stop = (bisect_left(self._found, each) for each in (self._oldest, known.oldest))
-            self._oldest, self._found[first:stop] = known.oldest, self._filter(self._found[first:stop])
-        self._found += self._filter(range(max(self._looked, known.first), known.stop))
-        self._looked = known.stop
+        if self._oldest != known.oldest:  # without values a condition on members is false
+            first, stop = (bisect_left(self._listed, each) for each in (self._oldest, known.oldest))
+            self._oldest, self._listed[first:stop] = known.oldest, self._filter(self._listed[first:stop])
+        self._listed += self._filter(range(max(self._filtered_to, known.first), known.stop))
+        self._filtered_to = known.stop
 
     def _filter(self, rows: range | list[int]) -> list[int]:
         return [each for each in rows if (shown := self._row(each)) is not None and self._passes(shown)]
 
     def _forget_rows(self) -> None:
-        self._found, self._looked, self._oldest = [], 0, 0
+        self._listed, self._filtered_to, self._oldest = [], 0, 0
 
     def _measure(self) -> None:
-        """Give columns and members the room that their texts need, as long as there is some."""
-        last = self._row(self._found[-1]) if self._found else None
+        """Give columns and members the room that their texts need, while there is room."""
+        last = self._row(self._listed[-1]) if self._listed else None
         self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
             for each in MESSAGE_COLUMNS
@@ -177,10 +179,10 @@ class MessageLines(LineView):
     # -- drawing ---------------------------------------------------------------------------------------
 
     def row_count(self) -> int:
-        return len(self._found)
+        return len(self._listed)
 
     def row_at(self, y: int) -> Row:
-        shown = self._row(self._found[y]) if y < len(self._found) else None
+        shown = self._row(self._listed[y]) if y < len(self._listed) else None
         if shown is None:
             return EMPTY
         is_chosen, is_to_come = y == self._chosen_place, shown.scan > self._scan
@@ -205,7 +207,7 @@ class MessageLines(LineView):
 
     def action_move(self, rows: int) -> None:
         place = self._chosen_place
-        if place >= 0 if rows < 0 else place < len(self._found) - 1 or self._at is not None:
+        if place >= 0 if rows < 0 else place < len(self._listed) - 1 or self._at is not None:
             self._choose(place + rows)
 
     def action_edge(self, direction: int) -> None:
@@ -219,7 +221,7 @@ class MessageLines(LineView):
         return action != "leave" or bool(self._typed) or self._at is not None
 
     def action_leave(self) -> None:
-        """Let all rows through; without a filter, follow the newest."""
+        """Clear the filter; without one, follow the newest."""
         if self._typed:
             self.set_filter("")
         else:
@@ -233,17 +235,17 @@ class MessageLines(LineView):
         self._choose(y)
 
     def _choose(self, place: int) -> None:
-        if self._found:
-            place = max(0, min(len(self._found) - 1, place))
-            self._at = self._found[place]
+        if self._listed:
+            place = max(0, min(len(self._listed) - 1, place))
+            self._at = self._listed[place]
             self.keep_in_view(place)
             self.post_message(MessageChosen(self.find_chosen_row()))
 
     # -- the filter ------------------------------------------------------------------------------------
 
     def set_filter(self, text: str) -> None:
-        """Let through what a condition says; one that cannot be read leaves the last in force."""
-        from trcvtui.engine.message_filter import read_filter  # read when first asked for
+        """Filter by a condition; if it has a mistake, the last one stays in force."""
+        from trcvtui.engine.message_filter import read_filter  # imported on first use
 
         self._typed, self._wrong = text.strip(), ""
         project, selected = self._view_model.project, self._view_model.selected
@@ -256,18 +258,16 @@ class MessageLines(LineView):
             self._wrong = wrong.lines()[0]
 
     def describe_rows(self) -> str:
-        """Return what is to be known of the rows as a whole, for the title."""
+        """Return filter mistake, counts and state of the rows for the title."""
         known, here = self._known_messages, len(self._known_messages.rows)
         size = f"{here} of {known.count}" if here != known.count else f"{here}"
-        passing = f"{len(self._found)} of {size} with {self._text}" if self._text else size
+        passing = f"{len(self._listed)} of {size} with {self._text}" if self._text else size
         state = "frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows"
         words = self._wrong, f"{self._view_model.selected}, {passing}", *known.describe_rows(), state
         return " · ".join(filter(None, words))
 
 
 class MessageHead(OneLine):
-    """The names of the columns."""
-
     def __init__(self, lines: MessageLines) -> None:
         super().__init__(id="message-head")
         self._lines = lines
@@ -279,5 +279,5 @@ class MessageHead(OneLine):
 
 
 def fit_text(text: str, width: int) -> str:
-    """Return a text in the columns of a member: its beginning and its end, where it is too long."""
+    """Return a text padded for a member's column; a long one keeps its beginning and its end."""
     return pad(clip_middle(text, width - 1), width, right=True)

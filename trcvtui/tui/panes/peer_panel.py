@@ -1,4 +1,4 @@
-"""Pane 7: the partner. Its state, what it shall send, the trouble it can make, the command for each."""
+"""Pane 7: the peer. Its state, the message to send, the faults it can cause, the command for each."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STATE_STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
 
 
 class PeerList(LineView):
-    """The cursor is the peer that the composer and the buttons speak for."""
+    """The cursor is the peer that the composer and the buttons command."""
 
     KEYS: ClassVar = (
         ("s", "send"), ("i", "edit"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"),
@@ -110,7 +110,7 @@ class PeerList(LineView):
         return parts
 
     def action_edit(self) -> None:
-        """Go to the payload, which is what is wanted first; the way of writing it stands before it."""
+        """Go to the payload at once; its mode is the field before it."""
         field = self.screen.query("#payload")
         self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 
@@ -141,8 +141,8 @@ def check_text(check: CheckSnapshot) -> Part:
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
-    told = ", ".join(f"{name} {_tally(tally)}" for name, tally in tallies)
-    return f"{'✓' if is_good else '✗'} check {check.sent}: {told}", "done" if is_good else "error"
+    text = ", ".join(f"{name} {_tally(tally)}" for name, tally in tallies)
+    return f"{'✓' if is_good else '✗'} check {check.sent}: {text}", "done" if is_good else "error"
 
 
 def _tally(tally: CheckTally) -> str:
@@ -151,7 +151,7 @@ def _tally(tally: CheckTally) -> str:
 
 
 def _sent_row(sent: SentMessage) -> Row:
-    """Return a message that went out, by a key, a line, `every` or a rule."""
+    """Return the row of a sent message, whether a key, a line, `every` or a rule sent it."""
     shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
     return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
 
@@ -160,7 +160,7 @@ NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {
 
 
 class PeerNotes(TextView, can_focus=False):
-    """One line each, where the pane has room below the buttons."""
+    """Check, trial, rules and sent messages, one row each, in the room below the buttons."""
 
     DEFAULT_CSS = "PeerNotes { height: 1fr; }"
 
@@ -195,13 +195,13 @@ class PeerNotes(TextView, can_focus=False):
         return rows
 
 
-WAITING_FOR_ENGINE: Final = "waits for the engine"
-SCANS_HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space lets them go on"
+WAITING_FOR_ENGINE: Final = "waiting for the engine"
+SCANS_HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space resumes them"
 BUTTON_LETTERS = "scfrhzuleadb"
 
 
 class PeerPanel(Vertical):
-    """List, composer, buttons, notes; in the lower border the command that would be given."""
+    """List, composer, buttons, notes; the lower border shows the command before it is sent."""
 
     DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
     BINDINGS: ClassVar = [
@@ -210,7 +210,7 @@ class PeerPanel(Vertical):
         ("o", "form", "a UDT as a form, its members as fields"),
         ("x", "cuts", "cut points of the message"),
         ("p", "library", "named messages and sequences of the project"),
-        ("w", "keep", "the message under a name into the library"),
+        ("w", "keep", "save the message in the library under a name"),
         ("i", "payload", "edit the payload"),
         Binding("A", "app.add('peer')", "add a peer", show=False),
     ]
@@ -230,16 +230,16 @@ class PeerPanel(Vertical):
         self._notes = PeerNotes(view_model)
         self._preview = "", ""
         self._trial: ResultScreen | None = None
-        self._trial_line = ""  # what has begun it
-        self._speaks = bool(view_model.project.peers)  # the composer is there
+        self._trial_line = ""  # the command that started it
+        self._has_composer = bool(view_model.project.peers)
 
     def compose(self) -> Iterator[Widget]:
         yield from (self.lines, self.peers, self.talks)
-        if self._speaks:
+        if self._has_composer:
             yield from (self.composer, self._buttons, self._notes)
 
     async def mount_fields(self) -> None:
-        if self._speaks:
+        if self._has_composer:
             await self.composer.mount_fields()
 
     async def _mount_composer(self) -> None:
@@ -248,7 +248,7 @@ class PeerPanel(Vertical):
 
     @property
     def focus_target(self) -> LineView:
-        """Return where the focus goes: the lines of a project without peers, else the peers."""
+        """Return where the focus goes: conversations if any, lines of a project without peers, else peers."""
         if self._view_model.conversations or (self._view_model.shadows and self._view_model.project.taps):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
@@ -267,9 +267,9 @@ class PeerPanel(Vertical):
         self.peers.show()
         focused = self.screen.focused if self.is_attached else None  # a picture may come before the panes
         if focused in (self.lines, self.peers, self.talks) and not focused.display:
-            self.screen.set_focus(self.focus_target)  # at once: the next key is for what stands here now
-        if self._view_model.project.peers and not self._speaks:
-            self._speaks = True
+            self.screen.set_focus(self.focus_target)  # at once: the next key is for what is shown now
+        if self._view_model.project.peers and not self._has_composer:
+            self._has_composer = True
             self.run_worker(self._mount_composer())
         if self._view_model.project.peers and self._notes.is_mounted:
             self._buttons.show()
@@ -278,7 +278,7 @@ class PeerPanel(Vertical):
         self.show_trial()
 
     def show_trial(self) -> None:
-        """Show the table of a trial that is open; close it where the engine has refused the trial."""
+        """Update the open table of a trial; close it if the engine has refused the trial."""
         if self._trial is not None:
             answers = self._view_model.answers.values()
             if any(answer.error and answer.line == self._trial_line for answer in answers):
@@ -292,7 +292,7 @@ class PeerPanel(Vertical):
         send = button is None or button.letter == SEND
         if peer is None:
             self._preview = "", ""
-        elif send and self.composer.fault:
+        elif send and self.composer.fault:  # enter would be refused: say why before
             self._preview = "✗ ", self.composer.fault
         elif send or button is None:
             self._preview = "▸ ", self.composer.line or f"peer {peer.name} send …"
@@ -364,7 +364,7 @@ class PeerPanel(Vertical):
         self.app.push_screen(self._trial, self._handle_trial_closed)
 
     def _trial_rows(self, width: int) -> list[Row]:
-        from trcvtui.bench.split_test import trial_text  # read when first asked for
+        from trcvtui.bench.split_test import trial_text  # imported on first use
 
         picture = self._view_model.picture
         trial = picture.trial if picture is not None else None
@@ -384,7 +384,7 @@ class PeerPanel(Vertical):
         self._show_preview()
 
     def lacks_peer(self) -> bool:
-        """Say, in a project without a peer, how one comes; return whether there is none."""
+        """Return whether the project has no peer; if so, show how to add one."""
         if not self._view_model.project.peers:
             self._actions.complain(NO_PEER)
         return not self._view_model.project.peers
@@ -399,7 +399,7 @@ class PeerPanel(Vertical):
             self._actions.complain(f"{letter} does nothing: {self._view_model.peer} has no such button now")
 
     def action_mode(self) -> None:
-        """Write the payload in the next way; what is typed now goes into it."""
+        """Change to the next payload mode, and type into the payload."""
         if not self.lacks_peer():
             self.composer.next_mode()
             self.composer.focus_payload()
@@ -410,12 +410,12 @@ class PeerPanel(Vertical):
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
         elif self.composer.line:
-            self._actions.complain(self.composer.fault or "one byte has no place for a cut")
+            self._actions.complain(self.composer.fault or "a message of one byte cannot be cut")
         else:
             self.composer.ask_for_payload("cut")
 
     def action_library(self) -> None:
-        from trcvtui.tui.forms.messages import LibraryScreen  # read when first asked for
+        from trcvtui.tui.forms.messages import LibraryScreen  # imported on first use
 
         if not self.lacks_peer():
             shown = LibraryScreen(self._view_model.peer, self._view_model.project)
@@ -426,10 +426,10 @@ class PeerPanel(Vertical):
             self._actions.submit(line)
 
     def action_keep(self) -> None:
-        """Open the form that puts the message into the library under a name; go to it where there is none."""
+        """Open the form that saves the message in the library; without a message, go to the payload."""
         if self.lacks_peer():
             return
-        from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
+        from trcvtui.tui.forms.add_screen import AddScreen  # imported on first use
 
         text = self.composer.line.partition(" send ")[2]
         if text:
@@ -441,7 +441,7 @@ class PeerPanel(Vertical):
     def action_form(self) -> None:
         if self.lacks_peer():
             return
-        from trcvtui.tui.forms.messages import form_of  # read when first asked for
+        from trcvtui.tui.forms.messages import form_of  # imported on first use
 
         found = form_of(self.composer.text, self.composer.mode, self._view_model)
         if found is not None:

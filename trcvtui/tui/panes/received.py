@@ -25,7 +25,7 @@ SEARCH_KEYS: Final = (("n N", "next hit, hit before"),)
 
 
 class ReceivedPane(Vertical):
-    """Holds the faces and switches them; its keys act on the one that is seen."""
+    """Holds the faces and switches them; its keys act on the one that is shown."""
 
     DEFAULT_CSS = "ReceivedPane { background: $surface; }"
     BINDINGS: ClassVar = [
@@ -39,13 +39,13 @@ class ReceivedPane(Vertical):
         Binding("d", "before", "diff against the job before", show=False),
         Binding("m", "mark_message", "mark the message: d compares with it, y copies from it on", show=False),
         Binding("u", "rulers", "rulers of the stream: all, fewer, none", show=False),
-        Binding("escape", "end_find", "look for nothing any more", show=False),
+        Binding("escape", "end_find", "end the search", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel, tell: Callable[[str], None]) -> None:
+    def __init__(self, view_model: ViewModel, complain: Callable[[str], None]) -> None:
         super().__init__(id="received")
         self._view_model = view_model
-        self._find = FindLine(lambda: self._continue_search(True, again=False), self._focus_face, tell)
+        self._find = FindLine(lambda: self._continue_search(True, again=False), self._focus_face, complain)
         self._below = OriginLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
@@ -82,7 +82,7 @@ class ReceivedPane(Vertical):
             if (window := self._view_model.past_window) is not None and window.connect == instance.connect:
                 self.data.show_before(window.data)
             face.request_past(instance)
-        shown = self.now if instance is None and self.is_past else face
+        shown = self.now if instance is None and self.is_past else face  # no stream without an instance
         shown.show()
         name, detail = self.face.make_title(instance)
         title = pane_title(5, name, clip(detail, max(60, self.size.width - len(name) - 9)))
@@ -91,7 +91,7 @@ class ReceivedPane(Vertical):
             self.border_title, self.border_subtitle = title, Content(shown.subtitle)
 
     def on_resize(self) -> None:
-        """Other widths hold other numbers of bytes in a line, and more of a title."""
+        """Draw again: the width sets the bytes in a row and the room for the title."""
         self.show()
 
     # -- keys --------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ class ReceivedPane(Vertical):
             self.action_past()
 
     def action_done(self, is_forward: bool) -> None:
-        """Go to the DONE before or the next one; from the present to the newest."""
+        """Go to the next DONE or the one before; from the present, to the newest."""
         self._open_past()
         self._search_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 
@@ -133,7 +133,7 @@ class ReceivedPane(Vertical):
         self._search_from(END_POSITION, False, dropped=True)
 
     def _search_from(self, end: int, is_forward: bool, **what: Any) -> None:
-        """Look for a place in the stream, from the cursor or else from `end` on."""
+        """Search the stream from the cursor, or else from position `end`."""
         here = self.stream.cursor
         self.stream.search(here if here is not None else end, is_forward, **what)
         self.past.note = ""
@@ -154,13 +154,13 @@ class ReceivedPane(Vertical):
         self.show()
 
     def action_rulers(self) -> None:
-        self._open_past()  # by name, from the palette
+        self._open_past()  # the palette may run it while another face is shown
         self.stream.change_rulers()
 
-    # -- looking for bytes -------------------------------------------------------------------------------
+    # -- searching for bytes -----------------------------------------------------------------------------
 
     async def action_find(self) -> None:
-        """Open the line for what is to be looked for; n and N go to the hits until another pane is chosen."""
+        """Open the search line; n and N go to the hits until you choose another pane."""
         if self.is_table:
             await self.table.open_filter()
         else:
@@ -191,10 +191,10 @@ class ReceivedPane(Vertical):
         wanted, face = self._find.target, self.face
         if isinstance(face, TableFace):
             face.messages.action_move(1 if is_forward else -1)
-        elif wanted is None:  # nothing was typed, or what cannot be looked for
+        elif wanted is None:  # nothing was typed, or it has a mistake
             self.run_worker(self.action_find())
         elif not isinstance(wanted, Jump):
-            self._set_searched(True)  # by name, from the palette
+            self._set_searched(True)  # the palette may run it before `/`
             self._mark(wanted.patterns)
             face.find(wanted, is_forward, again)
         elif wanted.is_job:

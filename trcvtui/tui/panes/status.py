@@ -1,4 +1,4 @@
-"""Panes 3 and 4: STATUS, why it is shown and what to check next; every change before it."""
+"""Panes 3 and 4: the STATUS, its cause and what to check next; all changes before it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.wording import stamp
 
-WORD_WIDTH: Final = 14  # at least; wider where a condition or a lamp is
+WORD_WIDTH: Final = 14  # at least; a long condition makes it wider
 LAMP_WIDTH: Final = 7
 LEAST_CONDITION_WIDTH, MOST_CONDITION_WIDTH = 19, 32  # columns; `waiting for a frame` is never cut
 CURSOR_SIGN: Final = "▸"
@@ -33,8 +33,8 @@ class StatusHistory(LineView):
     BINDINGS: ClassVar = [
         ("exclamation_mark", "error_before", "the ERROR before"),
         ("slash", "ask_code", "find a code"),
-        ("n", "hit(1)", "the code of / before, else the ERROR before"),
-        ("N", "hit(-1)", "the next code of /, else the next ERROR"),
+        ("n", "hit(1)", "the edge before with the code of /, else the ERROR before"),
+        ("N", "hit(-1)", "the next edge with the code of /, else the next ERROR"),
         ("escape", "now", "back to now"),
     ]
 
@@ -44,14 +44,14 @@ class StatusHistory(LineView):
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._longest, self._lamp = WORD_WIDTH, LAMP_WIDTH
-        self.code: int | None = None  # that `find` looks for, until escape
+        self.code: int | None = None  # that `find` searches, until escape
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave n to the screen of the scenarios: the next step."""
+        """Leave n to the screen of the scenarios, where it is the next step."""
         return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
-        """Repaint what changed; a view that is scrolled into the past stays on its edges."""
+        """Repaint the changed rows; a view that is scrolled into the past stays on its edges."""
         before = self._edges[0].seq if self._edges else 0
         self._edges = list(reversed(self._view_model.history.list_edges(self._view_model.selected)))
         self._measure(before)
@@ -65,8 +65,8 @@ class StatusHistory(LineView):
 
     def _measure(self, known: int) -> None:
         fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
-        looks = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
-        for edge in looks.values():
+        kinds = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
+        for edge in kinds.values():
             self._longest = max(self._longest, len(self._label(edge, MOST_CONDITION_WIDTH)))
             self._lamp = max(self._lamp, len(_lamp(edge)))
 
@@ -147,7 +147,7 @@ class StatusHistory(LineView):
         if found:
             self._choose(next((y for y in found if (y - here) * step > 0), found[0]))
         else:
-            self._actions.complain(f"no {what} in what is known of {self._view_model.selected}")
+            self._actions.complain(f"no {what} in the known history of {self._view_model.selected}")
 
     def action_ask_code(self) -> None:
         self._actions.open_prompt("find ")
@@ -167,7 +167,7 @@ class StatusHistory(LineView):
         self.show()
 
     def point_at(self, seq: int | None) -> None:
-        """Follow a choice that was made in another pane; an edge older than this list leaves it alone."""
+        """Follow a choice of another pane; an edge older than this list clears the choice."""
         if seq == self._chosen:
             return
         y = next((y for y, line in enumerate(self._edges) if line.seq == seq), -1)
@@ -187,7 +187,7 @@ class StatusHistory(LineView):
 def _lamp(edge: StatusEdge) -> str:
     out = edge.outputs
     size = f" {out.rcvd_len} B" if out.rcvd_len is not None else ""
-    ends = [f"DONE{size}"] * out.done + ["ERROR"] * out.error  # both: a frame that had no end in its size
+    ends = [f"DONE{size}"] * out.done + ["ERROR"] * out.error  # both: a frame without an end within its size
     lit = ends or ["BUSY"] * out.busy
     return f"{ON_SIGN} {', '.join(lit)}" if lit else ""
 
@@ -198,14 +198,14 @@ if TYPE_CHECKING:
     from trcvtui.diagnosis.job import SuggestedAction
 
 LABEL_WIDTH: Final = 7
-BENCH_STATUS_DIGIT: Final = 3  # beside the steps of a scenario it has another one, and there is no pane 5
-KEY_MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
+BENCH_STATUS_DIGIT: Final = 3  # the scenario screen has another digit and no pane 5
+KEY_MARK: Final = "`"  # around keys and commands: they get the accent colour, the mark is not drawn
 PIN_COMMAND: Final = re.compile(r"(?:pulse|set) (\S+) (\w+)(=\w+)?")
-FIRST_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
+FIRST_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # a plain word: no name, no call
 
 
 class StatusCard(TextView):
-    """The STATUS of the selected instance, or of an edge of its past that the history points at."""
+    """The STATUS of the selected instance, or of a past edge that is chosen in the history."""
 
     BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
 
@@ -213,11 +213,11 @@ class StatusCard(TextView):
         messages = (("D", "messages"),) if self._digit == BENCH_STATUS_DIGIT else ()
         if self._past is not None:
             return (*messages, ("esc", "now"))
-        has_lines = any(do.lines for do in self._do) and not self._commands_nothing
+        has_lines = any(do.lines for do in self._do) and not self._sends_nothing
         return ((("enter", "do"),) if has_lines else ()) + messages
 
     @property
-    def _commands_nothing(self) -> bool:
+    def _sends_nothing(self) -> bool:
         is_bench = self._digit == BENCH_STATUS_DIGIT and self._view_model.position is None
         return not is_bench or getattr(self.app, "only_looks", False)
 
@@ -228,7 +228,7 @@ class StatusCard(TextView):
         digit: int = 3,
         letter_of: Callable[[str], str] = lambda pin: "",
     ) -> None:
-        """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
+        """`letter_of` returns the key that changes a pin of the selected instance, "" if none does."""
         super().__init__(id="status")
         self._letter_of, self._digit, self._view_model, self._actions = letter_of, digit, view_model, actions
         self._explainer = StatusExplainer(view_model)
@@ -237,7 +237,7 @@ class StatusCard(TextView):
         self._do_rows = range(0)
 
     def _remedy_lines(self) -> tuple[str, ...]:
-        """Return the bench lines of the first remedy that is to do, and was tried or needs no trial."""
+        """Return the bench lines of the first remedy that is still to do, and was tried or needs no trial."""
         instance = self._view_model.instance
         if instance is None or self._past is not None:
             return ()
@@ -246,21 +246,21 @@ class StatusCard(TextView):
         return next((lines for lines in some if lines[0] not in done), ())
 
     def propose_value(self, pin: str) -> str:
-        """Return the value that the remedy gives a number of the selected instance, "": none."""
+        """Return the value that the remedy proposes for a number pin, "" if none."""
         begin = f"set {self._view_model.selected} {pin}="
         return next((line.removeprefix(begin) for line in self._remedy_lines() if line.startswith(begin)), "")
 
     def action_remedy(self) -> None:
-        """Type the bench lines of the remedy, or say why there is none."""
+        """Open the prompt with the bench lines of the remedy, or say why there are none."""
         untried = [line for do in self._do if do.needs_trial for line in do.lines]
-        if self._commands_nothing:
-            self._actions.complain("`do` is a text here: this screen commands nothing")
+        if self._sends_nothing:
+            self._actions.complain("`do` is only text here: this screen sends no commands")
         elif self._past is not None:
-            self._actions.complain("this is the past: esc leads back to now, and to what to do")
+            self._actions.complain("this is the past: esc goes back to now, and to what to do")
         elif lines := self._remedy_lines():
             self._actions.open_prompt(*lines)
         else:
-            wrong = "no bench line does what stands here"
+            wrong = "`do` has no bench command to type"
             self._actions.complain(f"{untried[0]} was not tried: J tries it" if untried else wrong)
 
     def click(self, x: int, y: int) -> None:
@@ -288,14 +288,14 @@ class StatusCard(TextView):
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
             when = f"in scan {self._past.scan}, at {stamp(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.explain_edge(self._past, edge), [])
-        told = self._explainer.explain_now(instance)
+        advice = self._explainer.explain_now(instance)
         when = f"since scan {instance.since_scan}"
-        return self._rows_for(instance, when, told, self._lamps(instance), self._warnings(instance))
+        return self._rows_for(instance, when, advice, self._lamps(instance), self._warnings(instance))
 
     def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
         if instance.framer is None or self._view_model.snapshot is None:
             return ()
-        from trcvtui.diagnosis.serial import list_framing_warnings  # read when the first framer is here
+        from trcvtui.diagnosis.serial import list_framing_warnings  # imported with the first framer
 
         return list_framing_warnings(self._view_model.snapshot, self._view_model.project, instance.name)
 
@@ -306,13 +306,13 @@ class StatusCard(TextView):
             "press `A`, then `enter`: you get TRCV_C_1 with a CONNECT at 127.0.0.1 and its DATA",
             "`t` raises CONT: it listens. `n` raises EN_R: it receives. A whole DATA makes a DONE",
         )
-        return [row(("no instance is on this bench", "strong")), *self._paragraph("do", texts, "")]
+        return [row(("this bench has no instance", "strong")), *self._paragraph("do", texts, "")]
 
     def _rows_for(
         self,
         shown: InstanceSnapshot | StatusEdge,
         when: str,
-        told: Advice,
+        advice: Advice,
         lamps: list[Part],
         warnings: Sequence[str] = (),
     ) -> list[Row]:
@@ -335,16 +335,17 @@ class StatusCard(TextView):
         rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("TLS", self._list_tls_warnings(shown), "error strong")
         is_error = shown.outputs.error
-        # The cause of an ERROR comes first; else what is proven, then what is waited for.
-        reasons = tuple(dict.fromkeys((told.why, *told.causes) if is_error else (*told.causes, told.why)))
+        # An ERROR: its cause first. Else: proven causes, then what the block waits for.
+        why, causes = advice.why, advice.causes
+        reasons = tuple(dict.fromkeys((why, *causes) if is_error else (*causes, why)))
         style = "warn" if shown.cause.injected else ""
-        rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
+        rows += self._paragraph("why", reasons, style or ("strong" if causes or is_error else ""), style)
         rows += self._paragraph("note", self._list_notes(shown), "dim")
-        self._do, first = told.do, len(rows)
-        rows += self._paragraph("do", [self._with_keys(do) for do in told.do], "")
+        self._do, first = advice.do, len(rows)
+        rows += self._paragraph("do", [self._with_keys(do) for do in advice.do], "")
         self._do_rows = range(first, len(rows))
-        if told.code is not None:  # the last attempt's row says more than "connecting"
-            found = self._view_model.project.dialect.row(told.code, shown.block) or found
+        if advice.code is not None:  # the last attempt's row says more than "connecting"
+            found = self._view_model.project.dialect.row(advice.code, shown.block) or found
         if found is not None:
             rows += self._paragraph("check", found.checks_of(shown.block), "dim")
             rows += self._paragraph("usually means", found.causes_of(shown.block), "dim")
@@ -374,7 +375,7 @@ class StatusCard(TextView):
             for line in wrap_text(self._sentence(text), self.line_width - len(lead)):
                 pieces = [(piece, f"key {style}" if (n % 2 == 1) != is_key else style)
                           for n, piece in enumerate(line.split(KEY_MARK))]  # fmt: skip
-                is_key ^= len(pieces) % 2 == 0  # a command may go on in the next line
+                is_key ^= len(pieces) % 2 == 0  # a command may continue on the next line
                 rows.append(row((lead[:LABEL_WIDTH], "label"), (lead[LABEL_WIDTH:], style), *pieces))
                 lead, label = " " * len(lead), ""
         return rows
@@ -386,7 +387,7 @@ class StatusCard(TextView):
         return text if text.endswith((".", "?", "!", KEY_MARK)) else f"{text}."
 
     def _with_keys(self, do: SuggestedAction) -> str:
-        """Return the sentence with the letter of a pin in place of each bench line that one does."""
+        """Return the sentence with the letter of a pin in place of each bench line that the letter does."""
         text = do.text
         for line in do.lines if self._past is None else ():
             command = PIN_COMMAND.fullmatch(line)
@@ -399,7 +400,7 @@ class StatusCard(TextView):
         return text
 
     def _names(self) -> set[str]:
-        """Return the names of the project: they are never written in another way."""
+        """Return the names of the project: their first letter never becomes a capital."""
         project = self._view_model.project
         peers = [peer.name for peer in project.peers]
         data = [each.name for each in project.data]

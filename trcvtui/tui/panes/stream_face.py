@@ -1,4 +1,4 @@
-"""The stream (`H`) as a face of pane 5: all that was received so far, and where each byte came from."""
+"""The stream (`H`) as a face of pane 5: all received bytes, and where each byte came from."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
     """Return value, message, job, field, recv call, scan and time of the byte at a position.
 
-    `values` are what it is and what stood there in the job before.
+    `values`: the byte, and the one at its place in the job before.
     """
     job, recv, message = labels
     if job is None:
@@ -48,7 +48,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
 
 
 def _job_words(job: JobSpan, byte: int) -> str:
-    """Return whose byte it is, and of which part of a frame."""
+    """Return the instance and job of a byte, and its part of a frame."""
     if not job.instance or (not job.done and not job.number):
         return job.instance or "no job"
     if not job.is_frame:
@@ -78,7 +78,7 @@ NO_DROP: Final = "no bytes were thrown away before this place"
 
 
 class StreamFace(ReceivedFace):
-    """The stream; also while another face is seen it takes what comes."""
+    """The stream; it also takes new bytes while another face is shown."""
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
         self.stream = StreamView()
@@ -119,7 +119,9 @@ class StreamFace(ReceivedFace):
             self.stream.follows = False
         job = self.job_here()
         is_here = job is None or job.is_open or self._has_bytes_of(job)
-        wanted = job.position if job is not None and not is_here else None  # the job whose bytes are to come
+        wanted = (
+            job.position if job is not None and not is_here else None
+        )  # the job whose bytes are still to be fetched
         self._view_model.past_wanted = self.stream.request(instance.connect, wanted)
 
     def _has_bytes_of(self, job: JobSpan) -> bool:
@@ -138,32 +140,36 @@ class StreamFace(ReceivedFace):
         sought = window.sought if window is not None else None
         if self.stream.seek is not None:
             self.note = ""
-            return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+            return (
+                f"searching … {sought.share:.0%}"
+                if sought is not None and sought.share < 1
+                else "searching …"
+            )
         if self.seeks_drop and sought is not None:
             self.seeks_drop, self.note = False, NO_DROP if sought.position is None else ""
         if sought is not None and sought.position is None and (wanted := self._find.target) is not None:
-            self.note = f"{wanted.about}: not found there"
+            self.note = f"{wanted.about}: not found"
         return ""
 
     def _past_origin(self) -> str:
         if self.stream.cursor is None:
-            return "" if self.stream.window.end else "nothing was received yet"
+            return "" if self.stream.window.end else "nothing received yet"
         project = self._view_model.project
         origin = origin_words(self.stream.cursor, self.stream.cursor_values(), self.stream.spans(), project)
         window = self.stream.window
         if window.lack and self.stream.cursor == window.begin:
-            origin += f" · the oldest byte here, others are {window.lack}"
+            origin += f" · the oldest kept byte, others are {window.lack}"
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def message_here(self) -> range:
-        """Return the message under the cursor, its job where no message is known; empty: not all is here."""
+        """Return the message under the cursor, else its job; empty if some of its bytes are not here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
         return found[0] if found else of_job if self.stream.window.has_values(of_job) else range(0)
 
     def bytes_to_copy(self) -> tuple[bytes, bytes]:
-        """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
+        """Return the message under the cursor, and the bytes from the marked one to the cursor or back."""
         window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
         between = range(0)
         if mark is not None and place is not None:
@@ -171,7 +177,7 @@ class StreamFace(ReceivedFace):
         return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
 
     def mark_message(self) -> str:
-        """Compare others with the message under the cursor, until it is marked again; return what lacks."""
+        """Mark the message under the cursor to compare others with it, or unmark it; return what lacks."""
         here, stream = self.message_here() if self.is_seen else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
         stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
@@ -186,10 +192,7 @@ class StreamFace(ReceivedFace):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number and bytes of the job under the cursor of the stream, once they are here.
-
-        Of bytes that were dropped the number is 0.
-        """
+        """Return instance, number (0: dropped) and bytes of the job under the cursor, once they are here."""
         job, known = self.job_here() if self.is_seen else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None
@@ -202,11 +205,11 @@ class StreamFace(ReceivedFace):
         if job is not None and (job.is_open or not job.is_kept):
             return job.reason if job.is_open else f"{job.whole} B dropped, {job.reason}"
         if job is not None and job.position - job.first < self.stream.window.begin:
-            return f"the first bytes of it are {self.stream.window.lack}"
-        return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
+            return f"its first bytes are {self.stream.window.lack}"
+        return "" if self.job_of_cursor() is not None else "the bytes of this job have not arrived yet"
 
     def byte_in_job(self) -> int:
-        """Return the place of the stream's cursor in its job, -1 where there is none."""
+        """Return the offset of the stream's cursor in its job, -1 without a job."""
         job, here = self.job_here(), self.stream.cursor
         return -1 if job is None or here is None else here - job.position + job.first
 
@@ -220,7 +223,7 @@ class StreamFace(ReceivedFace):
         if goes_there and here:
             self.stream.go_to(here.start)
 
-    # -- looking for bytes -------------------------------------------------------------------------------
+    # -- searching for bytes -----------------------------------------------------------------------------
 
     def go_to_offset(self, goal: Jump) -> None:
         kept = self.stream.window

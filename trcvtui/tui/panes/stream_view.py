@@ -1,7 +1,7 @@
 """The history as one stream of bytes, with rulers: the peer's messages, recv calls, jobs and their scans.
 
-Only what is in view comes from the engine; rows that are still on their way stand there without bytes. A
-position counts the bytes of the CONNECT since the bench began, so it stays with its byte.
+Only the bytes in view are fetched from the engine; rows that have not arrived are drawn without bytes. A
+position counts the bytes of the CONNECT since the bench began, so a byte keeps its position.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import find_all
 from trcvtui.wording import format_ns, stamp
 
-# The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
-# marked between the two bytes that it splits, in the row and in its ruler, by a stroke, not by colour alone.
+# The rulers: from spans and columns of bytes to parts of a line. Where a job ends within a message, a stroke
+# between the two bytes marks it in the row and in its ruler: colour is never the only sign.
 
 SPLIT_SIGN: Final = "╱"
 START_SIGN: Final = "▕"
@@ -46,7 +46,7 @@ RULERS: Final = ((MESSAGES, RECV_RULER, JOB_RULER), (MESSAGES, JOB_RULER), ())
 
 
 class BracketStyle(NamedTuple):
-    """How one kind of span is drawn: beginning, in between, end, and the style."""
+    """How one kind of span is drawn: its beginning, middle and end, and the style."""
 
     begin: str
     between: str
@@ -81,7 +81,7 @@ def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[in
 
 
 def sign_before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
-    """Return what stands before a byte: a sign, the beginning of a message, or room."""
+    """Return the sign before a byte, else that of a message's beginning, else a blank."""
     if position in signs:
         return signs[position], "warn strong"
     return (START_SIGN, "key") if position in begins else (" ", "")
@@ -118,7 +118,7 @@ def brackets(
     column: Callable[[int], int],
     drawn: Callable[[Span], tuple[bool, bool, BracketStyle, tuple[str, ...]]],
 ) -> list[RulerBracket]:
-    """Return the brackets of the spans over a row; `column` tells where a byte of it stands."""
+    """Return the brackets of the spans over a row; `column` returns the column of a byte in it."""
     found = []
     for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
@@ -135,7 +135,7 @@ def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, BracketStyle, tup
 
 
 def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, BracketStyle, tuple[str, ...]]:
-    """Return how a recv call is drawn; 0 is none: the bytes were never read."""
+    """Return how a recv call is drawn; number 0: the bytes were never read."""
     if not span.number:
         return True, True, RECV_STYLE, ("never read", "")
     number, scan = span.number, span.scan
@@ -156,7 +156,6 @@ def bracket_of_job(span: JobSpan) -> tuple[bool, bool, BracketStyle, tuple[str, 
 
 
 def describe_cuts(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
-    """Return what a cut means."""
     message = span_at(messages, marks[0]) if marks else None
     if message is None:
         return ""
@@ -182,7 +181,7 @@ def describe_job_end(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     return job.reason if job.is_open else f"{stamp(job.t_ns)} dropped"
 
 
-LEAST_FILL: Final = 0.6  # of the room in rows that are cut at messages, at least
+LEAST_FILL: Final = 0.6  # least filled share of rows that begin with messages
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
@@ -201,18 +200,18 @@ class StreamView(ByteLines):
         self.window = NO_WINDOW
         self.follows = True
         self._rulers = 0
-        self._knows_messages = False  # an outside partner says nothing of its messages
+        self._knows_messages = False  # only a peer reports its messages
         self._is_capture = False
         self._base = 0
-        self._cut = 0, 0  # the size of the messages that rows are cut at, where one begins; 0: none
+        self._cut = 0, 0  # size of the messages that rows begin with, a place of one; 0: none
         self._rows: dict[int, Row] = {}
         self._drawn: object = None
         self._matched: set[int] = set()
         self._compared_to: dict[int, int] = {}
-        self.marked: tuple[range, bytes] | None = None  # a message that others are compared with
-        self._compared = range(0)  # the one that is
+        self.marked: tuple[range, bytes] | None = None  # the message that others are compared with
+        self._compared = range(0)  # the message that is compared
         self.seek: SeekRequest | None = None
-        self._seeks = os.getpid() << 32  # tabs of a bench share none
+        self._seeks = os.getpid() << 32  # request numbers: two tabs of a bench share none
         self._asked = AT_END, 0
 
     # -- what comes in ----------------------------------------------------------------------------------
@@ -224,12 +223,12 @@ class StreamView(ByteLines):
         self.marked, self._cut = None, (0, 0)
 
     def request(self, connect: str, job_at: int | None) -> HistoryRequest:
-        """Return what to ask for: what is in view, one page before and one after it."""
-        if self.size.height:  # out of sight it stays where it was
+        """Return what to ask for: the page in view, one before and one after it."""
+        if self.size.height:  # while hidden, ask for the same as before
             page = -(-self.size.height // self.row_lines) * self.per_row
             start, stop = max(0, self._top() - page), self._top() + 2 * page
             if self.marked is not None and stop - self.marked[0].start < MOST_WINDOW:
-                start = min(start, self.marked[0].start)  # what lies between can be copied
+                start = min(start, self.marked[0].start)  # `y r` copies from the mark to the cursor
             self._asked = AT_END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
@@ -254,7 +253,7 @@ class StreamView(ByteLines):
         return found
 
     def _find_compared(self) -> None:
-        """Find what to compare each byte with: the marked message where there is one, else the job before."""
+        """Find what to compare each byte with: the marked message if any, else the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
             parts = [(start, self.marked[1][: len(self._compared)])]
@@ -282,7 +281,7 @@ class StreamView(ByteLines):
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
-        """Rows are counted from the oldest byte that is kept: when it goes, what is in view stays in view."""
+        """Count rows from the oldest kept byte; when that byte is dropped, the bytes in view stay in view."""
         base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_unit[0]
         if base == self._base:
             return
@@ -294,7 +293,7 @@ class StreamView(ByteLines):
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
     def cut_rows(self, messages: Sequence[range]) -> None:
-        """Begin a row with each message, where all are of one size that leaves few rows half empty."""
+        """Begin a row with each message, if all have one size that leaves few rows half empty."""
         size, start = (len(messages[0]), messages[0].start) if len(messages) > 1 else self._cut
         is_even = all(len(each) == size and (each.start - start) % size == 0 for each in messages)
         cut = (size, start % size) if size and is_even else (0, 0)
@@ -305,7 +304,7 @@ class StreamView(ByteLines):
 
     @property
     def _row_unit(self) -> tuple[int, int]:
-        """Return after how many bytes a row begins in any case, and how many rows they are."""
+        """Return the bytes of a group of rows (a row, or the rows of whole messages), and its rows."""
         size, most = self._cut[0], self.per_row
         unit = max(1, most // size) * size if size else most
         rows = -(-unit // most)
@@ -325,7 +324,7 @@ class StreamView(ByteLines):
         return range(max(0, start), min(start + self.per_row, first + size, self.window.end))
 
     def search(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
-        """Look for a place; `what`: other things that a Seek can be for."""
+        """Search a place; `what`: other fields of SeekRequest."""
         self._seeks += 1
         self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
 
@@ -348,7 +347,7 @@ class StreamView(ByteLines):
         self._rows.clear()
         self.resize_rows()
         y = self._row_of(position) * self.row_lines
-        if self.cursor is not None and not self.follows:  # it stands in the middle
+        if self.cursor is not None and not self.follows:  # the cursor goes to the middle
             y = max(0, self._row_of(self.cursor) * self.row_lines - self.size.height // 2)
         self.scroll_to(y=y, animate=False)
         self.show()
@@ -373,7 +372,7 @@ class StreamView(ByteLines):
 
     @property
     def _blank(self) -> int:
-        """Return the blanks in the middle of a row and before its text: none where 16 bytes need the room."""
+        """Return the blanks in the middle of a row and before its text: none if 16 bytes need the room."""
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:

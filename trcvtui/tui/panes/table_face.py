@@ -18,7 +18,7 @@ from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.typed_lines import FilterLine
 
 MOST_HEX_ROWS: Final = 4
-VALUES_GONE: Final = "its values have gone out of the ring"
+VALUES_GONE: Final = "its values are no longer in the ring"
 BYTES_NEVER_KEPT: Final = "its bytes were not kept"
 
 
@@ -37,7 +37,7 @@ class TableFace(ReceivedFace):
         self._head = MessageHead(self.messages)
         self._bytes = MessageBytes("message", of_job=False)
         self._filter = FilterLine(self._set_filter, self.messages.action_move, self.messages)
-        self._chosen: MessageRow | None = None  # the one that pane 6 knows of
+        self._chosen: MessageRow | None = None  # the message that pane 6 shows
 
     def compose(self) -> Iterator[Widget]:
         yield from (self._head, self.messages, self._bytes)
@@ -68,7 +68,7 @@ class TableFace(ReceivedFace):
         size = shown.size if shown is not None and content is not None else 0
         content = content or b""
         self._bytes.show_bytes(content, size, frozenset(), (range(len(content), size),))
-        declared = self._view_model.message_type  # as high for each message: the table above is not to jump
+        declared = self._view_model.message_type  # one height for all messages: the table above must not jump
         rows = -(-declared.size // self._bytes.per_row) if declared is not None else MOST_HEX_ROWS
         self._bytes.styles.height = max(1, min(MOST_HEX_ROWS, rows))
         about = f"message {shown.number}, scan {shown.scan}, {shown.size} B" if shown is not None else ""
@@ -76,8 +76,8 @@ class TableFace(ReceivedFace):
         self._below.show_text(self.explain_lack(), may_break=False)
 
     async def csv(self) -> str:
-        """Return the rows that pass the filter as a file of csv; the screen goes on meanwhile."""
-        from trcvtui.report.message_table import MessageType, format_csv  # read when first asked for
+        """Return the rows that pass the filter as CSV, made in a thread: the screen stays live."""
+        from trcvtui.report.message_table import MessageType, format_csv  # imported on first use
 
         name, declared = self._view_model.selected, self._view_model.message_type
         type_ = MessageType(name, declared) if declared is not None else None

@@ -1,4 +1,4 @@
-"""Pane 7 on the line: conversations of others, a row for each direction, and keys of a tap."""
+"""Pane 7 of a line: conversations of a capture or tap, a row for each direction, and keys of a tap."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_EDITED_BYTES: Final = 64  # held bytes that the prompt is filled with
 
 
 class Intervention(NamedTuple):
-    """A key: the words after the direction; `is_asked`: more is typed in the prompt."""
+    """A key and its command words; `is_asked`: you type the rest in the prompt."""
 
     key: str
     verb: str
@@ -52,24 +52,23 @@ class ConversationList(LineView):
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="talks")
         self._view_model, self._actions = view_model, actions
-        self._chosen = 0, True  # number of the conversation, is it the direction to the PLC end
+        self._chosen = 0, True  # number of the conversation; True: its direction to the PLC end
 
     @property
     def title(self) -> str:
-        """Return how many there are, and whether anything is held."""
         talks = self._view_model.conversations
-        going = sum(talk.state not in ("ended", "reset") for talk in talks)
-        return f"Line · {going} open of {len(talks)}"
+        open_count = sum(talk.state not in ("ended", "reset") for talk in talks)
+        return f"Line · {open_count} open of {len(talks)}"
 
     def row_count(self) -> int:
-        """Return two for each conversation; before the first one the taps."""
+        """Return two for each conversation; before the first one, one for each tap."""
         return 2 * len(self._view_model.conversations) or len(self._view_model.project.taps)
 
     def row_at(self, y: int) -> Row:
         talks, taps = self._view_model.conversations, self._view_model.project.taps
         if not talks:
             tap = taps[y]
-            return row((f"  {tap.name}: {tap.listen} to {tap.to}: nobody has come yet", "dim"))
+            return row((f"  {tap.name}: {tap.listen} to {tap.to}: no conversation yet", "dim"))
         talk, to_plc = talks[y // 2], not y % 2
         is_chosen = (talk.number, to_plc) == self._chosen_direction()
         way = talk.to_plc if to_plc else talk.from_plc
@@ -116,11 +115,11 @@ class ConversationList(LineView):
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:
-        """Open the prompt with the command of a key; hold and go, and on an armed tap RST and FIN, act."""
+        """Open the prompt with the command of a key; hold, go, and RST and FIN of an armed tap, act at once."""
         talk, picture = self._find_conversation(), self._view_model.live
         if talk is None or not talk.tap:
             waits = talk is None and self._view_model.project.taps
-            why = "nobody has come yet" if waits else "only a tap can intervene: trcvtui tap LISTEN CONNECT"
+            why = "no conversation yet" if waits else "only a tap can intervene: trcvtui tap LISTEN CONNECT"
             self._actions.complain(why)
             return
         what = next(each for each in INTERVENTIONS if each.key == key)
@@ -140,7 +139,7 @@ class ConversationList(LineView):
 
 
 def _prompt_text(line: str, way: DirectionSnapshot) -> str:
-    """Return the beginning of a line; `drop` begins with all that is held."""
+    """Return the beginning of a line; `drop` gets the number of held bytes."""
     if line.endswith(" drop"):
         return f"{line} {way.held or 0}"
     return line if line.endswith("#") else f"{line} "

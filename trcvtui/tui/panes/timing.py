@@ -30,9 +30,9 @@ from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import count, format_ns
 
 ZOOM_LEVELS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
-NAME: Final = 12  # columns of a row's name, where none is longer
+NAME_WIDTH: Final = 12  # columns of a row's name, if none is longer
 LABEL_WIDTH: Final = 20  # columns: mark, name, value under the cursor
-CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
+CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, if there is room
 
 
 class TimingViewport:
@@ -61,7 +61,7 @@ class TimingViewport:
         return max(0, scan - 1) // self.zoom
 
     def zoom_by(self, steps: int, until: int) -> None:
-        """Take more or fewer scans into a column; what is under the cursor stays where it is."""
+        """Put more or fewer scans into a column; the cursor keeps its place."""
         if steps > 0 and self._count * self.zoom >= until:
             return  # the whole run is in view already
         anchor = until if self.cursor is None else self.cursor
@@ -70,7 +70,7 @@ class TimingViewport:
         self._first = max(0, self._column(anchor) - place)
 
     def go_to(self, scan: int, until: int) -> None:
-        """Put the cursor into a scan and have it in view; what comes in no longer moves the view."""
+        """Put the cursor on a scan and bring it into view; new scans no longer move the view."""
         self.cursor, self.follows = max(1, min(scan, max(1, until))), False
         margin = min(CURSOR_MARGIN, (self._count - 1) // 2)
         column = self._column(self.cursor)
@@ -88,7 +88,7 @@ class TimingViewport:
 
     @property
     def measured_scans(self) -> tuple[int, int] | None:
-        """Return the scans between two markers, or between the one and the cursor."""
+        """Return the scans to measure between: two markers, or the one and the cursor."""
         ends = self.markers if len(self.markers) == 2 else [*self.markers, self.cursor or 0]
         if not self.markers or not ends[1]:
             return None
@@ -106,9 +106,9 @@ class TimingRow(NamedTuple):
 
 
 def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
-    """Return the rows of these instances, each with a head where there are several; a strip has no codes.
+    """Return the rows of these instances, each with a head if there are several; a strip has no codes.
 
-    Below each row of an instance stands that of the same pin in a run with another parameter.
+    Below each row of an instance comes the same pin of its what-if run.
     """
     others = {wave.instance: wave for wave in waves if wave.instance.startswith(WHAT_IF)}
     own = [wave for wave in waves if wave.instance not in others]
@@ -134,7 +134,7 @@ def _group_with_codes(names: Sequence[str]) -> list[list[str]]:
 
 def label_width(rows: Sequence[TimingRow]) -> int:
     """Return the columns in front of the waves: as wide as the longest name asks for."""
-    return LABEL_WIDTH + max(0, *(len(shown.name) - NAME for shown in rows)) if rows else LABEL_WIDTH
+    return LABEL_WIDTH + max(0, *(len(shown.name) - NAME_WIDTH for shown in rows)) if rows else LABEL_WIDTH
 
 
 def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> Row:
@@ -162,7 +162,7 @@ def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: i
         name = f"  {WHAT_IF}"
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
-    return [(f"{sign}{name:<{NAME + label - LABEL_WIDTH}}", f"{kind} {style}"), (f"{value:>6} ", style)]
+    return [(f"{sign}{name:<{NAME_WIDTH + label - LABEL_WIDTH}}", f"{kind} {style}"), (f"{value:>6} ", style)]
 
 
 def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> list[Part]:
@@ -181,7 +181,7 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
 
 WAVE_NOT_KEPT: Final = "its wave begins after the frozen scan"
 EXPORT_LINE: Final = "export timing vcd"
-STRIP_ROWS: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
+STRIP_ROWS: Final = 4  # lines of a strip: ruler, STATUS, EN_R or REQ, DONE
 
 
 class Timing(LineView):
@@ -201,7 +201,7 @@ class Timing(LineView):
         ("slash", "ask_code", "next edge to a code"),
         ("plus,equals_sign", "zoom_in(1)", "zoom in, fewer scans a column"),
         ("minus", "zoom_in(-1)", "zoom out, more scans a column"),
-        ("f", "follow", "follow the newest scan, or stand"),
+        ("f", "follow", "follow the newest scan, or stay"),
         ("m", "mark", "marker here: first, second"),
         ("o", "neighbours", "the other instances of this CONNECT, too"),
         ("e", "write", "write as VCD (GTKWave, PulseView)"),
@@ -217,7 +217,7 @@ class Timing(LineView):
         self._chosen = 0
         self._ready: dict[int, Row] = {}
         self._note = ""
-        self.code: int | None = None  # that was looked for last
+        self.code: int | None = None  # searched last
 
     # -- what is drawn ------------------------------------------------------------------------------
 
@@ -255,7 +255,7 @@ class Timing(LineView):
         if self._view_model.is_frozen:
             text += " · frozen"
         else:
-            text += " · follows" if self.view.follows else " · stands, f follows"
+            text += " · follows" if self.view.follows else " · stays, f follows"
         if self.border_subtitle != text:
             self.border_subtitle = text
 
@@ -310,7 +310,7 @@ class Timing(LineView):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor into a scan and explain what is in force there; None: say that there is nothing."""
+        """Put the cursor on a scan and explain its STATUS; None: note the text `nothing`."""
         self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._until)
@@ -335,7 +335,7 @@ class Timing(LineView):
             self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
-        """Go to the next ERROR; from the present to the newest one, after the last to the first."""
+        """Go to the next ERROR: from the present to the newest one, from the last to the first."""
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
@@ -352,7 +352,7 @@ class Timing(LineView):
             found = next((line.scan for line in newest), None)
         else:
             found = wave.find_next_where(here, holds) or wave.find_next_where(0, holds)
-        self.go_to(found, f"{nothing} in what is known of {wave.instance}")
+        self.go_to(found, f"{nothing} in the known history of {wave.instance}")
 
     def action_move(self, rows: int) -> None:
         self._chosen = max(0, min(len(self._rows) - 1, self._chosen + rows))
@@ -370,7 +370,7 @@ class Timing(LineView):
         self.show()
 
     def action_follow(self) -> None:
-        """Follow the newest scan, or let the view stand; the cursor keeps its scan."""
+        """Follow the newest scan, or let the view stay; the cursor keeps its scan."""
         self.view.follows = not self.view.follows
         self.show()
 
@@ -403,7 +403,7 @@ class Timing(LineView):
     # -- mouse --------------------------------------------------------------------------------------
 
     def click(self, x: int, y: int) -> None:
-        """Choose row and scan under the mouse; an edge inside the column is what was meant."""
+        """Choose row and scan under the mouse; of a column with an edge, the scan of the edge."""
         self._chosen = max(0, y - 1)
         window, x = self._window, x - self._label
         if not 0 <= x < window.width or not self._rows:
@@ -430,8 +430,8 @@ class Timing(LineView):
         self._actions.submit(EXPORT_LINE)
 
     def write_vcd(self, path: Path | None) -> tuple[Path, int]:
-        """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
-        from trcvtui.history.waveform_text import (  # read when asked for
+        """Write the drawn waves; return the file and its size in bytes; raise UserError."""
+        from trcvtui.history.waveform_text import (  # imported on first use
             ScanRange,
             free_path,
             target_folder,

@@ -1,7 +1,7 @@
 """Pane 6: the members of the UDT with offset, type and value; only the rows in view are decoded.
 
-Padding stands after the member that it follows, so the number of a row is the number of a leaf and a table
-of any size costs one page.
+Padding is shown on the row of the member before it, so row and leaf have the same number, and a table of any
+size costs one page.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.types import type_text
 
 OFFSET_WIDTH: Final = 6
-TYPE: Final = 11
-VALUE_WIDTH: Final = 13  # columns that are left to a value, where there are more than its sparkline needs
+TYPE_WIDTH: Final = 11
+VALUE_WIDTH: Final = 13  # columns kept for a value before its sparkline grows
 LEAST_SPARKS, MOST_SPARKS = 8, 60  # messages of a sparkline
 SPARK_STYLE: Final = "busy"
 MOST_KEPT_MEMBERS: Final = 1024  # members whose numbers are kept
@@ -50,12 +50,12 @@ class UdtTable(LineView):
         # A job of the past: its number and its bytes; number 0: they were thrown away.
         self.past: tuple[int, bytes] | None = None
         self._page: tuple[int, int] = (0, 0)
-        self._declared: DataDecl | None = None  # whose the leaves are: before `show` another is selected
+        self._declared: DataDecl | None = None  # DATA of the leaves: before `show` another may be selected
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
         self._holes: tuple[range, ...] = ()
         self._sparks: dict[int, tuple[MemberNumbers, int, str]] = {}  # by leaf; up to which message
-        self._sparks_of: tuple[object, ...] = ()  # what they are about
+        self._sparks_of: tuple[object, ...] = ()  # the messages, instance and DATA that they show
         self._sparks_stop = 0  # the message that follows the last one of each sparkline
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ class UdtTable(LineView):
         if declared is None:
             self._leaves, self._values = (), ()
             return
-        # One leaf more than is shown: padding shows as the distance to the next one.
+        # One leaf more than is shown: padding is the distance to the next one.
         stop = min(self._page[1] + 1, declared.layout.leaf_count)
         self._leaves = declared.layout.leaves(top, stop)
         self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
@@ -134,7 +134,7 @@ class UdtTable(LineView):
 
     def _member(self, index: int, chosen: bool) -> list[Part]:
         leaf = self._leaves[index]
-        name_width = max(8, (self.line_width - OFFSET_WIDTH - TYPE) * 2 // 5)
+        name_width = max(8, (self.line_width - OFFSET_WIDTH - TYPE_WIDTH) * 2 // 5)
         shared, own = _split(leaf.path, self._leaves[index - 1].path if index else "")
         if measure(shared) + measure(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
@@ -143,12 +143,12 @@ class UdtTable(LineView):
             (f"{leaf.offset:>{OFFSET_WIDTH - 2}} ", "dim"),
             (shared, "faint"),
             (pad(own, name_width - measure(shared)), "strong" if chosen else ""),
-            (pad(clip(type_text(leaf.type), TYPE - 1), TYPE), "dim"),
+            (pad(clip(type_text(leaf.type), TYPE_WIDTH - 1), TYPE_WIDTH), "dim"),
             *self._value(index, leaf),
             (self._padding(index), "faint"),
         ]
         used = sum(measure(text) for text, _ in parts)
-        most = max(LEAST_SPARKS, self.line_width - OFFSET_WIDTH - name_width - TYPE - VALUE_WIDTH)
+        most = max(LEAST_SPARKS, self.line_width - OFFSET_WIDTH - name_width - TYPE_WIDTH - VALUE_WIDTH)
         room = min(most, self.line_width - used - 1)
         sparks = self._sparkline(self._page[0] + index, leaf)[-room:] if room >= LEAST_SPARKS else ""
         gap = self.line_width - used - len(sparks)
@@ -174,7 +174,7 @@ class UdtTable(LineView):
             self._sparks.clear()
         stop = known.stop if view.position is None else known.stop_at(view.position.scan)
         if self.past is not None:
-            number, content = self.past  # of an instance that was added again, numbers begin again
+            number, content = self.past  # an instance that was added again counts from 1: compare bytes, too
             rows = zip(range(known.stop, known.first, -1), reversed(known.rows), strict=True)
             of_job = (
                 at for at, row in rows if row.number == number and content.startswith(row.content or b"")
@@ -184,7 +184,7 @@ class UdtTable(LineView):
         self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
-        """Return the member in the newest messages; drawn anew when another one has come."""
+        """Return the member in the newest messages; drawn again when a new one has come."""
         known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
         if declared is None or not stop or not is_number(declared.layout, leaf):
             return ""
@@ -195,7 +195,6 @@ class UdtTable(LineView):
         return kept[2]
 
     def action_curve(self) -> None:
-        """Ask for the curve of the member under the cursor."""
         declared, number = self._view_model.declaration, self.cursor or 0
         is_there = declared is not None and number < declared.layout.leaf_count
         self.post_message(CurveWanted(declared.layout.leaf(number).path if declared and is_there else ""))
@@ -213,7 +212,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Put the cursor on the member that covers a byte, or before its padding; return its bytes."""
+        """Put the cursor on the member at a byte, or before its padding; return the member's bytes."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)

@@ -115,7 +115,7 @@ class ConversationList(LineView):
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:
-        """Open the prompt with the command of a key; hold, go, and RST and FIN of an armed tap, act at once."""
+        """Open the prompt with the command of a key; hold and go act at once, RST and FIN on an armed tap."""
         talk, picture = self._find_conversation(), self._view_model.live
         if talk is None or not talk.tap:
             waits = talk is None and self._view_model.project.taps

@@ -1,4 +1,4 @@
-"""Why a block shows what it shows, or once showed: the evidence is put together, the rules are asked."""
+"""Explains the present or a past STATUS of a block: collects the evidence and asks the rules."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from trcvtui.diagnosis.data_view import Offer
 
 
-NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # it changes no job
+NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # these change no job
 
 
 def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
-    """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
+    """Return the evidence of a STATUS: what happened, call and error, whose it was, whether it was injected."""
     return "expected: " * shown.cause.is_expected + describe_cause(shown.cause, shown.block)
 
 
@@ -40,22 +40,22 @@ class StatusExplainer:
         if evidence is None:
             return Advice(explain_status(instance), ())
         index = self._view_model.stream_index
-        told = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
+        card = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
         verdict, remedy = self._verdict(instance.name)
-        return replace(told, causes=(verdict, *told.causes), do=(remedy, *told.do)) if verdict else told
+        return replace(card, causes=(verdict, *card.causes), do=(remedy, *card.do)) if verdict else card
 
     def _verdict(self, name: str) -> tuple[str, SuggestedAction]:
-        """Return the doctor's first finding and its remedy, "" where it has not looked or found nothing."""
+        """Return the doctor's first finding and its remedy, "" if it has not run or has found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
             return "", SuggestedAction("")
-        from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
+        from trcvtui.bench.doctor_requests import findings_of  # imported once the doctor has findings
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
             remedy = f"{one.mend[0].text}. " if one.mend else ""
             sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
             steps = [mend for mend in one.mend if mend.tried] or [*one.mend[:1]]
-            # What was tried was all of it: where a part has no line, the others alone may do harm.
+            # The trial was of all steps: if one has no bench line, the others alone may do harm.
             is_whole = all(mend.command or mend.set for mend in steps)
             lines = tuple([mend.command for mend in steps if mend.command and is_whole])
             needs_trial = not all(mend.tried for mend in steps) and not all(map(NO_TRIAL.fullmatch, lines))
@@ -64,7 +64,7 @@ class StatusExplainer:
         return "", SuggestedAction("")
 
     def offer(self) -> Offer | None:
-        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        """Return the layout of DATA that fits the received bytes, None without evidence for one."""
         instance = self._view_model.instance
         evidence = self._evidence(instance.name) if instance else None
         index = self._view_model.stream_index
@@ -80,17 +80,17 @@ class StatusExplainer:
         return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Return what the ledger knows of an edge of the past; the newest one still shows, so it is now."""
+        """Explain a past edge by the ledger; the newest edge is still shown, so it is explained as now."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)
-        asked = self._view_model.bench, line.seq
-        if self._edge is None or self._edge[:2] != asked:
-            self._edge = (*asked, self._explain_past(line, edge))
+        key = self._view_model.bench, line.seq
+        if self._edge is None or self._edge[:2] != key:
+            self._edge = (*key, self._explain_past(line, edge))
         return self._edge[2]
 
     def _explain_past(self, line: Line, edge: StatusEdge) -> Advice:
-        from trcvtui.history.link_statistics import past_facts  # read when the past is first asked about
+        from trcvtui.history.link_statistics import past_facts  # imported with the first past edge
 
         project = self._view_model.project
         decl = project.instance(edge.instance)

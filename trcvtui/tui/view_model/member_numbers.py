@@ -1,4 +1,4 @@
-"""The number of one member in each message that is known: decoded once, when the message comes."""
+"""The number of one member in each known message: decoded once, when the message arrives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.values import decode_leaf
 
 Number = int | float
-NOT_KNOWN: Final = math.nan  # this very object, no NaN that a message has brought
+NOT_KNOWN: Final = math.nan  # compare by identity: a message may hold a NaN, too
 
 
 def is_number(layout: Layout, leaf: Leaf) -> bool:
@@ -22,7 +22,7 @@ def is_number(layout: Layout, leaf: Leaf) -> bool:
 
 
 def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
-    """Return the number that a message has brought to DATA; None: it has not touched it."""
+    """Return the number that a message wrote to DATA; None: it did not write this member."""
     is_cut = row.reason not in ("", HOLE_REASON)
     if is_cut or row.size < leaf.offset + leaf.size:
         return None
@@ -32,7 +32,7 @@ def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
 
 
 class MemberNumbers:
-    """Those of the newest messages, at most `most` of them."""
+    """The numbers of the newest messages, at most `most`."""
 
     def __init__(self, layout: Layout, leaf: Leaf, most: int = sys.maxsize) -> None:
         self.layout, self.leaf = layout, leaf

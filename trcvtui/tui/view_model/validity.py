@@ -1,4 +1,4 @@
-"""Whether a bench command line would be taken, asked of the very reader that the engine uses."""
+"""Whether the engine would take a bench command line, checked by the engine's own parser."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ PROMPT_PLACE = "prompt"
 
 
 def find_mistake(line: str, project: Project) -> str:
-    """Return what is wrong with a line, "" when it would be taken."""
-    from trcvtui.commands.table import parse_line  # read at the first line, not before the first screen
+    """Return what is wrong with a line, "" if the engine would take it."""
+    from trcvtui.commands.table import parse_line  # with the first line, not before the first screen
 
     if line.strip() in SCAN_CONTROL_LINES:
         return ""
@@ -25,7 +25,7 @@ def find_mistake(line: str, project: Project) -> str:
 
 
 def preview_edit(line: str, project: Project) -> str:
-    """Return what a line that edits the project would do: what changes, what is made, what begins anew."""
+    """Return what a line that edits the project would do: what changes, what is made, what starts again."""
     from trcvtui.commands.edit import describe_edit
     from trcvtui.commands.table import parse_line  # as above
     from trcvtui.commands.words import EDIT_COMMANDS

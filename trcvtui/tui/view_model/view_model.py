@@ -1,6 +1,6 @@
-"""What the screen knows: the newest picture, what the ledger told so far, and what is selected.
+"""What the screen knows: the newest picture, the lines of the ledger so far, and the selection.
 
-Rule: frozen pictures come in by `take`, nothing else changes what is shown of the bench.
+Rule: pictures come in by `accept_picture`; nothing else changes what is shown of the bench.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DONE, ERROR = "DONE", "ERROR"
 
 @dataclass(frozen=True, slots=True)
 class PinPulse:
-    """A lamp was lit in `scan` at `t_ns` with this STATUS; `rcvd_len` in bytes where the block has it."""
+    """A lamp was lit in `scan` at `t_ns` with this STATUS; `rcvd_len` in bytes if the block has it."""
 
     scan: int
     t_ns: int
@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. Times are those of the run, so a held PLC glows on."""
+    """The newest pulse of each lamp of each instance. Times are of the run: in a held PLC the glow stays."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -58,7 +58,7 @@ class Afterglow:
             self._pulses[edge.instance, ERROR] = pulse
 
     def forget(self, instance: str) -> None:
-        """Let nothing glow on: another instance may come under this name."""
+        """Drop the pulses: another instance may get this name."""
         for lamp in (DONE, ERROR):
             self._pulses.pop((instance, lamp), None)
 
@@ -74,7 +74,7 @@ class Afterglow:
     ) -> None:
         known = self._pulses.get((name, lamp))
         if scan is None:
-            self._pulses.pop((name, lamp), None)  # of one that bore the name before
+            self._pulses.pop((name, lamp), None)  # of an older instance with this name
         elif known is None or known.scan < scan:
             self._pulses[name, lamp] = PinPulse(scan, t_ns, status or 0, length)
 
@@ -101,14 +101,14 @@ class EdgeHistory:
         return self._edges.get(instance) or deque()
 
 
-MOST_PICTURE_LINES: Final = 1000  # in a picture: 8000 a second where there are eight
+MOST_PICTURE_LINES: Final = 1000  # in a picture; with 8 pictures a second, 8000 a second
 NO_BENCH: Final = -1  # a number that no bench and no project has
-MOST_DRAWN_INSTANCES: Final = 8  # instances over time at once
-MOST_THAW_LINES: Final = 4000  # once, after a frozen view: what was missed
-KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
+MOST_DRAWN_INSTANCES: Final = 8  # instances drawn over time at once
+MOST_THAW_LINES: Final = 4000  # in the picture after a frozen view, for the missed lines
+KEPT_LINES: Final = 5000  # of the ledger, to explain the past
 MOST_OTHERS: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
-REMOVAL_NOTES: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
-MOST_OTHER_BYTES: Final = 8192  # of their DATA: what is larger does not come along
+REMOVAL_NOTES: Final = frozenset(("deleted", "downloaded"))  # ledger notes that end the glow of an instance
+MOST_OTHER_BYTES: Final = 8192  # of their DATA in all: larger ones do not come along
 
 
 INDEX_PART: Final = "reader", "index of the screen"
@@ -116,12 +116,12 @@ MOST_INDEXED: Final = 2000  # messages of a connection, recv calls of a job
 
 
 def new_index() -> StreamIndex:
-    """Return an index that keeps less than the engine's: the newest bytes are asked about."""
+    """Return an index that keeps less than the engine's, enough for the newest bytes."""
     return StreamIndex(MOST_INDEXED, MOST_INDEXED)
 
 
 class Index(NamedTuple):
-    """The instances and the CONNECTs of a snapshot by name: each pane looks some of them up."""
+    """The instances and the CONNECTs of a snapshot by name: every pane looks some up."""
 
     snapshot: Snapshot | None
     instances: dict[str, InstanceSnapshot]
@@ -129,7 +129,6 @@ class Index(NamedTuple):
 
 
 def index_of(snapshot: Snapshot | None) -> Index:
-    """Return the index of a snapshot, without one an empty index."""
     instances, connections = (snapshot.instances, snapshot.connections) if snapshot else ((), ())
     return Index(snapshot, {each.name: each for each in instances}, {each.name: each for each in connections})
 
@@ -149,7 +148,7 @@ class ViewModel:
         )
         self.waves = WaveformCache()
         self.known_messages = KnownMessages()
-        self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
+        self.draws_neighbours = False  # also draw the other instances of its CONNECT over time
         self.selected = self.peer = ""
         self.is_frozen = False
         self._accept_project(project)
@@ -157,21 +156,21 @@ class ViewModel:
         self.live: BenchUpdate | None = None  # the newest picture, also while an older one is shown
         self.fired: TriggerEvent | None = None  # the trigger that froze the view
         self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
-        self.bench = 0  # the number of the bench that all of this is about
-        self._left: int | None = None
+        self.bench = 0  # the number of the bench that is shown
+        self._left_bench: int | None = None
         self._project_number = 0
         self._seq = 0
         self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
         self.recordings_wanted: tuple[str, ...] = ()  # of ComBuffers, once
         self.doctor_wanted = False
         self._messages: tuple[HistoryWindow | None, list[StreamMessage]] | None = None
-        self._thawing = 0  # pictures to come that may have been asked for before the view was live again
+        self._thawing = 0  # coming pictures that may have been requested before the thaw
 
     # -- what comes in ------------------------------------------------------------------------------
 
     def accept_picture(self, picture: BenchUpdate) -> None:
-        """Make this the newest picture; one of a fresh bench makes all that was known of the old one void."""
-        if picture.bench == self._left:
+        """Make this the newest picture; a new bench clears all that was known of the old one."""
+        if picture.bench == self._left_bench:  # late, from a scenario that was left
             return
         if picture.bench != self.bench:
             self._reset(picture.bench)
@@ -222,7 +221,7 @@ class ViewModel:
             self.answers[0] = LineAnswer(0, "", internal)
 
     def _report(self, error: BaseException) -> ExceptionNote:
-        from trcvtui.bench.error_report import report_error  # read when first needed
+        from trcvtui.bench.error_report import report_error  # imported with the first internal error
 
         return report_error(error, self.project, [*self.lines], None)
 
@@ -234,7 +233,7 @@ class ViewModel:
             self.waves.add_deltas(picture.waves, interval_ns)
 
     def _note_skipped(self, first: int) -> None:
-        """Take from the waves the STATUS edges whose lines were left out before line `first`."""
+        """Add STATUS edges before line `first` from the waves: their own lines were left out."""
         for name in self.drawn_instances:
             known = self.history.list_edges(name)
             last = known[-1].seq if known else 0
@@ -247,7 +246,7 @@ class ViewModel:
         self.bench, self._seq = bench, 0
         self.lines.clear()
         self.waves = WaveformCache()
-        if self.position is None:  # a replay has those of the whole recording, at each of its benches
+        if self.position is None:  # a replay has the messages of all its benches
             self.known_messages = KnownMessages()
         self.thaw()
         self.history, self.afterglow, self.stream_index = EdgeHistory(), Afterglow(), new_index()
@@ -263,15 +262,15 @@ class ViewModel:
         self.selected = _one_of(self.selected, [instance.name for instance in shown])
 
     def leave_scenario(self) -> None:
-        """Go back to the project that was opened; pictures of this bench that still come are too late."""
-        self._left, self.picture = self.bench, None
+        """Go back to the opened project, and ignore later pictures of the scenario's bench."""
+        self._left_bench, self.picture = self.bench, None
         self.thaw()
         self._accept_project(self._home)
 
     def restart(self) -> None:
-        """Know nothing: the engine has begun anew, and its first picture brings the project."""
+        """Forget everything: the engine was restarted, and its first picture brings the project."""
         self.leave_scenario()
-        self.live, self._left = None, None
+        self.live, self._left_bench = None, None
         self._reset(NO_BENCH)
         self._project_number = NO_BENCH
 
@@ -284,9 +283,9 @@ class ViewModel:
         self._keep_selection()
 
     def request(self) -> UpdateRequest:
-        """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
+        """Return the next request: new lines of the ledger, bytes of the selected instance and of others.
 
-        The others' come along while few: before `F` it is not known whose will be looked at after it.
+        A few bytes of others come along, because after `F` you may select any instance.
         """
         instance = self.instance
         shown = (instance, *self._others(instance)) if instance else ()
@@ -319,7 +318,7 @@ class ViewModel:
 
     @property
     def frozen_at(self) -> int | None:
-        """Return the scan that a frozen view shows, None where it is live."""
+        """Return the scan that a frozen view shows, None if it is live."""
         return self.picture.snapshot.scan if self.is_frozen and self.picture else None
 
     @property
@@ -341,7 +340,7 @@ class ViewModel:
 
     @property
     def messages(self) -> list[StreamMessage]:
-        """Return the whole messages of the window on the past that has come last."""
+        """Return the whole messages of the newest window on the past."""
         newest, window = self.live or self.picture, self.past_window
         if self._messages is None or self._messages[0] is not window:
             evidence = make_current_evidence(newest, self.project, self.selected) if newest else None
@@ -371,7 +370,7 @@ class ViewModel:
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
-        """Return whose pins are drawn over time: the selected one, its neighbours where wanted."""
+        """Return the instances drawn over time: the selected one, its neighbours if wanted."""
         instance = self.instance
         if instance is None or not self.draws_neighbours:
             return (self.selected,) if self.selected else ()
@@ -380,7 +379,7 @@ class ViewModel:
 
     @property
     def drawn_waves(self) -> tuple[str, ...]:
-        """Return the same, and the selected one in a run with another parameter, where there is one."""
+        """Return the same, and the selected one of the what-if run, if there is one."""
         beside = (WHAT_IF + self.selected,) if self.position is not None and self.position.what_if else ()
         return (*self.drawn_instances[:1], *beside, *self.drawn_instances[1:])
 
@@ -393,7 +392,7 @@ class ViewModel:
         return self._index().connections.get(instance.connect)
 
     def list_listen_ends(self) -> dict[str, str]:
-        """Return where passive CONNECTs are now, by name: the port that a free one has become."""
+        """Return the local ends of open passive CONNECTs by name; a free port (0) is the real one here."""
         known = self._index().connections.values()
         return {each.name: each.local for each in known if not each.active and each.state != "closed"}
 
@@ -432,7 +431,7 @@ class ViewModel:
 
     @property
     def lacks_bytes(self) -> bool:
-        """Return whether the view is frozen, and its picture has not the selected instance's bytes."""
+        """Return whether the view is frozen on a picture without bytes of the selected instance."""
         partial = self.picture.partial if self.picture is not None else ()
         return self.is_frozen and all(name != self.selected for name, _ in partial)
 
@@ -442,5 +441,5 @@ class ViewModel:
 
 
 def _one_of(name: str, names: list[str]) -> str:
-    """Return the name, the first one where it is not there, "" where there is none."""
+    """Return the name if it is in the list, else the first one, "" if there is none."""
     return name if name in names else next(iter(names), "")

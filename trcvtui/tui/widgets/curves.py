@@ -26,26 +26,25 @@ BRAILLE_DOTS: Final = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 
 
 def finite(numbers: Iterable[Number | None]) -> list[Number]:
-    """Return the numbers that have a place on an axis."""
     return [number for number in numbers if number is not None and math.isfinite(number)]
 
 
 def limits(numbers: Sequence[Number]) -> tuple[Number, Number]:
-    """Return the ends of the axis: a BOOL has always both."""
+    """Return the ends of the axis; for BOOL always 0 and 1."""
     if all(isinstance(number, bool) for number in numbers):
         return 0, 1
     return min(numbers), max(numbers)
 
 
 def scale(number: Number, low: Number, high: Number) -> float:
-    """Return where a number stands between two others, 0 to 1."""
-    if math.isinf(high - low):  # as that from -1e308 to 1e308
+    """Return the place of a number between two others, 0 to 1."""
+    if math.isinf(high - low):  # too far apart, such as -1e308 and 1e308
         return scale(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a column for each message, low where all are alike; "" where none has a number."""
+    """Return a column for each message, low if all are alike; "" if none has a number."""
     known = finite(numbers)
     if not known:
         return ""
@@ -69,7 +68,7 @@ class Curve(NamedTuple):
 def curve(
     times: Sequence[int], numbers: Numbers, window: tuple[int, int], width: int, height: int, gaps: Spans = ()
 ) -> Curve | None:
-    """Return the numbers over time, None where there are none in the window; `times` rise, `gaps` too.
+    """Return the numbers over time, None without any in the window; `times` and `gaps` rise.
 
     A number is held until the next one, but not in a gap. Each column of dots reaches from its smallest to
     its largest value.
@@ -111,7 +110,6 @@ def _columns(
 
 
 def _fill(cells: list[list[int]], column: int, first: int, last: int) -> None:
-    """Set the dots of a column from row `first` to row `last` of dots."""
     bits, x = BRAILLE_DOTS[column % 2], column // 2
     for y in range(first // 4, last // 4 + 1):
         cells[y][x] |= sum(bits[max(first - 4 * y, 0) : last - 4 * y + 1])

@@ -1,4 +1,4 @@
-"""Dialogs above the panes: with a list, a result or a form, and a list to choose one of."""
+"""Dialogs above the panes: with a list, a result or a form, and a list to choose from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Answered = TypeVar("Answered")
 
 
 class Dialog(ModalScreen[Answered], Generic[Answered]):
-    """A frame above the panes; escape leaves it with `nothing`."""
+    """A frame above the panes; escape closes it with the answer `nothing`."""
 
     BINDINGS: ClassVar = [
         Binding("escape", "leave", show=False),
@@ -51,7 +51,7 @@ LABEL_WIDTH: Final = 9  # columns
 
 
 class CardText(TextView):
-    """Lines with a label before the first of each."""
+    """Texts with a label before the first line of each."""
 
     @property
     def _width(self) -> int:
@@ -97,7 +97,7 @@ class ResultScreen(ListDialog[None]):
 
 
 class QuitTapScreen(ListDialog[str]):
-    """Asks whether a tap that quits cuts its connections: "c", "d" leaves it without a screen, "" stays."""
+    """Asks how to quit a tap: "c" cuts its connections, "d" closes only the screen, "" stays."""
 
     BINDINGS: ClassVar = [Binding(key, f"dismiss('{key}')", show=False) for key in "cd"]
     DEFAULT_CSS = "QuitTapScreen ResultText { width: 72; height: auto; }"
@@ -105,7 +105,7 @@ class QuitTapScreen(ListDialog[str]):
     def __init__(self, cuts: str) -> None:
         choices = (
             ("c", f"end the tap: cuts {cuts}"),
-            ("d", "leave the screen: bytes go on until Ctrl+C or SIGTERM"),
+            ("d", "close the screen: the tap forwards until Ctrl+C or SIGTERM"),
             ("esc q", "stay"),
         )
         text = ResultText("cut", lambda _: [row((f"{key:<7}", "key"), (what, "")) for key, what in choices])
@@ -149,11 +149,11 @@ class FormField(TypedField):
 
 
 Field = TypeVar("Field", bound=FormField)
-FieldColumns = Mapping[str, str]  # what stands before a field, by the class of its style
+FieldColumns = Mapping[str, str]  # texts before a field, by the class of their style
 
 
 class FieldsDialog(FormDialog[Answered], Generic[Answered, Field]):
-    """A form whose fields stay as they are."""
+    """A form with a fixed list of fields."""
 
     def __init__(
         self, nothing: Answered, title: str, keys: str, rows: Sequence[tuple[FieldColumns, Field]]
@@ -186,11 +186,11 @@ class FieldsDialog(FormDialog[Answered], Generic[Answered, Field]):
         self._check_fields()
 
 
-NAME: Final = 30
+NAME_WIDTH: Final = 30
 
 
 class ChoiceList(LineView, inherit_bindings=False):
-    """One line a choice; letters are typed, they do not move."""
+    """One row for each choice; letters filter the list, they do not move the cursor."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take", show=False)]
 
@@ -218,8 +218,8 @@ class ChoiceList(LineView, inherit_bindings=False):
         return row(
             ("▸ " if chosen else "  ", "key"),
             ("● " if name == self.now else "  ", "on"),
-            (pad(clip(name, NAME - 1), NAME), "strong" if chosen else ""),
-            (clip(about, max(8, self.line_width - NAME - 4)), "dim"),
+            (pad(clip(name, NAME_WIDTH - 1), NAME_WIDTH), "strong" if chosen else ""),
+            (clip(about, max(8, self.line_width - NAME_WIDTH - 4)), "dim"),
             style="cursor" if chosen else "",
         )
 
@@ -239,7 +239,7 @@ class ChoiceList(LineView, inherit_bindings=False):
 
 
 class ChoiceScreen(ListDialog[str | None]):
-    """Answers with the name of the choice, None when it is left."""
+    """Answers with the name of the choice, None if it is closed."""
 
     BINDINGS: ClassVar = [
         Binding("enter", "take", show=False),

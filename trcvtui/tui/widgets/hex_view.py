@@ -13,7 +13,7 @@ from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import find_all, find_first, find_last
 
-# `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, after the second suffix.
+# `02›41 42 43‹0d 0a`: the prefix is before the first sign, the suffix after the second.
 
 DATA_BEGIN_SIGN, DATA_END = "›", "‹"
 PREFIX_STYLE, SUFFIX_STYLE, OLD_STYLE = "prefix", "suffix", "faint"
@@ -54,7 +54,7 @@ def marks_of_span(span: JobSpan) -> FrameRange:
 
 
 def marks_of_data(instance: InstanceSnapshot) -> FrameRange | None:
-    """Return the marks of the newest frame in its variable, None where there is none."""
+    """Return the marks of the newest frame in its variable, None without one."""
     last = instance.framer.last if instance.framer is not None else None
     return make_marks(0, last.size, last.prefix, last.suffix) if last is not None else None
 
@@ -94,7 +94,7 @@ def byte_class(byte: int) -> str:
 
 
 def byte_character(byte: int) -> str:
-    """Return the one character that stands for a byte in the text column."""
+    """Return the character of a byte in the text column."""
     if 0x20 <= byte < 0x7F:
         return chr(byte)
     return {NULL: "⋄", SPACE: "_", CONTROL: "•", HIGH: "×"}[byte_class(byte)]
@@ -106,7 +106,7 @@ HEX_OF: Final = tuple(f"{byte:02x}" for byte in range(256))
 
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
-HOLE_HEX, HOLE_TEXT, HOLE = "??", "?", "warn"  # bytes that a capture has not
+HOLE_HEX, HOLE_TEXT, HOLE = "??", "?", "warn"  # bytes that a capture lacks
 NOT_CAPTURED: Final = "missing in the capture"
 START_SIGN: Final = "▕"
 WIDE, NARROW = 16, 8
@@ -117,7 +117,7 @@ WAS: Final = "was"
 class ByteLines(LineView):
     """Bytes in lines, one of them under the cursor; a link to a member and matches of a search are marked."""
 
-    ROOM: ClassVar = 68  # columns that 16 bytes need beside their place
+    ROOM: ClassVar = 68  # columns that 16 bytes need beside their offset
     BINDINGS: ClassVar = [("left,h", "step(-1)", "byte back"), ("right,l", "step(1)", "byte on")]
 
     def __init__(self, id: str) -> None:
@@ -125,9 +125,9 @@ class ByteLines(LineView):
         self.cursor: int | None = None
         self.link = range(0)
         self.patterns: tuple[bytes, ...] = ()
-        self.shows_before = False  # below the bytes of now those of before, where they differ
+        self.shows_before = False  # differing bytes of before, below those of now
 
-    # -- what a subclass says -----------------------------------------------------------------------
+    # -- for subclasses ------------------------------------------------------------------------------
 
     @property
     def digits(self) -> int:
@@ -135,23 +135,23 @@ class ByteLines(LineView):
 
     @property
     def per_row(self) -> int:
-        """Return how many bytes stand in a line: 16, on a narrow pane 8."""
+        """Return how many bytes a row has: 16, on a narrow pane 8."""
         return WIDE if self.line_width >= self.digits + self.ROOM else NARROW
 
     @property
     def row_lines(self) -> int:
-        """Return how many lines a row of bytes has."""
+        """Return how many lines of the screen a row of bytes takes."""
         return 2 if self.shows_before else 1
 
     def is_hole(self, place: int) -> bool:
-        """Return whether a byte is unknown: a capture has it not."""
+        """Return whether a byte is unknown: the capture lacks it."""
         raise NotImplementedError
 
     def _byte(self, place: int) -> int | None:
         raise NotImplementedError
 
     def _byte_before(self, place: int) -> int | None:
-        """Return what stood there before, None where nothing is compared."""
+        """Return the earlier byte at this place, None if nothing is compared."""
         raise NotImplementedError
 
     # -- what is marked -----------------------------------------------------------------------------
@@ -165,7 +165,7 @@ class ByteLines(LineView):
         self.show()
 
     def read_known_bytes(self, place: int) -> bytes:
-        """Return the bytes from one on that can be a number, up to the first that is not known."""
+        """Return the bytes from a place on, as many as a number can have, up to the first unknown one."""
         places = range(place, place + MOST_NUMBER_BYTES)
         return bytes(iter(map(self._byte, places).__next__, None))
 
@@ -187,7 +187,7 @@ class ByteLines(LineView):
         return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
 
     def _index_at(self, x: int) -> int | None:
-        """Return which byte of a row stands in column `x`, in hex or as text."""
+        """Return the index in its row of the byte at column `x`, in hex or as text."""
         column = x - self.digits - 2
         if column >= self._text_column:
             index = column - self._text_column
@@ -217,7 +217,7 @@ class ByteLines(LineView):
 
 
 class HexView(ByteLines):
-    """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
+    """`content` are the known bytes; missing ones, up to `need`, are drawn as dots."""
 
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
         ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"), ("D", "messages"),
@@ -236,10 +236,7 @@ class HexView(ByteLines):
     def show_bytes(
         self, content: bytes, need: int, starts: frozenset[int], holes: tuple[range, ...] = ()
     ) -> None:
-        """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ.
-
-        What stands in `holes` is no value: it is unknown.
-        """
+        """Show these bytes, `starts` marked as beginnings of messages, `holes` as unknown."""
         self.content, self.need, self.starts, self.holes = content, max(need, len(content)), starts, holes
         self.show()
 
@@ -251,7 +248,7 @@ class HexView(ByteLines):
         return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
-        """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
+        """Mark what differs from the job before; with `shows_before` its bytes are drawn below."""
         self.before = before
         self.show()
 
@@ -299,7 +296,7 @@ class HexView(ByteLines):
         return {first + place for match in found for place in match}
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the byte of the job before; of one that is not known now nothing is compared."""
+        """Return the byte of the job before, None if either byte is unknown."""
         before = self.before
         if before is None or self._byte(place) is None:
             return None
@@ -333,7 +330,7 @@ class HexView(ByteLines):
         return merge_pieces(parts)
 
     def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
-        """Return what stands after a byte: room, or the mark of a message that begins with the next one."""
+        """Return the blank after a byte, or the mark of a message that begins with the next one."""
         inside = not last and offset in self.link and offset + 1 in self.link
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts
@@ -342,7 +339,7 @@ class HexView(ByteLines):
         return [(" ", style), mark] if wide else [mark]
 
     def _sign(self, offset: int) -> str:
-        """Return what parts the marks of a frame from its data, before a byte."""
+        """Return the sign before a byte that separates data from prefix or suffix."""
         return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
@@ -377,7 +374,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or the previous match, the cursor's own only where this is no repetition."""
+        """Go to the next or previous match; only with `again` is the cursor's own skipped."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))
@@ -399,7 +396,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
 
 
-# The numbers that begin with a byte, in the order of their worth: what has no room is left out.
+# The numbers that begin with a byte, the most useful first: those without room are left out.
 NUMBER_CODES: Final = (
     ("u8", "B"), ("i8", "b"), ("u16", "H"), ("i16", "h"), ("REAL", "f"), ("u32", "I"), ("i32", "i"),
     ("LREAL", "d"), ("u64", "Q"), ("i64", "q"),
@@ -408,7 +405,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_at(content: bytes, width: int) -> str:
-    """Return as many as fit a line, `little|big`; a signed one only where it differs from the unsigned."""
+    """Return as many as fit a line, `little|big`; a signed one only if it differs from the unsigned."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

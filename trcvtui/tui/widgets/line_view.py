@@ -1,8 +1,7 @@
 """The base of every pane: it draws its own lines and repaints only those that changed.
 
-A subclass says how many rows there are and what stands in each: text with the names of its styles. Text is
-never markup, and control characters are spelled out where a row or a title is drawn, so whatever bytes a
-partner sends stay text.
+A subclass returns the number of its rows, and each row: texts with the names of their styles. Text is never
+markup, and control characters are spelled out in rows and titles, so that bytes of a partner stay text.
 """
 
 from __future__ import annotations
@@ -37,21 +36,21 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
-BAR_KEPT_S: Final = 5.0  # a scroll bar that is wanted anew twice in so long stays
+BAR_KEPT_S: Final = 5.0  # a scroll bar that comes twice within this time stays
 
 
 def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
-    """Return bindings that no footer shows: keys, parted by commas, and the action of each."""
+    """Return bindings that no footer shows: keys, separated by commas, and their action."""
     return [Binding(keys, action, show=False) for keys, action in actions.items()]
 
 
-# Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
+# Keys that move in rows: arrows, and vi's letters unless they mean something else.
 ARROW_KEYS: Final = hidden_keys({
     "down": "move(1)", "up": "move(-1)", "pagedown": "page(1)", "pageup": "page(-1)", "home,g": "edge(-1)",
     "end,G": "edge(1)",
 })  # fmt: skip
 MOVES: Final = [*hidden_keys({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_KEYS[2:]]
-LAMP_STYLES: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles of what is so now
+LAMP_STYLES: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles that show a present state
 
 
 def rule(width: int, *parts: Part) -> Row:
@@ -65,7 +64,7 @@ def row(*parts: Part, style: str = "") -> Row:
 
 
 def pane_title(digit: int | None, name: str, detail: str = "") -> Content:
-    """Return what stands in the border of a pane; text, never markup."""
+    """Return the title in the border of a pane; text, never markup."""
     mark = [(f"{digit} ", "bold $accent")] if digit is not None else []
     return Content.assemble(
         *mark, (plain(name), "bold"), (f" · {plain(detail)}" if detail else "", "not bold")
@@ -88,16 +87,16 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def __init__(self, id: str) -> None:
         super().__init__(id=id)
         self._painted: dict[int, Row] = {}
-        self._fresh: dict[int, Row] = {}  # rows that `show` has found to be painted anew
+        self._fresh: dict[int, Row] = {}  # rows that `show` has found changed
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
-        self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
-        self._bar_came: deque[float] = deque(maxlen=2)  # when the scroll bar was wanted anew
+        self.more_keys: tuple[tuple[str, str], ...] = ()  # of a mode, such as a search
+        self._bar_came: deque[float] = deque(maxlen=2)  # when the scroll bar came
         self._bar_wanted = False
         self._is_over = self._paints = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
-    # -- what a subclass says -----------------------------------------------------------------------
+    # -- for subclasses ------------------------------------------------------------------------------
 
     def row_count(self) -> int:
         raise NotImplementedError
@@ -131,7 +130,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
                 self._fresh.pop(y, None)  # it changed, and changed back before it was painted
 
     def resize_rows(self) -> None:
-        """Take over the number of rows; a new layout of the screen only where something would move."""
+        """Apply the number of rows; lay the screen out again only if something would move."""
         count, height = self.row_count(), self.container_size.height
         is_wanted = 0 < height < count
         if is_wanted and not self._bar_wanted:
@@ -139,12 +138,12 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._bar_wanted = is_wanted
         if self.virtual_size.height == count:
             return
-        turns = height and is_wanted != self.show_vertical_scrollbar
-        # Each time a bar comes or goes the whole screen is laid out anew: half of what a picture costs.
-        stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_KEPT_S
-        if turns and not is_wanted and stays:
+        bar_turns = height and is_wanted != self.show_vertical_scrollbar
+        # A bar that comes or goes lays out the whole screen: half of the cost of a picture.
+        bar_stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_KEPT_S
+        if bar_turns and not is_wanted and bar_stays:
             count = height + 1
-        elif turns or self.styles.is_auto_height:
+        elif bar_turns or self.styles.is_auto_height:
             self.virtual_size = Size(0, count)
             return
         self.set_reactive(LineView.virtual_size, Size(0, count))
@@ -214,7 +213,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return Strip([*before, *marked, *after], strip.cell_length)
 
     def get_selection(self, selection: Selection) -> tuple[str, str]:
-        """Return the selected text as it stands on the screen; without a start or an end, as far as seen."""
+        """Return the selected text as it is drawn; without a start or an end, as far as it is in view."""
         top = self.scroll_offset.y
         first = selection.start.y if selection.start is not None else top
         last = selection.end.y if selection.end is not None else top + self.size.height - 1
@@ -226,7 +225,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return "\n".join(lines), "\n"
 
     def text_select_all(self) -> None:
-        """Select nothing by a second click: it acts as the first one does."""
+        """Select nothing on a second click: it acts as the first one."""
 
     @property
     def select_container(self) -> Widget:
@@ -234,14 +233,14 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return self
 
     async def on_event(self, event: events.Event) -> None:
-        """Drop the click that ends a selection: it would press what stands there."""
+        """Drop the click that ends a selection: it would press what is under the mouse."""
         if not (isinstance(event, events.Click) and self.screen.selections):
             await super().on_event(event)
 
-    # -- what it looks like -------------------------------------------------------------------------
+    # -- looks -------------------------------------------------------------------------------------
 
     def set_over(self, is_over: bool) -> None:
-        """Let the lamps go grey: what they told is no longer so; or let them tell again."""
+        """Draw the lamps grey, because their state is no longer true, or in colour again."""
         self._is_over = is_over
         self._ready_styles.clear()
         self.refresh()
@@ -263,11 +262,11 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.resize_rows()
 
     def on_resize(self) -> None:
-        """Draw anew: rows may have changed while the pane was out of sight, and lines break elsewhere."""
+        """Draw again: rows may have changed while the pane was hidden, and lines wrap elsewhere."""
         self.show()
 
     def watch_show_vertical_scrollbar(self) -> None:
-        """Break lines anew: a scrollbar that comes takes a column, and no Resize tells of it."""
+        """Wrap lines again: a scrollbar that comes takes a column, without a Resize event."""
         self.show()
 
     def on_focus(self) -> None:
@@ -331,14 +330,14 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """Rows that are made at once: `_rows`, by `make_rows` anew for each width."""
+    """Rows that are made together, by `make_rows` into `_rows`, again for each width."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)
         self._rows: list[Row] = []
 
     def make_rows(self) -> list[Row]:
-        """Return all rows, broken for the width that there is."""
+        """Return all rows, wrapped for the present width."""
         return self._rows
 
     def draw(self) -> None:

@@ -1,4 +1,4 @@
-"""The first line: which file, dialect and model; whether scans pass, and how punctually."""
+"""The lines of a screen: buttons, outcome, keys and tabs; the header with file, dialect, model and scans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.wording import count, format_ns
 
 
 class ButtonLine(LineView):
-    """`labels` gives (letter, label) now, `press` is told the index; `chosen` is the one in force."""
+    """`labels` returns (letter, label) now, `press` gets an index; `chosen` returns the selected one."""
 
     DEFAULT_CSS = "ButtonLine { height: auto; }"
     KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
@@ -40,11 +40,11 @@ class ButtonLine(LineView):
         self._labels, self._press, self._chosen = labels, press, chosen
         self.cursor = 0
         self.hover: int | None = None
-        self._told: int | None = None
+        self._pointed: int | None = None
 
     def show(self) -> None:
-        if (pointed := self.pointed_at()) != self._told:
-            self._told = pointed
+        if (pointed := self.pointed_at()) != self._pointed:
+            self._pointed = pointed
             self.post_message(ButtonPointed())
         super().show()
 
@@ -87,7 +87,7 @@ class ButtonLine(LineView):
         return self.hover if self.hover is not None else self.cursor if self.has_focus else None
 
     def action_move(self, count: int) -> None:
-        """Move the cursor; where one button is in force, the next one comes into force."""
+        """Move the cursor; in a line with a selected button, select the next one."""
         here = self._chosen() if self._chosen else self.cursor
         self.cursor = (here + count) % len(self._labels())
         if self._chosen is not None:
@@ -128,17 +128,17 @@ MOST_OUTCOME_ROWS: Final = 3
 
 
 class OutcomeLine(LineView, can_focus=False):
-    """A sentence and the style it is said in."""
+    """The outcome of a command: a sentence and its style."""
 
     DEFAULT_CSS = "OutcomeLine { height: 1; background: $background; padding: 0 1; }"
 
     def __init__(self) -> None:
         super().__init__(id="outcome")
-        self._said = "", ""
+        self._outcome = "", ""
         self._rows = 1
 
     def write(self, words: str, style: str = "dim") -> None:
-        self._said = words, style
+        self._outcome = words, style
         self._fit()
 
     def _fit(self) -> None:
@@ -151,13 +151,13 @@ class OutcomeLine(LineView, can_focus=False):
         self._fit()
 
     def _texts(self) -> tuple[str, ...]:
-        return wrap_text(self._said[0], self.line_width or 80)[:MOST_OUTCOME_ROWS]
+        return wrap_text(self._outcome[0], self.line_width or 80)[:MOST_OUTCOME_ROWS]
 
     def row_count(self) -> int:
         return len(self._texts())
 
     def row_at(self, y: int) -> Row:
-        return row((self._texts()[y], self._said[1]))
+        return row((self._texts()[y], self._outcome[1]))
 
 
 Keys = tuple[tuple[str, str], ...]
@@ -189,7 +189,7 @@ class KeyLine(OneLine):
         self._names: Mapping[str, str] = {}  # of keys that the user has changed
 
     def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
-        """Name the keys of what has the focus; in a text field those alone that are not typed."""
+        """Name the keys of the focused widget; in a text field only those that are not typed."""
         self._types = isinstance(focused, Input)
         own = focused.keys() if isinstance(focused, LineView) else ()
         self.show_keys(getattr(focused, "KEYS", FIELD_KEYS) if self._types else own, holding)
@@ -205,7 +205,7 @@ class KeyLine(OneLine):
         for key, label in TYPING_KEYS if self._types else self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         keys = [(self._names.get(key, key), label) for key, label in keys]
-        # The last ones, help and quit, stay; what does not fit goes from the middle.
+        # The last ones, help and quit, stay; without room, those before them are dropped.
         while len(keys) > 3 and sum(len(k) + len(label) + 3 for k, label in keys) - 2 > self.line_width:
             del keys[-3]
         return keys
@@ -307,14 +307,13 @@ class HeaderLine(WordLine):
         self._kernel = ""
 
     def pieces(self) -> list[HeaderWord]:
-        """Return file, dialect, model; scans and how punctual they are."""
         project, picture = self._view_model.project, self._view_model.picture
         pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(project.path.name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
             pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))
         self._kernel = picture.kernel if picture is not None else self._kernel
-        if self._kernel in (TAP, ARMED_TAP):  # also while no picture comes: bytes go through the tap
+        if self._kernel in (TAP, ARMED_TAP):  # also without a picture: bytes pass the tap
             pieces.append(HeaderWord(" IN THE LINE ", "hold", 0))
         if self.ended:
             return [*pieces, HeaderWord(" ENGINE ENDED ", "stop", 0)]

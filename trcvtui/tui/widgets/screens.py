@@ -1,4 +1,4 @@
-"""What the screens that fill the terminal have in common: header, keys, help, answers, the palette."""
+"""The base of the screens that fill the terminal: header, keys, help, answers, the palette."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, Keys, OutcomeLine
 
 Result = TypeVar("Result")
 TABS_CLASS: Final = "-tabs"  # of a screen that is too small for all of its panes
-PaletteCommand = tuple[str, str, str]  # of the palette: title, what is to be known of it, action
+PaletteCommand = tuple[str, str, str]  # title, description, action
 
 
 class FullScreen(Screen[Result], Generic[Result]):
@@ -35,13 +35,13 @@ class FullScreen(Screen[Result], Generic[Result]):
         await self.run_action(message.action)
 
     def action_help(self) -> None:
-        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+        from trcvtui.tui.widgets.help import HelpScreen  # imported on first use
 
         self.app.push_screen(HelpScreen(self._view_model, self.focused))
 
 
 class SideScreen(FullScreen[Result], Generic[Result]):
-    """A screen beside the bench, with an outcome line: it says lines to the engine and hears the answers.
+    """A screen beside the bench, with an outcome line: it sends lines to the engine and shows the answers.
 
     Below `LEAST_SIZE`, columns and rows, it has the class `-tabs`: one pane at a time.
     """
@@ -70,7 +70,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.call_after_refresh(self.show)
 
     def send(self, line: str) -> bool:
-        """Say a line to the engine and wait for its answer; False: this screen may not say it."""
+        """Send a line to the engine and await its answer; False: this screen may not send it."""
         number = self._say(line)
         if number is not None:
             self._asked.add(number)

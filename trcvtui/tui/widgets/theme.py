@@ -1,4 +1,4 @@
-"""The looks of the bench: a calm dark one (the default), its light twin, one of the terminal's 16 colours."""
+"""The themes of the bench: a calm dark one (the default), a light one, one of the terminal's 16 colours."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textual.color import Color
 from textual.theme import BUILTIN_THEMES, Theme
 from textual.widget import Widget
 
-# Textual's partial style forgets transparency and `auto` colours. Here both are blended over the background
+# Textual's partial style ignores transparency and `auto` colours. Here both are blended over the background
 # of the row: a dimmed word stays dimmed on a cursor. Native 16 colours cannot blend: there, pale is `dim`.
 # The classes belong to the app: those of a screen or a pane would be computed again whenever it is styled.
 
@@ -30,7 +30,7 @@ PALE_ALPHA: Final = 0.75
 
 
 def component_class(name: str) -> str:
-    """Return the component class of a style; its rule stands in styles.tcss."""
+    """Return the component class of a style; its rule is in styles.tcss."""
     return f"bench--{name}"
 
 
@@ -64,7 +64,7 @@ def _or_default(background: Color) -> RichColor | None:
 
 
 def _variables(muted: int, pale: int, borders: tuple[str, str], bars: tuple[str, str, str]) -> dict[str, str]:
-    """Return the colours that are not Textual's own mixtures."""
+    """Return the colours that Textual would mix otherwise."""
     backs = ("background", "background-hover", "background-active", "corner-color")
     return {
         "text-muted": f"auto {muted}%",
@@ -157,7 +157,7 @@ CONTRASTS: Final = {
 
 
 def readable_colours(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
-    """Return those colours of a theme of Textual that change here, so that words and frames are seen."""
+    """Return the colours of a Textual theme that must change, so that words and frames are seen."""
     if theme in OWN_THEMES.values():
         return {}
     if theme.ansi:

@@ -1,9 +1,8 @@
-"""Keys in the order in which they were typed, each obeyed before the next one is looked at, on every screen.
+"""Keys act in the order in which you type them, each before the next one is read, on every screen.
 
 Textual hands a key to the widget that has the focus when the key arrives, and that widget's queue
-hands it on. A letter acts in that queue, but Backspace, enter and tab only when they have gone all the way
-up: they are overtaken by what was typed after them. Here a key acts at once, and a screen that was just
-opened is waited for.
+hands it on. A letter acts in that queue, but Backspace, enter and tab only after they have passed all the way
+up: keys typed after them overtake them. Here a key acts at once, and waits for a screen that is just opening.
 
 Rule: whatever takes text is a TypedField, or a screen that is a LetterReceiver; nothing else reads letters.
 """
@@ -28,13 +27,13 @@ from trcvtui.udt.byte_text import SearchPatterns, parse_search
 
 
 class TypedField(Input):
-    """One line to type into, without a frame. Nothing is selected when it gets the focus: that comes late."""
+    """One line to type into, without a frame. Focus selects nothing: Textual would select too late."""
 
     def __init__(self, value: str = "", **settings: Any) -> None:
         super().__init__(value=value, compact=True, select_on_focus=False, **settings)
 
     async def action_submit(self) -> None:
-        """Take what stands there now: a key typed after enter is not part of it."""
+        """Take the text now: a key typed after enter is not part of it."""
         raise NotImplementedError
 
     def convert_paste(self, text: str) -> str:
@@ -42,7 +41,7 @@ class TypedField(Input):
         return text.splitlines()[0]
 
     async def handle_change(self) -> None:
-        """Do what must be done about a change before the next key, such as laying out other fields."""
+        """Handle a change before the next key, such as by other fields."""
 
 
 @runtime_checkable
@@ -56,8 +55,8 @@ class LetterReceiver(Protocol):
 async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool:
     """Type the key into the field that has the focus, or do what it is bound to; False: neither."""
     app.app_focus = True
-    stands: asyncio.Event = app.screen._mounted_event
-    await stands.wait()  # opened by the key before: its fields are there with this
+    mounted: asyncio.Event = app.screen._mounted_event
+    await mounted.wait()  # the key before may have opened the screen: now its fields exist
     field = app.focused
     if not isinstance(field, TypedField):
         return await _run_key_action(app, event)
@@ -86,7 +85,7 @@ async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> b
 
 
 class TypedLine(Horizontal):
-    """A sign and a field, there while it is open; `back` has the focus after it closes."""
+    """A sign and a field, shown while open; `back` gets the focus when it closes."""
 
     DEFAULT_CSS = """
     TypedLine { height: 1; display: none; background: $panel; padding: 0 1; }
@@ -115,7 +114,7 @@ class TypedLine(Horizontal):
 
 
 class LineInput(TypedField):
-    """Enter takes it by `take`, escape leaves it by `leave`."""
+    """Enter calls `take`, escape calls `leave`."""
 
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
@@ -151,7 +150,7 @@ class CommandLine(TypedLine):
 
 
 class FilterInput(LineInput):
-    """The words of the filter; up and down go on moving in the list."""
+    """The words of the filter; up and down still move in the list."""
 
     BINDINGS: ClassVar = [Binding("up", "list(-1)", show=False), Binding("down", "list(1)", show=False)]
 
@@ -164,7 +163,7 @@ class FilterInput(LineInput):
 
 
 class FilterLine(TypedLine):
-    """The filter of a list: it acts while it is typed, enter keeps it, escape drops it."""
+    """The filter of a list: it acts as you type, enter keeps it, escape drops it."""
 
     def __init__(
         self,
@@ -177,7 +176,7 @@ class FilterLine(TypedLine):
         self._taken, self._narrow, self.move = taken, narrow, move
 
     def open(self) -> None:
-        """Begin with the words that were left; they act again."""
+        """Begin with the last words; they act again."""
         self.open_field()
         self._narrow(self._input.value)
 
@@ -212,7 +211,7 @@ class Jump(NamedTuple):
 
 
 def parse_jump(text: str) -> Jump:
-    """Return where `@offset` or `#job` leads; raise UserError where no number stands there."""
+    """Return where `@offset` or `#job` leads; raise UserError without a number."""
     try:
         number = int(text[1:].strip().replace("16#", "0x"), 0)
         if 0 <= number < 1 << 62:
@@ -228,9 +227,9 @@ class FindInput(LineInput):
 
 
 class FindLine(Horizontal):
-    """Closed it takes no room; `find` is called when enter takes it, `left` when it closes.
+    """Closed it takes no room; enter calls `find`, and each end `refocus`.
 
-    `tell` is told what is wrong with it as it is typed: here a mistake would be cut.
+    `complain` gets its mistake as you type: in this line it would be cut.
     """
 
     DEFAULT_CSS = """
@@ -240,9 +239,11 @@ class FindLine(Horizontal):
     FindLine #find-about { width: auto; max-width: 60%; color: $text-muted; padding: 0 1; }
     """
 
-    def __init__(self, find: Callable[[], None], left: Callable[[], None], tell: Callable[[str], None]):
+    def __init__(
+        self, find: Callable[[], None], refocus: Callable[[], None], complain: Callable[[str], None]
+    ):
         super().__init__(id="find-line")
-        self._find, self._left, self._tell = find, left, tell
+        self._find, self._refocus, self._complain = find, refocus, complain
         self._field = FindInput(self.submit, self.close, placeholder=FIND_HINT)
         self._about = Static("", id="find-about", markup=False)
 
@@ -255,8 +256,8 @@ class FindLine(Horizontal):
         self._field.action_select_all()
 
     def close(self) -> None:
-        self._left()
-        self._tell("")
+        self._refocus()
+        self._complain("")
         self.display = False
 
     def on_input_changed(self) -> None:
@@ -264,16 +265,16 @@ class FindLine(Horizontal):
 
     def _show_check(self) -> None:
         text = self._field.value.strip()
-        asked = self._read(text) if text else ""
-        wrong, about = (asked, "") if isinstance(asked, str) else ("", asked.about)
+        target = self._read(text) if text else ""
+        wrong, about = (target, "") if isinstance(target, str) else ("", target.about)
         self._about.update(Content(plain(about)))
-        self._tell(wrong)
+        self._complain(wrong)
 
     @property
     def target(self) -> SearchPatterns | Jump | None:
-        """Return what stands there to be looked for, also after the line was left with escape."""
-        asked = self._read(self._field.value.strip())
-        return asked if not isinstance(asked, str) else None
+        """Return what to search for, also after escape."""
+        target = self._read(self._field.value.strip())
+        return target if not isinstance(target, str) else None
 
     def _read(self, text: str) -> SearchPatterns | Jump | str:
         try:
@@ -282,7 +283,7 @@ class FindLine(Horizontal):
             return f"✗ {wrong.lines()[0]}"
 
     def submit(self) -> None:
-        """Look for it; what cannot be looked for stays open with its mistake."""
+        """Search; with a mistake, stay open and show it."""
         if self.target is not None:
             self.close()
             self._find()

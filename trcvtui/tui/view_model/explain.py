@@ -22,7 +22,7 @@ NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]") 
 
 
 def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
-    """Return the evidence of a STATUS: what happened, call and error, whose it was, whether it was injected."""
+    """Return the evidence of a STATUS: what happened, call and error, whose, and whether injected."""
     return "expected: " * shown.cause.is_expected + describe_cause(shown.cause, shown.block)
 
 

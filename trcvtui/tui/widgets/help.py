@@ -20,11 +20,11 @@ RESERVED: Final = frozenset("hjkqgbpvy")
 
 GLOBAL_KEYS: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
-    ("tab, shift+tab", "next, previous pane or field; in a form ↑ ↓, too, where a field has no list"),
+    ("tab, shift+tab", "next, previous pane or field; in a form also ↑ ↓, unless a field has a list"),
     ("M or \\", "the pane alone on the screen, and back"),
-    ("space", "hold the scans, let them go on (the network goes on)"),
-    (".", "one single scan while holding"),
-    ("F", "freeze the view while the PLC runs on; its keys still act; again: live"),
+    ("space", "hold the scans, or resume them (the network keeps running)"),
+    (".", "one scan while the scans are held"),
+    ("F", "freeze the view while the PLC runs; keys still act; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
@@ -37,20 +37,20 @@ GLOBAL_KEYS: Final = (
     ("K", "mark: a saved scenario begins here"),
     (
         "A",
-        "add an instance (with CONNECT, DATA of its own), connection, DATA, UDT file, peer; it is selected",
+        "add an instance (with its CONNECT and DATA), connection, DATA, UDT file, peer; it is selected",
     ),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
-    ("ctrl+z", "undo: takes the newest add, change or remove back"),
-    ("ctrl+s", "`save project`: what was added, changed and removed, into its file"),
+    ("ctrl+z", "undo the newest add, change or remove"),
+    ("ctrl+s", "`save project`: write what was added, changed and removed to its file"),
     ("P", "save a picture of the screen as SVG; the prompt shows where"),
-    ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
+    ("ctrl+c", "copy the text selected with the mouse; F first, if it changes"),
     ("? or F1", "this help"),
     (
         "other keys",
-        "a key of one pane alone works everywhere if it changes nothing; else go to the pane first",
+        "a key that only one pane has works everywhere, if it changes nothing; else go to the pane first",
     ),
     ("esc", "leave a field, close the prompt, back to now"),
-    ("R", "record the run, end that recording; start an ended engine anew"),
+    ("R", "start or end a recording; restart an engine that has ended"),
     ("q or ctrl+q", "quit"),
 )
 MOVES: Final = ("↑ ↓ j k, g G", "in a list, page up and down, too; home and end: the first row, the last one")
@@ -69,11 +69,14 @@ BLOCK_KEYS: Final = (
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     MOVES,
 )
-STATUS: Final = ("enter", "type what `do` says, if that was tried or needs no trial; so does a click on `do`")
+STATUS: Final = (
+    "enter",
+    "open the prompt with what `do` says, if it was tried or needs no trial; or click on `do`",
+)
 HISTORY_KEYS: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
-    ("n N", "the edge before, after to the code of /, until esc; without /: as !, and back"),
+    ("n N", "the edge before, the next one with the code of /, until esc; without /: with an ERROR"),
     ("!", "the ERROR before"),
 )
 RECEIVED_KEYS: Final = (
@@ -83,7 +86,7 @@ RECEIVED_KEYS: Final = (
     ("/", 'find hex, else a text ("29" too), =number in either byte order; @offset, #job; esc: no marks'),
     ("n N", "after /: the next hit, the hit before, until another pane is chosen; without: as ] and ["),
     ("[ ]", "the DONE before, the next one"),
-    ("d u", "the job before, or the marked message, where it differs; fewer rulers"),
+    ("d u", "what differs from the job before, or from the marked message; fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),
 )
 TABLE_KEYS: Final = (
@@ -94,13 +97,13 @@ TABLE_KEYS: Final = (
 MEMBER_KEYS: Final = (
     ("enter", "the curve: the member over time"),
     ("v", "members of DATA, or of what the running job has collected so far"),
-    ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
+    ("V", "view DATA as the sender's: in the layout that fits the bytes; again: as the PLC's own"),
 )
 CURVE_KEYS: Final = (
     ("enter", "in the members, or a click on the small curve behind a number; esc leaves"),
     ("+ -", "less, more time in view"),
     ("← →, home end", "back and forth in time; the first message; follow the newest again"),
-    ("p", "another number of the type on the same time axis, with an axis of its own; after the last none"),
+    ("p", "add another number of the type, with its own axis, on the same time; after the last: none"),
 )
 TIMING_KEYS: Final = (
     ("← → h l, shift", "scan by scan; edge by edge of any pin"),
@@ -112,42 +115,42 @@ TIMING_KEYS: Final = (
     ("o", "the other instances of this CONNECT, too"),
     ("e", "write a VCD (GTKWave, PulseView)"),
 )
-PEER_COMMAND_KEYS: Final = (  # its commands go out, or the prompt opens with them
+PEER_COMMAND_KEYS: Final = (  # each sends its command, or opens the prompt with it
     ("c s f", "connect or listen; send the message; FIN (UDP: close)"),
     ("r h z", "RST; half-close: the peer still receives; stall: it stops reading, then reads again"),
     ("l u", "silence the wire, without FIN or RST; let a kernel call fail, or clear such faults"),
-    ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
+    ("b", "self-checking traffic with number and CRC: counts lost, doubled, shifted frames; off"),
     ("e", "try every split of the message, as a table; y copies it"),
     ("a d", "add a reply rule; remove all of them"),
 )
 PEER_KEYS: Final = (
     *PEER_COMMAND_KEYS,
-    ("i, m", "edit the payload; the next way of hex, text, udt, and edit it; enter there: send it"),
-    ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
-    ("o w p", "a UDT as a form; the message under a name into the library; pick one of the library"),
+    ("i, m", "edit the payload; edit it in the next mode of hex, text, udt; enter there sends it"),
+    ("x, ← → space + -", "the bytes of the message: place a cut, make its pause longer or shorter"),
+    ("o w p", "a UDT as a form; save the message in the library under a name; pick one from it"),
     ("← → enter", "walk the buttons, press one"),
     ("A", "add a peer"),
 )
 FEED_KEYS: Final = (
     ("enter i", "type bytes for the simulated line"),
-    ("s → ← b", "the same again; byte by byte; from the first byte; the cable pulled"),
+    ("s → ← b", "feed the same again; the next byte; back to the first byte; pull the cable"),
 )
 LINE_KEYS: Final = (
     ("↑ ↓", "choose a conversation and one of its directions"),
-    ("h", "tap: hold this direction, let it go; the header says for how long it has been held"),
+    ("h", "tap: hold this direction, or release it; the header shows for how long it is held"),
     ("e i d y s r f", "tap: the prompt opens with the bench command; enter sends it (--armed: r, f act)"),
     ("w", "mirror port: shadows for a conversation that has none"),
-    ("q", "tap: ends it; where connections are open it asks: c cuts them, d leaves the screen alone"),
+    ("q", "tap: end it; with open connections it asks: c cuts them, d closes only the screen"),
 )
 SCENARIO_KEYS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
     ("k", "simulated network or real sockets, for the next one that is loaded"),
     ("enter", "load it: a new bench replaces the present one"),
     ("n or space", "the next step; during a run: stop after the running one"),
-    ("r", "all steps that are left; simulated ones as fast as they go"),
-    ("5 6 7", "STATUS, history, timing of what plays"),
-    ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
-    ("esc or q", "leave: the project that was open starts anew"),
+    ("r", "all remaining steps; simulated ones at full speed"),
+    ("5 6 7", "STATUS, history, timing of the scenario"),
+    ("v", "all panes of the bench, with the scenario; S goes back to its steps"),
+    ("esc or q", "leave: your project starts again"),
 )
 LAB_KEYS: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
@@ -162,22 +165,22 @@ LAB_KEYS: Final = (
     ("y", "yank what the pane shows: clipboard, and always a file"),
     ("O X", "open a type file; hex to look at (typed or pasted)"),
     ("C w", "constants that no file declares; problems in the type files"),
-    ("R u", "DATA: take its changed type (udt reload, then resize); use the type looked at for it"),
+    ("R u", "DATA: take its changed type (udt reload, then resize); use the shown type for it"),
     (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
     ("esc or q", "back to the bench; files that change are read again while the lab is open"),
 )
 TIME_LINE_KEYS: Final = (
-    ("← → or ,", "one scan back, one on; with shift an edge of the selected instance"),
-    ("!", 'the next ERROR of any instance, or finding of the doctor; " or @: the one before'),
+    ("← → or ,", "one scan back, one forward; with shift one edge of the selected instance"),
+    ("!", 'the next ERROR of any instance or finding of the doctor; " or @: the one before'),
     ("g", "in each pane: go to a time or a scan: at T#12m3s, at scan 1062; home, end: the first, the last"),
-    ("space", "play, stop; . is one scan on"),
+    ("space", "play, stop; . is one scan forward"),
     ("+ -", "faster, slower: 0.1x to the fastest"),
     ("T", "the next scan in which a trigger fires"),
-    ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they part"),
-    ("9 or esc", "give the time line its keys; the pane with the focus keeps the others"),
+    ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they differ first"),
+    ("9 or esc", "give the time line its keys; the pane with the focus keeps all others"),
 )
 KeyTable = tuple[tuple[str, str], ...]
-# All keys by pane: a title, the ids of what has the focus there, and the rows.
+# All keys by pane: a title, the ids of the widgets that can have the focus there, and the rows.
 HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
     ("Everywhere", (), GLOBAL_KEYS),
     ("Panes 1 to 3: pins", (), PINS),
@@ -221,7 +224,7 @@ SIGNS: Final = (
 
 
 def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) -> list[Row]:
-    """Return a table of keys; `names`: of those that the user has changed."""
+    """Return a table of keys; `names`: of keys that the user has changed."""
     rows = [row((title, "strong"))]
     for shown, what in table:
         key = names.get(shown.split(" or ")[0], shown)
@@ -232,7 +235,7 @@ def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) 
 
 
 def help_rows(view_model: ViewModel, focused: Widget | None, app: App[None], width: int) -> list[Row]:
-    """Return what is wrong with the settings, the keys, and the STATUS table of the dialect."""
+    """Return the mistakes in the settings, then the keys, then the STATUS table of the dialect."""
     rows: list[Row] = []
     names: dict[str, str] = getattr(app, "key_names", {})
     for problem in getattr(app, "problems", ()):
@@ -271,7 +274,7 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     title = next((title for id in around for title, ids, _ in HELP_SECTIONS if id in ids), None)
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
-    if table is BLOCK_KEYS and here:  # the pane tells the letters of its own pins
+    if table is BLOCK_KEYS and here:  # the pane lists the letters of its own pins
         sections = [section for section in sections if section[1] is not PINS]
     if not here and not table:
         return sections

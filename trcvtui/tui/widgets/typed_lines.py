@@ -227,7 +227,7 @@ class FindInput(LineInput):
 
 
 class FindLine(Horizontal):
-    """Closed it takes no room; enter calls `find`, and each end `refocus`.
+    """Takes no room while closed; enter calls `find`, closing calls `refocus`.
 
     `complain` gets its mistake as you type: in this line it would be cut.
     """

@@ -215,7 +215,7 @@ def add_doctor(parser: CommandParser) -> None:
 def _doctor(args: Args) -> int:
     from trcvtui.diagnosis.doctor import DoctorQuestion, judge_project, run_doctor
 
-    sets = tuple(args.set) if args.project is None else ()
+    sets = tuple(args.set) if args.project is None else ()  # else they change the project
     question = DoctorQuestion(args.plc, _receivers(args), partial(_read_recorded_facts, sets))
     projects = [Path(file) for file in args.files if file.endswith(".toml")]
     lints = [judge_project(load_bench(path, args.set)) for path in projects]

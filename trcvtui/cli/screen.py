@@ -33,7 +33,7 @@ def open_screen(
         from trcvtui.bench.bench import enter_own_network
 
         enter_own_network(kernel)  # before the screen, so that you see the error
-    if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
+    if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):  # of `serve`
         load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _ensure_project(path):

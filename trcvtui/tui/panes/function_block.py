@@ -165,7 +165,7 @@ def wired_value(pin: str, instance: InstanceSnapshot) -> str:
 
 
 def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
-    """Return the bytes of a prefix or suffix pin, None where the pointer is 0."""
+    """Return the bytes of a prefix or suffix pin, None if the pointer is 0."""
     if framer is None:
         return None
     return framer.prefix if pin.endswith("Prefix") else framer.suffix
@@ -253,7 +253,7 @@ class FunctionBlock(LineView):
         super().show()
 
     def _describe_task(self, instance: InstanceSnapshot) -> str:
-        """Return the task of an instance where there are several: ` · SLOW T#40ms priority 2`."""
+        """Return the task of an instance if there are several: ` · SLOW T#40ms priority 2`."""
         task = self._view_model.project.task(instance.task)
         if task is None or len(self._view_model.project.tasks) < 2:
             return ""
@@ -449,7 +449,6 @@ class FunctionBlock(LineView):
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
 
     def letter_of(self, name: str) -> str:
-        """Return the letter of an input, "" if it has none."""
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:

@@ -249,6 +249,7 @@ class MessageLines(LineView):
 
         self._typed, self._wrong = text.strip(), ""
         project, selected = self._view_model.project, self._view_model.selected
+        # Without an instance (yet) the text is kept, and lets all through.
         has_filter = self._typed and project.instance(selected) is not None
         try:
             self._passes = read_filter(self._typed, project, selected) if has_filter else all_pass

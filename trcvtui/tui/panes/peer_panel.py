@@ -39,7 +39,7 @@ STATE_STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
 
 
 class PeerList(LineView):
-    """The cursor is the peer that the composer and the buttons command."""
+    """The cursor is the peer that the composer and the buttons act on."""
 
     KEYS: ClassVar = (
         ("s", "send"), ("i", "edit"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"),
@@ -399,7 +399,7 @@ class PeerPanel(Vertical):
             self._actions.complain(f"{letter} does nothing: {self._view_model.peer} has no such button now")
 
     def action_mode(self) -> None:
-        """Change to the next payload mode, and type into the payload."""
+        """Change to the next payload mode, and focus the payload."""
         if not self.lacks_peer():
             self.composer.next_mode()
             self.composer.focus_payload()

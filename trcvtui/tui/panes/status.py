@@ -145,7 +145,7 @@ class StatusHistory(LineView):
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
         found = [y for y, edge in edges if isinstance(edge, StatusEdge) and holds(edge.outputs)]
         if found:
-            self._choose(next((y for y in found if (y - here) * step > 0), found[0]))
+            self._choose(next((y for y in found if (y - here) * step > 0), found[0]))  # in a circle
         else:
             self._actions.complain(f"no {what} in the known history of {self._view_model.selected}")
 

@@ -126,6 +126,7 @@ class UdtTable(LineView):
 
     def row_at(self, y: int) -> Row:
         if not self._page[0] <= y < self._page[1] or self._view_model.declaration is not self._declared:
+            # Scrolled, or another instance is selected, since `show`.
             self._decode(self._view_model.declaration)
         index = y - self._page[0]
         if not 0 <= index < len(self._leaves):

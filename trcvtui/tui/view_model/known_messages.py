@@ -60,7 +60,7 @@ class KnownMessages:
     def accept_rows(self, news: MessagesDelta | None, until: int) -> None:
         """Add the next rows, for a frozen view those up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
-            return
+            return  # of another instance, or late
         self.count, self.share, self.are_typed = news.count, news.share, news.are_typed
         self.gaps, self.errors = news.gaps, news.errors
         self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count

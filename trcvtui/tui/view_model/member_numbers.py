@@ -44,7 +44,7 @@ class MemberNumbers:
         """Return the numbers before message `stop`, the newest last."""
         first = max(known.first, stop - self._most)
         low, high = max(first, self.first), min(stop, self.first + len(self.numbers))
-        if low > high:
+        if low > high:  # nothing known is of use
             low = high = first
         kept = self.numbers[low - self.first : high - self.first]
         self.numbers = [*self._decode(known, first, low), *kept, *self._decode(known, high, stop)]

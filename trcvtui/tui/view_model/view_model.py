@@ -79,7 +79,6 @@ class Afterglow:
             self._pulses[name, lamp] = PinPulse(scan, t_ns, status or 0, length)
 
     def glow(self, instance: str, lamp: str, t_ns: int) -> PinPulse | None:
-        """Return the pulse that still glows at `t_ns`, else None."""
         pulse = self._pulses.get((instance, lamp))
         return pulse if pulse is not None and t_ns - pulse.t_ns < GLOW_NS else None
 
@@ -174,7 +173,7 @@ class ViewModel:
             return
         if picture.bench != self.bench:
             self._reset(picture.bench)
-        if picture.fired is not None:
+        if picture.fired is not None:  # the picture of the trigger's scan, not the newest one
             self.is_frozen, self.fired, self.picture = True, picture.fired, picture
         if picture.project is not None:
             self._accept_project(picture.project)
@@ -189,7 +188,9 @@ class ViewModel:
 
     def _is_early_picture(self, picture: BenchUpdate) -> bool:
         self._thawing -= 1 if self._thawing else 0
-        return bool(self._thawing and picture.lines_skipped)
+        return bool(
+            self._thawing and picture.lines_skipped
+        )  # requested while frozen: the next has more lines
 
     def _show_picture(self, picture: BenchUpdate) -> None:
         self.picture, self._thawing = picture, 0
@@ -318,7 +319,6 @@ class ViewModel:
 
     @property
     def frozen_at(self) -> int | None:
-        """Return the scan that a frozen view shows, None if it is live."""
         return self.picture.snapshot.scan if self.is_frozen and self.picture else None
 
     @property

@@ -16,7 +16,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
 PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
-RESERVED: Final = frozenset("hjkqgbpvy")
+RESERVED: Final = frozenset("hjkqgbpvy")  # keys of panes and screens, never of a pin
 
 GLOBAL_KEYS: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
@@ -69,14 +69,11 @@ BLOCK_KEYS: Final = (
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     MOVES,
 )
-STATUS: Final = (
-    "enter",
-    "open the prompt with what `do` says, if it was tried or needs no trial; or click on `do`",
-)
+STATUS: Final = ("enter", "type what `do` says, if it was tried or needs no trial; or click on `do`")
 HISTORY_KEYS: Final = (
     ("↑ ↓", "explain an edge"),
     ("/", "a code, as in `find 7004`"),
-    ("n N", "the edge before, the next one with the code of /, until esc; without /: with an ERROR"),
+    ("n N", "previous, next edge with the code of /, until esc; without /: with an ERROR"),
     ("!", "the ERROR before"),
 )
 RECEIVED_KEYS: Final = (

@@ -78,7 +78,7 @@ def frame_signs(spans: Sequence[JobSpan]) -> dict[int, str]:
     return found
 
 
-# The character tells the class as well, so that the colour is never the only sign.
+# The character shows the class as well, so that the colour is never the only sign.
 
 NULL, PRINTABLE, SPACE, CONTROL, HIGH = "null", "printable", "space", "control", "high"
 
@@ -140,7 +140,6 @@ class ByteLines(LineView):
 
     @property
     def row_lines(self) -> int:
-        """Return how many lines of the screen a row of bytes takes."""
         return 2 if self.shows_before else 1
 
     def is_hole(self, place: int) -> bool:
@@ -374,7 +373,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or previous match; only with `again` is the cursor's own skipped."""
+        """Go to the next or previous match; forward and not `again`, the cursor's own counts."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))

@@ -142,11 +142,11 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         # A bar that comes or goes lays out the whole screen: half of the cost of a picture.
         bar_stays = len(self._bar_came) == 2 and monotonic() < self._bar_came[0] + BAR_KEPT_S
         if bar_turns and not is_wanted and bar_stays:
-            count = height + 1
+            count = height + 1  # one row more than fits keeps the bar
         elif bar_turns or self.styles.is_auto_height:
             self.virtual_size = Size(0, count)
             return
-        self.set_reactive(LineView.virtual_size, Size(0, count))
+        self.set_reactive(LineView.virtual_size, Size(0, count))  # without a new layout
         if self.show_vertical_scrollbar:
             self.vertical_scrollbar.window_virtual_size = count
         self.scroll_y = self.validate_scroll_y(self.scroll_y)
@@ -175,7 +175,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         if not self._paints:  # Textual asks which character is under the mouse
             return self._strip(self._row_or_empty(number)).apply_offsets(0, number)
         fresh = self._fresh.pop(number, None) or self._row_or_empty(number)
-        if len(self._painted) > 4 * self.size.height + 64:
+        if len(self._painted) > 4 * self.size.height + 64:  # the bound: rows that scrolled away
             self._painted.clear()
         self._painted[number] = fresh
         return self._with_selection(self._strip(fresh), number)

@@ -285,8 +285,6 @@ class HeaderWord(NamedTuple):
 
 
 class WordLine(OneLine):
-    """Words in one line, as many as fit."""
-
     DEFAULT_CSS = "WordLine { background: $panel; padding: 0 1; }"
 
     def line(self) -> Row:
@@ -373,6 +371,7 @@ def _spaced_parts(pieces: list[HeaderWord]) -> list[Part]:
     parts: list[Part] = []
     for before, piece in zip([None, *pieces], pieces, strict=False):
         if before is not None:
+            # A chip has a background of its own, so it needs no dot beside it.
             chip = "ARMED" in piece.text or before.rank == 0 or piece.rank == 0
             parts.append(("  " if chip else " · ", "faint"))
         parts.append((piece.text, piece.style))

@@ -41,7 +41,7 @@ class TypedField(Input):
         return text.splitlines()[0]
 
     async def handle_change(self) -> None:
-        """Handle a change before the next key, such as by other fields."""
+        """React to a change before the next key, such as with other fields."""
 
 
 @runtime_checkable
@@ -203,8 +203,6 @@ _JUMP_SYNTAX: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job suc
 
 
 class Jump(NamedTuple):
-    """A place to go to by its number: an offset, or a job."""
-
     number: int
     is_job: bool
     about: str

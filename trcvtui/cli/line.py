@@ -344,7 +344,7 @@ def _messages(args: Args) -> int:
 COMMANDS = {
     "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch, _watch),
     "tap": ("between two ends: see and change bytes", "2001 192.168.0.10:2000", add_tap, _tap),
-    "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations, _conversations),
+    "conversations": ("which ends talked, and when", "line.pcapng", add_conversations, _conversations),
     "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages, _messages),
     "doctor": ("find what is wrong", "line.pcapng", add_doctor, _doctor),
     "report": ("a report as one HTML page", "line.pcapng --out line.html", add_report, _report),

@@ -119,9 +119,7 @@ class StreamFace(ReceivedFace):
             self.stream.follows = False
         job = self.job_here()
         is_here = job is None or job.is_open or self._has_bytes_of(job)
-        wanted = (
-            job.position if job is not None and not is_here else None
-        )  # the job whose bytes are still to be fetched
+        wanted = job.position if job is not None and not is_here else None  # the job to fetch bytes of
         self._view_model.past_wanted = self.stream.request(instance.connect, wanted)
 
     def _has_bytes_of(self, job: JobSpan) -> bool:

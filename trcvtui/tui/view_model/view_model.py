@@ -188,9 +188,7 @@ class ViewModel:
 
     def _is_early_picture(self, picture: BenchUpdate) -> bool:
         self._thawing -= 1 if self._thawing else 0
-        return bool(
-            self._thawing and picture.lines_skipped
-        )  # requested while frozen: the next has more lines
+        return bool(self._thawing and picture.lines_skipped)  # requested before the thaw: the next has more
 
     def _show_picture(self, picture: BenchUpdate) -> None:
         self.picture, self._thawing = picture, 0

@@ -1,4 +1,4 @@
-"""The only clock of the house: monotonic nanoseconds, UTC, processor time, and sleeping until a deadline."""
+"""The only clock of the program: monotonic nanoseconds, UTC, processor time; sleeping until a deadline."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ NS_PER_S = 1_000_000_000
 
 
 def now_ns() -> int:
-    """Return monotonic nanoseconds."""
     return time.perf_counter_ns()
 
 
 def wall_ns() -> int:
-    """Return the nanoseconds of UTC since 1970."""
+    """Return UTC in nanoseconds since 1970."""
     return time.time_ns()
 
 
 def thread_cpu_ns() -> int:
-    """Return the nanoseconds of processor time that this thread has used: waiting does not count."""
+    """Return the processor time of this thread in nanoseconds, without its waiting."""
     return time.thread_time_ns()
 
 
 def sleep_until(deadline_ns: int) -> None:
     """Sleep until the monotonic deadline; return at once when it has passed."""
-    left = deadline_ns - time.perf_counter_ns()
-    if left > 0:
-        time.sleep(left / NS_PER_S)
+    wait_ns = deadline_ns - time.perf_counter_ns()
+    if wait_ns > 0:
+        time.sleep(wait_ns / NS_PER_S)

@@ -1,4 +1,4 @@
-"""What the user can mend: a mistake in a file or an argument, and where it stands."""
+"""Mistakes that the user can correct: what is wrong in a file or an argument, and where."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MOST_PROBLEMS_SHOWN = 10
 
 
 class Problem(Struct, frozen=True):
-    """One mistake: where it stands, what was found there, what was expected, and of which kind it is.
+    """One mistake: its place, what was found there, what was expected, and its kind.
 
-    `kind`: missing (nothing stands there), surplus (nothing should), unknown (no such name or key), taken
-    (another has that name), file (it cannot be read); value: all else.
+    `kind`: missing (nothing is there), surplus (something is there, nothing was expected), unknown (no such
+    name or key), taken (the name is already used), file (it cannot be read), value (all else).
     """
 
     where: str
@@ -34,18 +34,18 @@ class Problem(Struct, frozen=True):
 
 
 class UserError(Exception):
-    """A mistake the user can mend; carries one or more problems, never a traceback."""
+    """One or more mistakes that the user can correct; shown as lines, never as a traceback."""
 
     def __init__(self, problems: Problem | Iterable[Problem]) -> None:
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(self.lines()))
 
     def __reduce__(self) -> tuple[type[UserError], tuple[tuple[Problem, ...]]]:
-        """Let it cross to another process with its problems."""
+        # The default would pickle the text alone: another process needs the problems.
         return UserError, (self.problems,)
 
     def lines(self) -> list[str]:
-        """Return one line a problem, ten at most, and how many more there are."""
+        """Return one line for each problem, ten at most, then how many more there are."""
         lines = [str(problem) for problem in self.problems[:MOST_PROBLEMS_SHOWN]]
         more = len(self.problems) - MOST_PROBLEMS_SHOWN
         return [*lines, f"and {more} more"] if more > 0 else lines
@@ -56,7 +56,7 @@ def mistake(where: str, found: object, expected: str, kind: str = "value") -> Us
 
 
 def require(module: str, extra: str, where: str, found: str) -> Any:
-    """Return a module of an extra; raise UserError where that is not installed."""
+    """Return a module of an optional extra; raise UserError if the extra is not installed."""
     try:
         return import_module(module)
     except ImportError:
@@ -65,7 +65,7 @@ def require(module: str, extra: str, where: str, found: str) -> Any:
 
 @contextmanager
 def collect_problems(problems: list[Problem]) -> Iterator[None]:
-    """Note what is wrong and go on; what is read inside is given to a name there, never returned."""
+    """Collect the problems of a UserError that the block raises, and continue after the block."""
     try:
         yield
     except UserError as wrong:
@@ -74,7 +74,7 @@ def collect_problems(problems: list[Problem]) -> Iterator[None]:
 
 @contextmanager
 def raise_all_problems() -> Iterator[list[Problem]]:
-    """Give a list for problems; raise UserError with all that are in it at the end."""
+    """Give a list for problems; at the end raise one UserError with all of them."""
     problems: list[Problem] = []
     yield problems
     if problems:
@@ -82,7 +82,7 @@ def raise_all_problems() -> Iterator[list[Problem]]:
 
 
 def one_line(text: str) -> str:
-    """Return text with every control character made visible, so that a message stays one line."""
+    """Return the text with each control character as an escape, so that a message stays one line."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)

@@ -1,9 +1,9 @@
 """The user's files: read whole and bounded; written beside and renamed, so that there is never half a file.
 
 Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
-Rule 2: what fails leaves the old file as it was, and nothing beside it.
-Rule 3: a file that this process has read is not written over, but by who says that it is his own.
-Rule 4: `refuse_files` ends all of it for this process: a screen that is read-only has no file to open.
+Rule 2: a write that fails leaves the old file as it was, and nothing beside it.
+Rule 3: a file that this process has read is not overwritten, unless the caller says that it is its own.
+Rule 4: after `refuse_files` this process opens no file: a read-only screen has none to open.
 Rule 5: inside `read_from` names are looked up in what was read before; no name reaches the disk.
 """
 
@@ -32,14 +32,14 @@ _SPECIAL_FILE_KINDS: Final = (
 )
 _refusal_reasons: list[str] = []  # why no file is opened any more
 _paths_read: set[str] = set()  # the real paths of what has been read
-_read_recorders: list[FilesRead] = []  # who takes note of what is read; the last one does
-_disk_substitutes: list[FilesRead] = []  # what is read in place of the disk: the last one
+_read_recorders: list[FilesRead] = []  # the last one keeps what is read
+_disk_substitutes: list[FilesRead] = []  # the last one is read in place of the disk
 
 
 class FilesRead:
-    """Files as they were read once, by the names that were asked for; in `digests` the SHA-256 alone.
+    """Files as they were read once, by the names in the calls; `digests` has the SHA-256 of a file instead.
 
-    `folder` is the one that relative names began in.
+    Relative names begin in `folder`.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class FilesRead:
         digests: Iterable[tuple[str, str]] = (),
     ) -> None:
         self.folder, self.contents, self.digests = folder or os.getcwd(), dict(contents), dict(digests)
-        self.sink: Callable[[str, bytes | str], None] | None = None  # gets what comes later, or is other now
-        self.on_progress: Callable[[str, float], None] | None = None  # gets the share of a file that is read
+        self.sink: Callable[[str, bytes | str], None] | None = None  # gets each new or changed content
+        self.on_progress: Callable[[str, float], None] | None = None  # gets the part that is read, 0 to 1
 
     def store(self, path: FileName, content: bytes | str) -> None:
-        """Keep a content, or a digest."""
+        """Keep a content (bytes) or a digest (str)."""
         name = os.fspath(path)
         known: bytes | str | None = self.contents.get(name, self.digests.get(name))
         if isinstance(content, bytes):
@@ -64,7 +64,7 @@ class FilesRead:
             self.sink(name, content)
 
     def content(self, path: FileName) -> bytes:
-        """Return a content; raise OSError."""
+        """Return a content; raise FileNotFoundError."""
         try:
             return self.contents[os.fspath(path)]
         except KeyError:
@@ -73,7 +73,7 @@ class FilesRead:
 
 @contextmanager
 def record_reads(files: FilesRead) -> Iterator[None]:
-    """Take note in `files` of each file that this process reads."""
+    """Keep in `files` each file that this process reads."""
     _read_recorders.append(files)
     try:
         yield
@@ -92,7 +92,7 @@ def read_from(files: FilesRead) -> Iterator[None]:
 
 
 def is_disk_replaced() -> bool:
-    """Return whether what is read now was read once before, so that no library may open a file either."""
+    """Return whether `read_from` replaces the disk; then no library may open a file either."""
     return bool(_disk_substitutes)
 
 
@@ -101,19 +101,19 @@ def is_folder(path: FileName) -> bool:
 
 
 def make_folder(path: FileName, key: str) -> None:
-    """Make a folder where it is not there; raise UserError that names `key`."""
+    """Make a folder if it does not exist; raise UserError that names `key`."""
     try:
         os.mkdir(path)
     except FileExistsError:
         if not os.path.isdir(path):
-            raise mistake(f"{key} {path}", "a file", "a folder, or a name that is free") from None
+            raise mistake(f"{key} {path}", "a file", "a folder, or a free name") from None
     except OSError as failed:
-        raise mistake(f"{key} {path}", reason_of(failed), "a folder that can be made") from None
+        raise mistake(f"{key} {path}", reason_of(failed), "a folder that can be created") from None
 
 
 @contextmanager
 def make_folder_or_undo(path: FileName, key: str) -> Iterator[None]:
-    """Make a folder where it is not there; when the block fails, that one goes again if it is empty."""
+    """Make a folder if it does not exist; if the block fails, a new folder that is empty is removed."""
     is_new = not os.path.lexists(path)
     make_folder(path, key)
     try:
@@ -126,12 +126,12 @@ def make_folder_or_undo(path: FileName, key: str) -> Iterator[None]:
 
 
 def absolute_name(path: FileName) -> str:
-    """Return a name that does not depend on the folder that this process is in."""
+    """Return a name that does not depend on the current folder."""
     return os.path.join(_disk_substitutes[-1].folder if _disk_substitutes else os.getcwd(), path)
 
 
 def refuse_files(why: str) -> None:
-    """Refuse each later file of this process with `why`."""
+    """Refuse each later open of a file in this process; `why` is the reason of the error."""
     _refusal_reasons.append(why)
 
 
@@ -142,7 +142,7 @@ def allow_files() -> None:
 def read_bytes(path: FileName, most: int) -> bytes:
     """Return at most `most` + 1 bytes of a regular file; raise OSError or ValueError.
 
-    One byte more than `most` tells the caller that the file is larger.
+    One byte more than `most` means that the file is larger.
     """
     if _disk_substitutes:
         return _disk_substitutes[-1].content(path)[: most + 1]
@@ -154,7 +154,7 @@ def read_bytes(path: FileName, most: int) -> bytes:
 
 
 class _ProgressFile(io.BufferedReader):
-    """A file that tells before each read which share of it has been read."""
+    """A file that reports before each read how much of it is read."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if _read_recorders and (how_far := _read_recorders[-1].on_progress) is not None:
@@ -166,7 +166,7 @@ class _ProgressFile(io.BufferedReader):
 def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
     """Give a regular file to read piece by piece; raise OSError or ValueError."""
     _check_files_allowed()
-    # O_NONBLOCK: the open of a FIFO would wait for its other end.
+    # O_NONBLOCK: without it, opening a FIFO waits for a writer (rule 1).
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with _ProgressFile(io.FileIO(path, opener=lambda *_: handle)) as file:
         _refuse_special_file(os.fstat(handle).st_mode)
@@ -175,7 +175,7 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
 
 
 def check_readable(path: FileName) -> None:
-    """Raise OSError for what `read_bytes` would refuse: before a library opens the file by its name."""
+    """Raise OSError where `read_bytes` would refuse; called before a library opens the file by its name."""
     if _disk_substitutes:
         if os.fspath(path) not in _disk_substitutes[-1].digests:
             _disk_substitutes[-1].content(path)
@@ -195,22 +195,22 @@ def _digest(path: FileName) -> str:
 
 
 def refuse_overwriting_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
-    """Raise UserError when a file that shall be written is one of `inputs`, or was read before."""
-    # By the files and not by kept inode numbers: the number of a file that is gone comes again.
-    others = (*_paths_read, *inputs) if os.path.exists(path) else inputs  # what is not there is none of them
+    """Raise UserError if the file to write is one of `inputs`, or was read before."""
+    # Compared by path: the inode number of a deleted file is used again.
+    others = (*_paths_read, *inputs) if os.path.exists(path) else inputs  # a missing file was not read
     if any(is_same_file(path, each) for each in others):
         raise mistake(where, f"{path}, which is read here", "another name")
 
 
 def reason_of(failed: OSError | ValueError) -> str:
-    """Return why a file could not be read or written, in the system's words."""
+    """Return why a file could not be read or written, as the system says it."""
     return getattr(failed, "strerror", None) or str(failed)
 
 
 def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
-    """Return a new file, 0600, that is written to piece by piece and has no buffer of ours.
+    """Return a new file, mode 0600, unbuffered, to write piece by piece.
 
-    Raise UserError for a name that is taken, unless the file `replaces` it, and where the system refuses.
+    Raise UserError for a name that is taken (unless the file `replaces` it), or if the system refuses.
     """
     try:
         _check_files_allowed()
@@ -227,9 +227,9 @@ def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]
 
 @contextmanager
 def open_private_file() -> Iterator[tuple[int, str]]:
-    """Give a file of this process alone, with the name by which a library opens it: gone after the block.
+    """Give a private file and the name by which a library opens it; it is removed after the block.
 
-    In memory where the system can; else a file, 0600, in the folder for such.
+    It is in memory where the system can do that, else a file, mode 0600, in the folder for temporary files.
     """
     make = getattr(os, "memfd_create", None)
     if make is not None and os.path.isdir("/proc/self/fd"):
@@ -251,10 +251,10 @@ def open_private_file() -> Iterator[tuple[int, str]]:
 def replace_file(
     path: FileName, where: str, is_own: bool = False, is_new: bool = False, mode: int = 0o666
 ) -> Iterator[IO[bytes]]:
-    """Give a file to write; after the block it stands under `path`, on the disk, in one step.
+    """Give a file to write; after the block it replaces `path` on the disk in one step.
 
-    When the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
-    for what is no regular file, with `is_new` for a name that is taken, and where the system refuses.
+    If the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
+    for what is no regular file, with `is_new` for a name that is taken, and if the system refuses.
     """
     try:
         _check_files_allowed()
@@ -272,7 +272,7 @@ def replace_file(
             file.flush()
             os.fsync(file.fileno())
         if not is_own:
-            refuse_overwriting_input(path, where)  # now: what was read while the block ran counts
+            refuse_overwriting_input(path, where)  # rule 3; only now, as the block may have read files
         _keep_mode(whole, beside)
         _put_in_place(beside, whole, is_new)
     except (OSError, ValueError) as failed:
@@ -286,13 +286,13 @@ def replace_file(
 def write_file(
     path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
 ) -> None:
-    """Put this content under a name, as `replacing` does; a text is written in UTF-8 as it is."""
+    """Write this content as `replace_file` does; a text in UTF-8, with its line ends as they are."""
     with replace_file(path, where, is_own, is_new) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 def is_same_file(one: FileName, other: FileName) -> bool:
-    """Return whether two names are one file, by way of links too."""
+    """Return whether two names are one file, also through links."""
     try:
         return os.path.samefile(one, other)
     except (OSError, ValueError):
@@ -315,7 +315,7 @@ def _refuse_target(path: FileName, whole: str, where: str, is_new: bool) -> None
         raise mistake(where, f"{path}, which is there already", "the name of a new file")
     if os.path.exists(whole):
         _refuse_special_file(os.stat(whole).st_mode)
-        if not os.access(whole, os.W_OK):  # a rename would not ask
+        if not os.access(whole, os.W_OK):  # a rename ignores the file's own permission
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
@@ -333,7 +333,7 @@ def _put_in_place(beside: str, whole: str, is_new: bool) -> None:
 
 
 def _link_in_place(beside: str, whole: str) -> None:
-    # A link refuses a name that was taken meanwhile; not every file system has links.
+    # A link fails if the name was taken meanwhile, a rename would not; not every file system has links.
     try:
         os.link(beside, whole)
     except FileExistsError:
@@ -352,7 +352,7 @@ def _sync_folder(folder: str) -> None:
     try:
         os.fsync(handle)
     except OSError:
-        return  # the file stands; some file systems sync no folder
+        return  # the file is in place; some file systems cannot sync a folder
     finally:
         os.close(handle)
 
@@ -361,12 +361,12 @@ def _remove_quietly(path: str) -> None:
     try:
         os.unlink(path)
     except OSError:
-        return  # the reason that is told is the first one
+        return  # the caller reports the first error
 
 
 def _make_write_error(path: FileName, where: str, failed: OSError | ValueError) -> UserError:
     reason = reason_of(failed)
     folder = os.path.dirname(os.path.abspath(path)) if "\0" not in str(path) else ""
     if isinstance(failed, FileNotFoundError) and not os.path.isdir(folder):
-        return mistake(where, f"{path}: no folder {folder}", "a folder that is there")
+        return mistake(where, f"{path}: no folder {folder}", "an existing folder")
     return mistake(where, reason if str(path) in where else f"{path}: {reason}", EXPECTED_WRITABLE)

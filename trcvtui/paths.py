@@ -1,4 +1,4 @@
-"""Where the files are that came with the program: the demo, the examples; an example is found by its name."""
+"""Paths of the demo and the examples that come with the program; an example is found by its name."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ def demo_path() -> Path:
 
 
 def configs_path() -> Path:
-    """Return the folder of the examples that came with the program: beside the source, in a wheel inside."""
+    """Return the folder of the examples: inside the package in a wheel, else beside it in the source."""
     inside = Path(__file__).parent / CONFIGS_FOLDER
     return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS_FOLDER
 
 
 def state_folder() -> Path:
-    """Return where the program keeps what the user gave no name; a service where systemd says."""
-    from platformdirs import user_state_path  # read when first asked for
+    """Return the folder for files that the user did not name; a service's is set by systemd."""
+    from platformdirs import user_state_path  # only when needed: a faster start
 
     given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
     return Path(given) if given else user_state_path("trcvtui", appauthor=False)
 
 
 def runtime_folder() -> Path:
-    """Return where running programs of a user find each other; a service where systemd says."""
-    from tempfile import gettempdir  # read when first asked for
+    """Return the folder where a user's running programs find each other; a service's is set by systemd."""
+    from tempfile import gettempdir  # only when needed: a faster start
 
     given, of_user = os.environ.get("RUNTIME_DIRECTORY", ""), os.environ.get("XDG_RUNTIME_DIR", "")
     if given:
@@ -44,8 +44,8 @@ def runtime_folder() -> Path:
 def resolve_path(text: str) -> Path:
     """Return the file that a word of the command line names; raise UserError for a name of two examples.
 
-    The user's own file comes first. Where there is none, `configs/types/weight.st` and, without folder and
-    suffix, `80c5-partner-closes` are examples that came with the program.
+    The user's own file comes first. If there is none, `configs/types/weight.st` and, without folder and
+    suffix, `80c5-partner-closes` are examples that come with the program.
     """
     path = Path(text)
     if os.path.lexists(path):
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Return each project and story with its first sentence; with a word all that have it, scenarios too."""
+    """Yield each project and story with its first sentence; with a word all that have it, also scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

@@ -1,18 +1,16 @@
-"""Signals that a program leaves to the one at the other end of its pipe, whose end ends it too."""
+"""Signals that a child process ignores: its parent gets them too, and the child ends when the pipe closes."""
 
 import signal
 from typing import Final
 
-# Ctrl+C, Ctrl+\, and a terminal that is closed: sent to all programs of it.
+# Ctrl+C, Ctrl+\ and a closed terminal: the kernel sends them to all processes of the terminal.
 TERMINAL_SIGNALS: Final = ("SIGINT", "SIGQUIT", "SIGHUP")
-GROUP_SIGNALS: Final = (
-    *TERMINAL_SIGNALS,
-    "SIGTERM",
-)  # what `timeout` and a service's end send to all of them, too
+# `timeout` and a service manager send this one to all processes, too.
+GROUP_SIGNALS: Final = (*TERMINAL_SIGNALS, "SIGTERM")
 
 
 def ignore_signals(names: tuple[str, ...]) -> None:
-    """Do nothing when one of these comes; not every system has all of them."""
+    """Ignore these signals; one that the system does not have is left out."""
     for name in names:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -1,6 +1,6 @@
-"""System data types of Siemens, one row a field: for `udt`, and for the bytes of a CONNECT (STEP 7 help).
+"""System data types of Siemens, one row for each field: for `udt` and the bytes of a CONNECT (STEP 7 help).
 
-Rule: names and offsets stand here alone. Where no page shows the offsets, `is_verified` is False.
+Rule: names and offsets are kept only here. Where no page shows the offsets, `is_verified` is False.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class DescriptionField(NamedTuple):
 class Structure(NamedTuple):
     """One system type; `size` in bytes, of which the last `spare` may be missing.
 
-    The first fields may be those of the structure `head`, which are one member, ConnPara, in STEP 7.
+    `head`: the structure whose fields come first; STEP 7 has them as one member, ConnPara.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Structure(NamedTuple):
         return next((field for field in self.fields if field.name == name), None)
 
 
-HANDLE_TYPES: Final = (  # numbers of 16 bits that stand for something of the CPU
+HANDLE_TYPES: Final = (  # numbers of 16 bits, each the handle of an object in the CPU
     *("HW_ANY", "HW_IO", "HW_DEVICE", "HW_SUBMODULE", "HW_INTERFACE", "CONN_OUC", "PORT"),
     *("DB_ANY", "OB_ANY", "EVENT_ANY"),
 )
@@ -70,7 +70,7 @@ _FIELD_TYPES: Final = {
 
 
 def _parse(rows: str) -> tuple[DescriptionField, ...]:
-    """Return fields of offset, name and type."""
+    """Return the fields of rows such as `0 ID CONN_OUC, 2 Port UINT`: offset in bytes, name, type."""
     cells = [row.split(maxsplit=2) for row in rows.split(",")]
     return tuple([DescriptionField(name, int(at), *_FIELD_TYPES[of], of) for at, name, of in cells])
 
@@ -123,7 +123,7 @@ ADDRESSES: Final = _index_by_name(
     Structure("TADDR_RCV_IP", 20, _FROM_FIELDS),
 )
 UNVERIFIED_NOTE: Final = "offsets not verified"
-# Each after those that it has members of.
+# Each one after the structures of its members.
 STRUCTURES: Final = (
     Structure("IP_V4", 4, _parse("0 ADDR ARRAY[1..4] OF BYTE")),
     Structure("TSelector", 2 + LONGEST_SELECTOR, _parse("0 TSelLength UINT, 2 TSel ARRAY[1..32] OF BYTE")),

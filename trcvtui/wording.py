@@ -1,4 +1,4 @@
-"""What sentences say: ages, counts, sizes; tables as text; any value as JSON."""
+"""Ages, counts and sizes in words; tables as text; any value as JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trcvtui.errors import one_line
 
 SIZE_UNITS: Final = {"B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 SECOND: Final = 1_000_000_000
-MOST_IN_SECONDS: Final = 120  # shorter times are told in seconds alone
+MOST_IN_SECONDS: Final = 120  # shorter times are shown in seconds alone
 
 
 # Time in words: a stamp is when, a duration how long, an age how long ago.
@@ -24,7 +24,7 @@ def stamp(ns: int) -> str:
 
 
 def age(ns: int) -> str:
-    """Return how long ago something was, as coarse as a glance needs: `1.2 s`, `99 s`, `12 min`, `3 h`."""
+    """Return how long ago something was, coarse: `1.2 s`, `99 s`, `12 min`, `3 h`."""
     seconds = max(0, ns) / SECOND
     if seconds < 10:
         return f"{int(seconds * 10) / 10:.1f} s"
@@ -71,7 +71,7 @@ def size_text(size: float) -> str:
 
 
 def parse_size(text: str) -> int | None:
-    """Return the bytes of `64KiB`, `32MiB`, None where that is no size."""
+    """Return the bytes of `64KiB` or `32MiB`, None for a text that is no size."""
     found = re.fullmatch(r"(\d{1,9})(B|KiB|MiB|GiB)?", text, re.ASCII)
     return int(found[1]) * SIZE_UNITS[found[2] or "B"] if found else None
 
@@ -84,7 +84,7 @@ def exact_size(size: int) -> str:
 
 def utc_text(ns: int) -> str:
     """Return ns since 1970 as `2000-01-01T00:00:00.000000Z`."""
-    from datetime import UTC, datetime, timedelta  # only who tells of another clock waits for it
+    from datetime import UTC, datetime, timedelta  # few callers need it: a faster start
 
     try:
         moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=ns // 1000)
@@ -94,7 +94,7 @@ def utc_text(ns: int) -> str:
 
 
 def format_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
-    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
+    """Yield rows in columns; `sides` has a letter for each: r right-aligned, l left. Texts are escaped."""
     columns = [_escape_column(column) for column in zip(*rows, strict=True)]
     if not columns:  # no rows
         return iter(())
@@ -109,17 +109,17 @@ def _escape_column(column: tuple[str, ...]) -> tuple[str, ...]:
     return column if "".join(column).isprintable() else tuple(map(one_line, column))
 
 
-# In JSON of ASCII: what stands after `\`, and the code units that are no character by themselves. Strict
-# readers refuse the latter, though JSON has a form for them.
+# In JSON of ASCII: an escaped backslash, a surrogate pair, and (group 1) a lone surrogate. Strict readers
+# refuse a lone one, though JSON has a form for it.
 _SURROGATE: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
 
 
 def json_text(value: object, **form: Any) -> str:
     """Return a value as JSON in ASCII: bytes from a wire stay data. `form` is what `json.dumps` takes.
 
-    A code unit that is no character becomes six characters such as `\\udc00`, as in `one_line`.
+    A lone surrogate is written as six characters such as `\\udc00`, as in `one_line`.
     """
-    import json  # here: most texts need none, and a command line starts faster without
+    import json  # here: a command line starts faster without it
 
-    text = json.dumps(value, **form).replace("\x7f", "\\u007f")  # the one control character that it leaves
+    text = json.dumps(value, **form).replace("\x7f", "\\u007f")  # DEL: `dumps` escapes all others
     return _SURROGATE.sub(lambda found: "\\" * bool(found[1]) + found[0], text) if "\\ud" in text else text

@@ -115,7 +115,7 @@ def test_a_record_has_fields_that_a_description_lacks_and_the_other_way_round() 
 
 def test_what_a_cpu_finds_wrong_in_a_description_is_said_where_nobody_looks_for_it() -> None:
     (_, note) = over(project("s7-1500", {"ID": 5000}), "baosky").notes
-    assert note.startswith("C1: ") and note.endswith(": baosky does not look for that")
+    assert note.startswith("C1: ") and note.endswith(": baosky does not check that")
 
 
 def test_iso_on_tcp_goes_to_another_cpu_with_its_limit_and_not_to_plain_tcp() -> None:

@@ -271,7 +271,7 @@ def test_to_other_vendors_symbolic_means_nothing() -> None:
 def test_instructions_before_3_have_no_adhoc_pin() -> None:
     assert mistake("s7-1200-legacy", INSTANCE) == (
         "b.toml: instance T: ADHOC: found a pin, "
-        "expected another: blocks of s7-1200-legacy have none of that name"
+        "expected another one: blocks of s7-1200-legacy have no pin of that name"
     )
     newer = project("s7-1500", INSTANCE)
     assert "ADHOC" in [pin.name for pin in newer.pins("TRCV_C")]

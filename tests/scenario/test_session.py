@@ -138,7 +138,7 @@ def test_quotes_backslashes_and_odd_names_come_through(driver: LocalDriver, tmp_
         ("save scenario {there}", "{there}, which is there already, expected the name of a new file"),
         ("save scenario {there}.txt", "there.toml.txt', expected a name that ends in .toml"),
         ("save scenario {there}/", "expected the name of a file"),
-        ("save scenario {nowhere}", "/no, expected a folder that is there"),
+        ("save scenario {nowhere}", "/no, expected an existing folder"),
     ],
 )
 def test_a_file_that_cannot_be_written_is_told_in_one_line(

@@ -1,4 +1,4 @@
-"""A CONNECT's description byte for byte, as a person reads it: what the screen shows beside the DB."""
+"""The bytes of a CONNECT's description as readable text: the screen shows it beside the DB."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from trcvtui.project.descriptions import UNSAFE
 from trcvtui.system_types import UNVERIFIED_NOTE
 from trcvtui.udt.literals import quote_text
 
-# Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
+# Rule: the pasted text has exactly these bytes. Bytes that are no whole structure are shown as bytes.
 
 INDENT: Final = "    "
 REMARK: Final = "  // "
 
 
 class Setting(NamedTuple):
-    """One field with its value, `ID := 1`, and what is to say of it."""
+    """One field with its value, `ID := 1`, and a comment on it."""
 
     text: str
     remark: str = ""
 
 
 def declare_connect(config: ConnectConfig, indent: str = "") -> str:
-    """Return a CONNECT that is a description as its declaration; the first line is not indented."""
+    """Return the declaration of a CONNECT with a description; its first line is not indented."""
     assert config.description is not None
     flaw = config.flaw
     if not _is_whole(config.description) or (flaw is not None and flaw.flaw is Flaw.NO_DESCRIPTION):
@@ -46,7 +46,7 @@ def declare_connect(config: ConnectConfig, indent: str = "") -> str:
 
 
 def addr_declaration(addr: AddrParam, indent: str = "") -> str:
-    """Return an ADDR as its declaration: TADDR_Param, or the bytes that it is instead."""
+    """Return the declaration of an ADDR: a TADDR_Param, or bytes that are no whole structure."""
     description = addr.effective_description
     if not _is_whole(description):
         what = f"{len(description.data)} bytes, {description.structure.name} has {description.structure.size}"
@@ -63,20 +63,19 @@ _IP_V4_FORM: Final = "(ADDR := [{}])"
 
 
 def declare(name: str, type_name: str, fields: Sequence[Setting], indent: str = "", remark: str = "") -> str:
-    """Return the declaration of a structure."""
     head = f"{name} : {type_name} := ({REMARK + remark if remark else ''}"
     lines = []
     for number, field in enumerate(fields, 1):
         comma = "," if number < len(fields) else ""
-        said = REMARK + field.remark if field.remark else ""
-        lines.append(f"{indent}{INDENT}{field.text}{comma}{said}")
+        remark_text = REMARK + field.remark if field.remark else ""
+        lines.append(f"{indent}{INDENT}{field.text}{comma}{remark_text}")
     return "\n".join([head, *lines, f"{indent});"])
 
 
 def initial_values(
     description: Description, remarks: Mapping[str, str], address: str = _IP_V4_FORM
 ) -> tuple[Setting, ...]:
-    """Return the fields as the initial values of a DB; `remarks` are by field name."""
+    """Return each field with its initial value in a DB; `remarks` are by field name."""
     return tuple(
         Setting(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
         for field in description.structure.fields
@@ -125,19 +124,19 @@ def _to_array(data: bytes) -> str:
 TLS_TEXT: Final = "TLS"
 TLS_UNCHECKED_TEXT: Final = "TLS NOT CHECKED"
 UNVERIFIED_WARNING: Final = f'the certificate of the partner is not checked: verify = "{UNSAFE}"'
-NO_CLIENT_CHECK_TEXT: Final = "not asked for: any client may come"
+NO_CLIENT_CHECK_TEXT: Final = "not asked for: any client may connect"
 MOST_FILES: Final = 3
 
 
 class Security(NamedTuple):
-    """What a secure CONNECT says of itself; `is_unsafe`: it takes any certificate, and `text` says so."""
+    """How secure a CONNECT is; `is_unsafe`: it accepts any certificate, and `text` says so."""
 
     text: str
     is_unsafe: bool
 
 
 def security_of(config: ConnectConfig | None) -> Security | None:
-    """Return how secure a CONNECT is, None without TLS."""
+    """Return None for a CONNECT without TLS."""
     tls = None if config is None else tls_credentials_of(config.session)
     if tls is None:
         return None
@@ -146,7 +145,7 @@ def security_of(config: ConnectConfig | None) -> Security | None:
 
 
 def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
-    """Return which files the references mean, by field name."""
+    """Return the files of the certificates, by the name of the field that refers to them."""
     session = tls_credentials_of(config.session)
     if session is None:
         return {}
@@ -160,8 +159,8 @@ def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
 
 def _describe_trust(session: Credentials) -> str:
     if session.is_unverified:
-        return "! NOT CHECKED: any certificate is taken"
-    return f"trusts {_short_paths(session.authorities)}" if session.authorities else "trusts nobody"
+        return "! NOT CHECKED: any certificate is accepted"
+    return f"trusts {_short_paths(session.authorities)}" if session.authorities else "trusts none"
 
 
 def _short_paths(paths: Iterable[str]) -> str:
@@ -179,9 +178,9 @@ INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
 
 
 class DescriptionView(NamedTuple):
-    """One description: its structure, what it says in one line, its rows, and what a CPU finds wrong.
+    """One description: its structure, its meaning in one line, its rows, and what a CPU finds wrong.
 
-    `warning`: what the project has switched off.
+    `warning`: a check that the project has switched off.
     """
 
     structure: str
@@ -192,9 +191,9 @@ class DescriptionView(NamedTuple):
 
 
 def description_view(config: ConnectConfig, listens: str = "") -> DescriptionView | None:
-    """Return the view of a CONNECT, None where the dialect has no descriptions.
+    """Return the view of a CONNECT, None if it has no description.
 
-    `listens`: the end where it really listens now, "" while it does not.
+    `listens`: the end where it listens now, "" if it does not.
     """
     description = config.description
     if description is None:

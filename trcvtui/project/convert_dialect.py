@@ -1,7 +1,7 @@
-"""A project in another dialect: the same program, wires and partners, another vendor's answers.
+"""A project in another dialect: the same program, wires and partners with the answers of another vendor.
 
-Rule: nothing is made up. What the other dialect has no place for is left out, and a note says so; a CONNECT
-that it cannot describe at all is refused.
+Rule: nothing is made up. What the other dialect does not have is left out, and a note says so; a CONNECT
+that it cannot describe is refused.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from trcvtui.udt.layout.rules import LayoutRules, rules_for
 
 
 class Translation(NamedTuple):
-    """A project as another dialect has it, and what had to be left out or chosen, one line each."""
+    """A project in another dialect; each note is one line on what is left out or chosen."""
 
     project: Project
     notes: tuple[str, ...]
@@ -50,7 +50,7 @@ def find_dialect(name: str) -> Dialect:
 
 
 def convert_project(project: Project, dialect: Dialect) -> Translation:
-    """Return the project in that dialect; raise UserError when a CONNECT cannot be described in it."""
+    """Return the project in that dialect; raise UserError if it cannot describe a CONNECT."""
     if dialect.name == project.dialect.name:
         return Translation(project, ())
     notes: list[str] = []
@@ -120,7 +120,7 @@ def _convert_pins(decl: InstanceDecl, project: Project, other: Project, notes: l
     pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
     was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
     is_adhoc = inputs.get("ADHOC") or inputs.get("LEN", 0) in project.rules.area.adhoc_lens
-    if was != now and was and now and is_adhoc:
+    if was != now and was and now and is_adhoc:  # ADHOC in one dialect, a LEN (65535) in another
         inputs = {name: value for name, value in inputs.items() if name not in was} | now
     for name in inputs:
         if name not in pins:
@@ -147,7 +147,7 @@ def _convert(
 
 
 def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
-    """Return a CONNECT in a structure that the other dialect takes; what none can say keeps its own."""
+    """Return a CONNECT in a structure that the other dialect takes, else as it is with a flaw."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config
@@ -197,7 +197,7 @@ def _convert_to_plain_tcp(
         local = Endpoint(next(iter(project.sim.addresses), LOOPBACK), local.port)
         notes.append(f"{config.name}: LocalAddress {local.address} is chosen: the description names none")
     if config.flaw is not None:
-        notes.append(f"{config.name}: {config.flaw.text}: {other.dialect.name} does not look for that")
+        notes.append(f"{config.name}: {config.flaw.text}: {other.dialect.name} does not check that")
     return ConnectConfig(
         name=config.name,
         active=config.active,

@@ -1,7 +1,7 @@
-"""CONNECT and ADDR of a dialect with connection descriptions, by field or as the bytes of the DB, and back.
+"""CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
-Rule: refused is only what cannot be typed; what a CPU would find wrong is the block's to show (`flaw`).
-Beside the description stand the bench's own keys, which no CPU has: where this machine takes part.
+Rule: only what has no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
+Besides the description there are keys of the bench, which no CPU has: they say what this machine does.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 def parse_selector(text: str) -> bytes | None:
     """Return a TSAP: `16#E002` and TIA's `E0.02` are bytes, `text:E002` and what cannot be hex are text.
 
-    None: it could be either (`unambiguous_spellings` says how to write each), or it can be no TSAP.
-    `hex E0 02` and `text E0 02` are from older files.
+    A text that could be either is None (see `unambiguous_spellings`), and so is one that is no TSAP.
+    Older files have `hex E0 02` and `text E0 02`.
     """
     if text.startswith(("16#", "hex ")):
         found = try_parse_hex(text[3:].replace(".", " ")) or None
@@ -98,7 +98,7 @@ def _is_ambiguous(text: str) -> bool:
 
 
 def unambiguous_spellings(text: str) -> str:
-    """Return how to write the two things that a text of hex digits can be, "" where it is none."""
+    """Return both unambiguous spellings (hex, text) of a text of hex digits, "" for any other text."""
     if not _is_ambiguous(text) or _TIA_TSAP.fullmatch(text):
         return ""
     digits = "".join(char for char in text if char not in " .").upper()
@@ -117,7 +117,7 @@ def try_parse_hex(text: str) -> bytes | None:
 
 
 def parse_db_bytes(text: str) -> bytes | None:
-    """Return the bytes of a DB; a lone digit is a copy that was cut off, not a byte."""
+    """Return the bytes of a DB, None for a group with an odd digit: that copy was cut off."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
     return None if lone else try_parse_hex(text)
@@ -151,13 +151,13 @@ CERTIFICATE_NUMBER: Final = integer(1, (1 << 32) - 1)
 VERIFY: Final = text_kind(
     f'"{UNSAFE}", or no such key: certificates are verified', lambda text: text if text == UNSAFE else None
 )
-HOST: Final = text_kind("the name or address that the certificate must bear", lambda text: text or None)
+HOST: Final = text_kind("the name or address that the certificate must have", lambda text: text or None)
 TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "server_name", "verify")
 
 
 def make_certificate(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
-    """Return a certificate whose files have been looked at."""
-    from trcvtui.net.layers import tls  # with the TLS library: only a project with certificates waits
+    """Return a certificate; report files that are not usable."""
+    from trcvtui.net.layers import tls  # loads the TLS library: only a project with certificates needs it
 
     found = CertificateDecl(number, absolute_name(base / file), absolute_name(base / key) if key else "")
     if flaw := tls.find_certificate_flaw(found.file, ""):
@@ -180,8 +180,8 @@ def resolve_tls(
 ) -> TlsSettings | DescriptionFlaw:
     """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
-    On the passive end it is the other way round. 0: every certificate that is here to be trusted; of the
-    active end's own: none.
+    On the passive end it is the other way round. 0 as the trusted one: all certificates without a key; 0 as
+    its own: none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if says.is_active else (server, client)
@@ -193,7 +193,7 @@ def resolve_tls(
             kind = "certificate with a key" if needs_key else "certificate"
             return DescriptionFlaw(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
     shows = known.get(own)
-    from trcvtui.net.layers.tls import TlsSettings  # with the TLS library: only a secure one waits
+    from trcvtui.net.layers.tls import TlsSettings  # loads the TLS library: only a secure one needs it
 
     return TlsSettings(
         certificate=shows.file if shows else "",
@@ -216,7 +216,7 @@ def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
 def tls_of_peer(
     values: Mapping[str, Any], table: Table, known: Certificates
 ) -> tuple[TlsSettings, tuple[tuple[str, bool | int | str], ...]]:
-    """Return what a peer's table says of TLS: as settings, and as its keys."""
+    """Return the TLS of a peer's table: as settings, and as its keys."""
     own, authority = [_look_up(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
         table.report("certificate", f"{own.number}, which has no key", "one with a key")
@@ -237,8 +237,8 @@ def tls_of_peer(
 
 def _look_up(table: Table, key: str, number: int | None, known: Certificates) -> CertificateDecl | None:
     if number is not None and number not in known:
-        numbers = ", ".join(map(str, known)) or "of a [[certificate]]"
-        table.report(key, quote(number), f"a number {numbers}" if known else f"the number {numbers}")
+        numbers = ", ".join(map(str, known))
+        table.report(key, quote(number), "the number of a [[certificate]]" + f": {numbers}" * bool(known))
     return None if number is None else known.get(number)
 
 
@@ -247,12 +247,12 @@ _ADDR_FIELDS: Final = ("rem_ip_addr", "rem_port_nr", "reserved")
 
 
 def is_structure(table: Table) -> bool:
-    """Return whether a table says ADDR as a structure; RemoteAddress and RemotePort alone do not."""
+    """Return whether a table has a key of a structure; RemoteAddress and RemotePort are none."""
     return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
 
 
 def read_addr_structure(table: Table) -> dict[str, Any] | None:
-    """Return what a structure says of an ADDR, None where it cannot be read."""
+    """Return the arguments of an ADDR from a structure, None if it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
         table.add_unknown_name("type", type_name, ADDRESSES, "structure")
@@ -266,10 +266,10 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     port = table.read("RemotePort", UDP_PORT_OR_NAME) if table.has("bytes") else None
     if found is None:
         return None
-    description, said = found
-    is_param = description.structure == TADDR_PARAM  # a TADDR_RCV_IP is for a receiver to write
+    description, given_port = found
+    is_param = description.structure == TADDR_PARAM  # a receiver writes TADDR_RCV_IP: it names no partner
     address = description.text("rem_ip_addr") if is_param else ANY_ADDRESS
-    port = said if port is None else port
+    port = given_port if port is None else port
     port = description.number("rem_port_nr") if port is None else port
     return {"remote_address": address, "remote_port": port, "description": description}
 
@@ -312,7 +312,7 @@ def _bytes_of(size: int) -> Callable[[str], bytes | None]:
 
 
 REFERENCE: Final = text_kind(
-    "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
+    "@NAME of a peer or CONNECT: the bytes set the rest", lambda text: text if parse_reference(text) else None
 )
 NO_SERVER: Final = "none"
 DNS_ANSWER: Final = text_kind(
@@ -348,12 +348,12 @@ def _field_kind(field: DescriptionField) -> Kind[Any]:
 
 
 class WrittenDescription(Struct, frozen=True):
-    """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
+    """A description as in the file; `reference` is a RemotePort `@NAME`."""
 
     description: Description
     reference: str | None = None
     flaw: DescriptionFlaw | None = None
-    is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 takes a free port, as in any dialect
+    is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 is a free port, as in any dialect
 
 
 class BenchKeys(Struct, frozen=True):
@@ -366,7 +366,7 @@ class BenchKeys(Struct, frozen=True):
 
 
 def check_bench_keys(table: Table, description: Description) -> None:
-    """Refuse a key of the bench that would have no effect here."""
+    """Report a key of the bench that has no effect with this description."""
     says = read_spec(description)
     iso_port, is_iso = table.text("IsoPort"), says.protocol is Transport.ISO
     may_be_iso = is_iso or (says.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
@@ -389,7 +389,7 @@ def check_bench_keys(table: Table, description: Description) -> None:
 
 
 def read_description(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
-    """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
+    """Return the description of a table, by its fields or as bytes; `number` is the default of its ID."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.add_unknown_name("type", type_name, CONNECTIONS, "structure")
@@ -406,7 +406,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
-    """Return the structure of a CONNECT that names none: what its fields belong to."""
+    """Return the structure of a CONNECT without `type`: the first one that has one of its fields."""
     own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
     return own[0] if own else DEFAULT_TYPE
 
@@ -431,7 +431,7 @@ def _read_fields(table: Table, structure: Structure, number: int, is_plain: bool
     port = read.get("RemotePort")
     reference = port if isinstance(port, str) else None
     if reference is not None:
-        read["RemotePort"] = 0  # nobody knows it before the partner listens
+        read["RemotePort"] = 0  # not known before the partner listens
     elif "RemotePort" not in read:
         reference = table.read("RemotePort", REFERENCE)
     given: dict[str, FieldValue] = {name: value for name, value in read.items() if value is not None}
@@ -440,7 +440,7 @@ def _read_fields(table: Table, structure: Structure, number: int, is_plain: bool
 
 
 def _default_values(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
-    """Return what STEP 7 writes into a new description, and the lengths that follow from what is given."""
+    """Return the values that STEP 7 writes into a new description, with the lengths of the given fields."""
     kind = connection_types_of(structure.name)[0]
     if structure.name != "TCON_Param":
         return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT but for its name; `structures` are what the instructions take, () all."""
+    """Return a CONNECT's arguments but for the name; `structures`: what the instructions take, () all."""
     says = read_spec(written.description)
     session = _make_session(written.description, says, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, says, bench)
@@ -515,7 +515,7 @@ def _remote_address(
 ) -> tuple[str, DescriptionFlaw | None]:
     if not _has_name_field(written.description) or not says.remote_name:
         return says.remote_address, None
-    if bench.dns_answer is None:  # the network's own names, at each attempt
+    if bench.dns_answer is None:  # the real DNS is asked at each attempt to connect
         return says.remote_address, None
     if bench.dns_answer == NO_SERVER:
         flaw = DescriptionFlaw(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
@@ -538,7 +538,7 @@ def _make_session(
 
 
 def keys_as_bytes(config: ConnectConfig) -> KeyPairs:
-    """Return structure and bytes; with the keys of the bench they are read as the same CONNECT."""
+    """Return structure and bytes; together with the keys of the bench they give the same CONNECT."""
     description = _require_description(config)
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
     keys: KeyPairs = [("type", description.structure.name)] if is_known else []
@@ -549,7 +549,7 @@ def keys_as_bytes(config: ConnectConfig) -> KeyPairs:
 
 
 def keys_as_fields(config: ConnectConfig) -> KeyPairs:
-    """Return the same by the names of the fields, as somebody writes it who changes one of them."""
+    """Return the structure and each of its fields, so that one of them can be changed."""
     description = _require_description(config)
     keys: KeyPairs = [("type", description.structure.name)]
     for field in description.structure.fields:
@@ -560,7 +560,7 @@ def keys_as_fields(config: ConnectConfig) -> KeyPairs:
 
 
 def plain_keys(config: ConnectConfig) -> KeyPairs:
-    """Return a CONNECT of plain TCP as one is written that names no structure."""
+    """Return the keys of a plain TCP CONNECT that names no structure."""
     description = _require_description(config)
     keys: KeyPairs = [] if config.any_local else [("LocalAddress", config.local.address)]
     keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
@@ -580,14 +580,14 @@ def _require_description(config: ConnectConfig) -> Description:
 
 
 def iso_port_of(config: ConnectConfig) -> int | str | None:
-    """Return IsoPort, None where ISO-on-TCP is not spoken."""
+    """Return IsoPort, None without ISO-on-TCP."""
     if read_spec(_require_description(config)).protocol is not Transport.ISO:
         return None
     return config.remote_port if config.active else config.local.port
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
-    """Return ListenPort, None where the port of the description is listened on."""
+    """Return ListenPort, None if it listens on the port of its description."""
     says, port = read_spec(_require_description(config)), config.local.port
     if says.protocol is Transport.ISO or config.active:
         return None
@@ -597,7 +597,7 @@ def listen_port_of(config: ConnectConfig) -> int | None:
 
 
 def dns_answer_of(config: ConnectConfig) -> str | None:
-    """Return DnsAnswer, None where the network is asked."""
+    """Return DnsAnswer, None if the network's DNS is asked."""
     if not read_spec(_require_description(config)).remote_name or config.remote_name:
         return None
     is_without = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
@@ -605,7 +605,7 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
 
 
 def verify_of(config: ConnectConfig) -> str | None:
-    """Return what switches the check of certificates off, None where it is on."""
+    """Return the value that switches the check of certificates off, None if it is on."""
     tls = tls_credentials_of(config.session)
     return UNSAFE if tls is not None and tls.is_unverified else None
 

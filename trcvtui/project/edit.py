@@ -1,6 +1,6 @@
-"""A project is edited: what is asked for each key, one more entry read, changes and how they are undone.
+"""Edits of a project: the fields of a form, a new entry, a changed entry, and how an edit is undone.
 
-Rule: these are the loader's own readers, so what a file may not say, no command may add either.
+Rule: the loader's readers are used, so that a command cannot add what a file may not have.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from trcvtui.udt.type_set import TypeSet
 
 
 class AddField(Struct, frozen=True):
-    """One field: its key, what may stand there, what stands there first."""
+    """One field of a form: its key, a hint, the values to choose from, and the value at first."""
 
     key: str
     hint: str
@@ -63,7 +63,7 @@ class AddField(Struct, frozen=True):
 
 
 class LineKeys(NamedTuple):
-    """The keys of a kind that stand bare in a line, and those whose text may have blanks."""
+    """The keys of a kind whose value a line has without the key, and those whose text may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
@@ -78,7 +78,7 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 
 
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
-    """Return the fields of a kind after its name; those of an instance are its block's."""
+    """Return the fields of a kind without its name; those of an instance depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
     asked = {
         key.name: _field(key.name, key.ask, project, chosen)
@@ -96,7 +96,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 
 
 def default_block(project: Project) -> str:
-    """Return the block that the form begins with: on an empty bench one that receives from anybody."""
+    """Return the block that a form begins with: for the first instance one that connects and receives."""
     blocks = project.dialect.blocks
     receivers = [block for block in blocks if (row := block_row(block)).connects and row.receives]
     return receivers[0] if receivers and not project.instances else blocks[0]
@@ -118,10 +118,10 @@ MOST_UNDOABLE: Final = 20
 def read_entry(
     kind: str, content: Mapping[str, Any], project: Project, where: str, number: int = 0
 ) -> Declaration:
-    """Return the declaration of one table; raise UserError with all that is wrong with it.
+    """Return the declaration of one table; raise UserError with all of its mistakes.
 
-    `content` holds TOML values, or the text of one as Given with the key as its path. `number` is its place
-    among its kind from 1 on, 0: after the last one.
+    `content` has TOML values, or texts as SetOverride with the key as its path. `number` is its place among
+    its kind from 1 on, 0: after the last one.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
@@ -165,7 +165,7 @@ def find_entry(kind: str, name: str, project: Project) -> Declaration | None:
 
 
 def find_kinds(name: str, project: Project) -> tuple[str, ...]:
-    """Return the kinds of which an entry has this name; a certificate has a number."""
+    """Return the kinds that have an entry of this name; a certificate has a number instead."""
     return tuple([kind for kind in EDITED if kind != CERTIFICATE and name in names_of(kind, project)])
 
 
@@ -173,13 +173,13 @@ def find_kinds(name: str, project: Project) -> tuple[str, ...]:
 
 
 def make_addition(decl: Declaration, project: Project) -> Edit:
-    """Return the edit that adds an entry as the last of its kind."""
+    """Return the edit that adds an entry as the last one of its kind."""
     kind = kind_name(decl)
     return Edit(kind, None, decl, len(entries_of(kind, project)))
 
 
 def make_change(before: Declaration, after: Declaration | None, project: Project) -> Edit:
-    """Return the edit that puts `after` in the place of an entry; None takes the entry away."""
+    """Return the edit that replaces an entry by `after`; None removes it."""
     kind = kind_name(before)
     return Edit(kind, before, after, names_of(kind, project).index(before.name))
 
@@ -200,18 +200,18 @@ def apply_edits(project: Project, edits: Edits) -> Project:
 
 
 def types_of_project(project: Project) -> TypeSet:
-    """Return the types of the project's UDT files; raise UserError where one cannot be taken."""
+    """Return the types of the project's UDT files; raise UserError if a file declares none."""
     constants, has_system_types = tuple(project.constants.items()), project.dialect.describes_connects
     return types_of_udts(project.udts, project.base, constants, has_system_types)
 
 
 def apply_step(project: Project, edits: Edits) -> Project:
-    """Return the project after a step of edits, which can be taken back."""
+    """Return the project after these edits, which `undo` takes back as one step."""
     return replace(apply_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
 
 
 def undo_edits(project: Project) -> Edits:
-    """Return the edits that take the newest step back; none where there is no step."""
+    """Return the edits that take the newest step back, none if there is no step."""
     return tuple([edit.inverse for edit in reversed(project.undoable[-1])]) if project.undoable else ()
 
 
@@ -225,9 +225,9 @@ def append_entry(project: Project, decl: Declaration) -> Project:
 
 
 def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
-    """Return a declaration with some keys changed, None as a value: no such key; raise UserError.
+    """Return a declaration with some keys changed, a None removes the key; raise UserError.
 
-    It is written anew in the first of its forms that says the same, and read as the file would be.
+    The entry is written in its first form with the same meaning, and read as a file is.
     """
     edit = make_change(decl, None, project)
     others = apply_edits(project, (edit,))
@@ -235,7 +235,7 @@ def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, w
     for own in _equivalent_forms(decl, edit, others):
         changed = own | dict(pairs)
         if "LocalPort" in pairs and "ListenPort" not in pairs:
-            changed.pop("ListenPort", None)  # it only says where the bench listens in place of LocalPort
+            changed.pop("ListenPort", None)  # else the bench would not listen on the new LocalPort
         kept = {key: value for key, value in changed.items() if value is not None}
         try:
             return read_entry(edit.kind, kept, others, where, edit.place + 1)
@@ -245,7 +245,7 @@ def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, w
 
 
 def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
-    """Return the keys of a declaration in the first form that says the same, as `read_change` takes it."""
+    """Return the keys of a declaration in the form that `read_change` uses."""
     edit = make_change(decl, None, project)
     own = next(_equivalent_forms(decl, edit, apply_edits(project, (edit,))), dict(keys_of(decl)))
     return {key: value for key, value in own.items() if key != TABLES[edit.kind].called}
@@ -266,15 +266,15 @@ def _reads_same(edit: Edit, content: Mapping[str, Any], others: Project, decl: D
 
 
 def is_same_entry(decl: Declaration, other: Declaration) -> bool:
-    """Return whether two declarations say the same; a type is laid out anew with each reading."""
-    # Who writes and feeds a ComBuffer, its neighbours tell.
+    """Return whether two declarations mean the same."""
+    # By their keys: each reading makes a new layout, and a ComBuffer's is_written, is_fed depend on others.
     if isinstance(decl, DataDecl | ComBufferDecl | UdtFile):
         return decl.name == other.name and keys_of(decl) == keys_of(other)
     return decl == other
 
 
 def diff_projects(before: Project, after: Project) -> Edits:
-    """Return the edits that make the entries of one project those of another."""
+    """Return the edits that turn the entries of one project into those of another."""
     found: list[Edit] = []
     for kind in EDITED:
         old = {each.name: each for each in entries_of(kind, before)}
@@ -288,7 +288,7 @@ def diff_projects(before: Project, after: Project) -> Edits:
 
 
 def find_broken_users(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
-    """Return the entries that could not stand any more after these edits, each with the reason."""
+    """Return the entries that these edits would make invalid, each with the reason."""
     after = apply_edits(project, edits)
     gone, kinds = {(edit.kind, edit.name) for edit in edits}, {edit.kind for edit in edits}
     found = _find_certificate_users(edits, after)

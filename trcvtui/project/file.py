@@ -1,9 +1,9 @@
-"""A project file read into a Project: all of its mistakes together, or none.
+"""Reads a project file into a Project, or reports all of its mistakes together.
 
-Rule 1: refused is only what cannot be typed; every value that a pin or a CONNECT can hold goes to the block.
-Rule 2: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs, UDP_CONFIGs
-and peers, because `@NAME` means any of them. `peer` is a word of the bench commands and no name for an
-instance or DATA.
+Rule 1: only what has no type is refused; every value that a pin or a CONNECT can hold goes to the block.
+Rule 2: an instance and a DATA variable may not have the same name, because `expect NAME` takes either; nor
+may CONNECTs, UDP_CONFIGs and peers, because `@NAME` takes any of them. `peer`, a word of the bench commands,
+is no name for an instance or DATA.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from trcvtui.udt.type_set import NO_TYPES, TypeSet
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 RESERVED_NAMES: Final = ("peer",)
-NamesByKind = Mapping[str, Mapping[str, None]]  # names by kind, and by what some of a kind are for, in order
+NamesByKind = Mapping[str, Mapping[str, None]]  # by kind, and by use such as `stream_in`; in order
 
-# What one ComBuffer alone may name: what the one has in it, and what the other has to name.
+# Keys whose value only one ComBuffer may have: what was found with the first user {}, what was expected.
 BUFFER_ENDS: Final = (
     ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
     ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
@@ -49,7 +49,7 @@ BUFFER_ENDS: Final = (
 
 
 def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
-    """Record every name that an earlier table of these kinds has, or that is reserved."""
+    """Report every name that an earlier table of these kinds has, or that is reserved."""
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
         for table in tables:
@@ -68,11 +68,11 @@ def all_names(
     ports: tuple[str, ...],
     describes: bool,
 ) -> NamesByKind:
-    """Return the names that keys may refer to, by kind and by what some of a kind are for.
+    """Return the names that keys may refer to, by kind and by use.
 
-    `blocks`: names of instances with their blocks. `stream_in`, `stream_out`: those that feed a ComBuffer,
-    or empty one. `ports`: ComBuffers with a port. `udp_end`: what may receive datagrams; a CONNECT can be
-    of UDP, where it is a description.
+    `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. Uses: `stream_in`,
+    `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: what may receive datagrams,
+    also a CONNECT if it is a description, which can be of UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).connects]
     found = {
@@ -85,7 +85,7 @@ def all_names(
 
 
 def check_names(kind: str, table: Table, names: NamesByKind, around: Context) -> None:
-    """Record every key of a table that names nothing."""
+    """Report every key of a table that refers to an unknown name."""
     rows = table_row(kind, around.dialect).keys
     own = table.peek("name") if kind == "combuffer" else None
     asked = [(row.name, row.refers) for row in rows if row.refers and row.only(table, around)]
@@ -101,16 +101,13 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: Context) ->
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:
-    """Record every source, line and port that an earlier ComBuffer has, and a cable from one with a line.
-
-    Of a URL each opening is a connection of its own.
-    """
+    """Report every source, line and port that an earlier ComBuffer has, and a source that has a line."""
     for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
         for table in tables:
             end, name = table.text(key), table.text("name")
             if not end or not name or end in (SIMULATED, SERIAL) or (key == "port" and "://" in end):
-                continue
+                continue  # these can be used several times; each opening of a URL is a new connection
             if end in seen:
                 table.report(key, f"{quote(end)}, {has.format(seen[end])}", expected)
             seen.setdefault(end, name)
@@ -130,7 +127,7 @@ def mark_buffer_users(
     return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])
 
 
-# --set PATH=VALUE: what is set is checked like what is written; its mistakes say `--set PATH`.
+# --set PATH=VALUE: its value is checked as one in the file is; the place of its mistakes is `--set PATH`.
 
 TOP_KEYS: Final = ("dialect", "model", "start")
 SET_SECTIONS: Final = ("options", "sim")
@@ -141,7 +138,7 @@ SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry
 def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
-    """Return a copy of the document with every `PATH=VALUE` in it; of two of one path the last wins."""
+    """Return a copy of the document with every `PATH=VALUE`; the last one of a path counts."""
     changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -184,7 +181,7 @@ def _set_path(document: dict[str, Any], path: str, value: SetOverride) -> Proble
 
 def _set_key(document: dict[str, Any], kind: str, name: str, key: str, value: SetOverride) -> Problem | None:
     if kind == "task" and "task" not in document:
-        document["task"] = [{"name": "MAIN"}]  # the default task can be set without being written
+        document["task"] = [{"name": "MAIN"}]  # the default task exists without a table, so it can be set
     tables = document.get(kind)
     entries = [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
     for entry in entries:
@@ -203,9 +200,9 @@ DOCUMENT_KEYS: Final = (
 
 
 def load_project(path: Path | str, overrides: Iterable[str] = ()) -> Project:
-    """Return the project of a file, `PATH=VALUE` overrides in it; raise UserError with all problems.
+    """Return the project of a file with `PATH=VALUE` overrides; raise UserError with all problems.
 
-    Of a scenario file it is the project that the scenario runs on.
+    For a scenario file that is the project that the scenario runs on.
     """
     path = Path(path)
     document = read_toml(path)
@@ -217,9 +214,9 @@ def load_project(path: Path | str, overrides: Iterable[str] = ()) -> Project:
 def load_scenario_document(
     path: Path | str, overrides: Iterable[str] = ()
 ) -> tuple[Project, Mapping[str, Any]]:
-    """Return the project of a scenario file and its `[scenario]` table, unread.
+    """Return the project of a scenario file, and its `[scenario]` table as it is.
 
-    The project is the file itself or, with `project = "other.toml"`, another file beside it.
+    The project is in the file itself or, with `project = "other.toml"`, in another file.
     """
     path = Path(path)
     document = read_toml(path)
@@ -244,7 +241,7 @@ def _read_scenario_project(document: dict[str, Any], path: Path, overrides: Iter
         raise UserError(table.problems)
     beside = path.parent / other
     named = read_toml(beside)
-    # A scenario with a project of its own lends that one; who names another again is refused by that key.
+    # The other file may be a scenario with its own project; one that names a third file is refused below.
     named.pop("scenario", None)
     return read_project(named, str(beside), beside.parent, overrides)
 
@@ -258,8 +255,8 @@ def read_project(
 ) -> Project:
     """Return the project of a TOML document; raise UserError with all problems.
 
-    `where` names the document in messages, `base` is where relative file names start, `also` are known keys
-    that belong to somebody else.
+    `where` names the document in messages, relative file names start at `base`, `also` are keys that the
+    caller reads.
     """
     problems: list[Problem] = []
     changed = apply_overrides(document, overrides, problems)
@@ -270,7 +267,7 @@ def read_project(
 
 
 class DocumentReader:
-    """One reading of one document; each part leaves its problems and something harmless."""
+    """Reads one document; each method collects its problems and returns a harmless value in their place."""
 
     def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:
         self.document = document
@@ -284,7 +281,7 @@ class DocumentReader:
         if name is not None and name not in DIALECTS:
             top.add_unknown_name("dialect", name, DIALECTS, "dialect")
         if name is None or name not in DIALECTS:
-            raise UserError(self.problems)  # what else the file says means something in a dialect only
+            raise UserError(self.problems)  # without a dialect nothing else in the file has a meaning
         dialect = DIALECTS[name]
         model, options = self.model(top, dialect), self.options(dialect)
         around = Context(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
@@ -292,7 +289,7 @@ class DocumentReader:
         sim = SIM_ROW.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
         texts = TOP_ROW.read(top, around)
         if self.problems:
-            # A bad UDT is told once, however many variables have it.
+            # A bad UDT is reported once, even if many variables have it.
             raise UserError(dict.fromkeys(self.problems))
         return Project(
             path=Path(self.where),
@@ -327,7 +324,7 @@ class DocumentReader:
         return values | {key: value for key, value in overriding.items() if key in given}
 
     def read_black_box(self, written: object) -> bool:
-        """Return whether a run on the screen keeps its newest; no dialect has a word in that."""
+        """Return whether a run on the screen keeps its newest scans; this option is in every dialect."""
         is_given = isinstance(written, SetOverride)
         value = written.text if isinstance(written, SetOverride) else written
         if value not in ("on", "off"):
@@ -336,7 +333,7 @@ class DocumentReader:
         return value != "off"
 
     def read_all_entries(self, around: Context) -> dict[str, Any]:
-        """Return the entries of all kinds by the names of their fields, and the UDTs."""
+        """Return the entries of all kinds by their field in Project, and the types."""
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
@@ -364,7 +361,7 @@ class DocumentReader:
         }
 
     def check_names(self, tables: Mapping[str, list[Table]], around: Context) -> None:
-        """Record every name that is declared twice, and every one that is used and not declared."""
+        """Report every name that is declared twice, and every one that is used but not declared."""
         done: set[str] = set()
         for kind in TABLES:
             if kind not in done and kind != "certificate":
@@ -384,7 +381,7 @@ class DocumentReader:
     def types(
         self, udts: list[UdtFile | None], constants: Mapping[str, int], around: Context
     ) -> TypeSet | None:
-        """Return the UDTs of all files, None where one cannot be read."""
+        """Return the UDTs of all files, None if a file cannot be read."""
         read = tuple([each for each in udts if each is not None])
         has_system_types = around.dialect.describes_connects
         try:
@@ -392,7 +389,7 @@ class DocumentReader:
         except UserError as refused:
             self.problems += refused.problems
             return None
-        # What is wrong in a type is told with the variable that has it: files hold types of no use here too.
+        # A mistake in a type is reported by the variable that has it: files also have types of no use here.
         of_types = {problem for bad in types.broken.values() for problem in bad}
         self.problems += [problem for problem in types.problems if problem not in of_types]
         return types if None not in udts else None
@@ -405,7 +402,7 @@ class DocumentReader:
         return {}
 
     def entries(self, key: str) -> list[Table]:
-        """Return the tables of `[[key]]`; each is named in messages by its name, or by its number from 1."""
+        """Return the tables of `[[key]]`; messages name each by its name, or by its number from 1."""
         content = self.document.get(key, [])
         if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
             found, expected = quote(content), f"tables that begin with [[{key}]]"
@@ -422,22 +419,22 @@ def _label(entry: Mapping[str, Any], number: int) -> str:
     return name if isinstance(name, str) and name.isidentifier() else f"#{number}"
 
 
-@lru_cache(maxsize=4)  # an edit of the UDT files is looked at several times before it is one
+@lru_cache(maxsize=4)  # an edit reads the same UDT files several times
 def types_of_udts(
     udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
-    """Return the UDTs of these files, none of them read; raise UserError for what declares no types."""
+    """Return the UDTs of these contents; no file is read. Raise UserError for one that declares no types."""
     contents = {base / each.name: each.content for each in udts}
     return read_files(contents, dict(constants), has_system_types, contents)
 
 
 def reread_udts(project: Project) -> tuple[UdtFile, ...]:
-    """Return the UDT files as they stand now, those too whose rows were written into the file by hand."""
+    """Return the UDT files as they are now, also those that were added to the project file by hand."""
     document: Mapping[str, Any] = {}
     try:
         document = read_toml(project.path)
     except UserError as refused:
-        if refused.problems[0].kind != "file":  # else there is none
+        if refused.problems[0].kind != "file":  # a project that was never saved has no file
             raise
     with raise_all_problems() as problems:
         tables = DocumentReader(dict(document), str(project.path), project.base, problems).entries("udt")

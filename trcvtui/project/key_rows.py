@@ -1,4 +1,4 @@
-"""A row of a key: how it is read and judged, where its value stands, how it is written, what a form asks."""
+"""A row for a key: how it is read, checked and written, where its value is kept, what a form asks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Refusal = tuple[str, str]  # what was found, what was expected
 
 
 class Context(Struct, frozen=True):
-    """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
+    """What is needed to read an entry of a project; `types` None: a file of UDTs cannot be read."""
 
     dialect: Dialect
     rules: VendorRules
@@ -41,13 +41,12 @@ class Context(Struct, frozen=True):
 
 
 def context_of(project: Project) -> Context:
-    """Return what one more entry of a project is read in."""
     p = project
     return Context(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
 
 
 class TableValues(dict[str, Any]):
-    """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
+    """The values of one table by key, None for a missing or wrong one; `number`: its place from 1."""
 
     def __init__(self, table: Table, around: Context, number: int) -> None:
         super().__init__()
@@ -57,7 +56,7 @@ class TableValues(dict[str, Any]):
         self.by_row: list[tuple[Key, Any]] = []
 
 
-Offer = Callable[[Project, str], tuple[str, ...]]  # of a project, and of a block for an instance
+Offer = Callable[[Project, str], tuple[str, ...]]  # for a project and, of an instance, its block
 
 
 def offer_none(project: Project, block: str) -> tuple[str, ...]:
@@ -69,10 +68,10 @@ def offer_fixed(*texts: str) -> Offer:
 
 
 class Hint(Struct, frozen=True):
-    """What a form and completion offer: hint, known values, and the value that stands there first.
+    """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
-    its text may have blanks. `is_of_change`: only what is there already is asked for it.
+    `where`: for which project and block. `is_bare`: a line has it without its key. `is_quoted`: its text may
+    have blanks. `is_of_change`: only the form that changes an entry asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -85,9 +84,9 @@ class Hint(Struct, frozen=True):
 
 
 class NameUse(NamedTuple):
-    """Whose name a key has, of these kinds of names (`file.Declared`); `by_at`: as `@NAME`.
+    """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: as `@NAME`.
 
-    `words` stand for themselves, with `or_none` also "". `what` says in a message what the names are.
+    It also takes the `words` and, with `or_none`, "". `what` says in a message what the names are.
     """
 
     what: str
@@ -104,11 +103,11 @@ def _is_always_allowed(table: Table, around: Context) -> bool:
 class Key(Struct, frozen=True):
     """One key. Without a `kind` it is read together with another one.
 
-    `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
-    `default`: the value where the key is missing. `is_said`: it is written though it is the default.
-    `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
-    `is_played`: a recording can answer what another value would have done (replay/partners.py): it decides
-    what a PLC does with what comes, not what comes. `help`: one sentence.
+    `of`: where the declaration keeps the value, as `local.port`. `writes`: returns the value to write in
+    place of that, None: the key is left out. `default`: the value of a missing key. `is_said`: it is written
+    even if it is the default. `only`: whether the table may have it, or why not. `reads`: reads it together
+    with its other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
+    it changes what the PLC does with its input, not the input. `help`: one sentence.
     """
 
     name: str
@@ -126,14 +125,14 @@ class Key(Struct, frozen=True):
     is_played: bool = False
 
     def read(self, values: TableValues) -> None:
-        """Read the key, where it belongs to this table."""
+        """Read the key, if this table may have it."""
         if self.reads is not None:
             self.reads(values)
             return
         table, allowed = values.table, self.only(values.table, values.around)
         if self.kind is None or not allowed:
             return
-        if isinstance(allowed, tuple):
+        if isinstance(allowed, tuple):  # a reason: the key exists, but not with the other keys of this table
             if table.has(self.name):
                 table.mark_known(self.name)
                 table.report(self.name, *allowed)
@@ -144,7 +143,7 @@ class Key(Struct, frozen=True):
         values.by_row.append((self, value))
 
     def toml_value(self, decl: Declaration) -> KeyValue | None:
-        """Return the value as TOML has it, None where the key is left out."""
+        """Return the value as TOML has it, None to leave the key out."""
         if self.writes is not None:
             value = self.writes(decl)
         else:
@@ -156,7 +155,7 @@ class Key(Struct, frozen=True):
 
 
 def _get_by_path(decl: Any, of: str) -> Any:
-    """Return what stands at `local.port`, None where there is no such part."""
+    """Return the attribute at a path such as `local.port`, None if there is none."""
     for name in of.split(".") if of else ("",):
         decl = getattr(decl, name, None)
     return decl
@@ -169,9 +168,9 @@ def _no_keys(decl: Any) -> KeyPairs:
 class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
-    `field`: where the entries stand in a Project. `what`: what a sentence calls one; `title`: what a form
-    does. `first_name`: how the names begin that are proposed. `makes`: the class, or what makes one of the
-    values. `shares`: kinds that share their names with it. `asks_first`: what a form begins with.
+    `field`: the field of Project with its entries. `what`: its name in a sentence; `title`: in a form.
+    `first_name`: how proposed names begin. `makes`: the class, or a function that makes a declaration.
+    `shares`: kinds whose names may not be used again here. `asks_first`: the first keys of a form.
     `head`, `tail`: keys that have no row.
     """
 
@@ -192,7 +191,7 @@ class TableRow(Struct, frozen=True):
     tail: Callable[[Any], KeyPairs] = _no_keys
 
     def read(self, table: Table, around: Context, number: int = 1) -> Any:
-        """Return the declaration of a table, None where a key is missing or wrong that it needs."""
+        """Return the declaration of a table, None if a needed key is missing or wrong."""
         values = TableValues(table, around, number)
         for key in self.keys:
             key.read(values)
@@ -216,7 +215,7 @@ PART_CLASSES: Final[dict[str, Callable[..., Any]]] = {
 
 
 def _arguments(values: TableValues) -> dict[str, Any]:
-    """Return what the rows give to the class; a part such as `local.port` goes into its own class."""
+    """Return the arguments of the class; those of a part such as `local.port` make that part's class."""
     arguments: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
     for key, value in values.by_row:

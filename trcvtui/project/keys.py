@@ -1,8 +1,8 @@
 """Every key of a project file is one row here: how it is read and written, what a form asks, what it means.
 
 To add a key, add its value to the declaration (`project.py`) and its row to the table.
-Rule 1: a row judges what its own table says; whether a name exists is asked of all names (`file.py`).
-Rule 2: a key that would only say its default is left out, except where a reader of the file looks for it.
+Rule 1: a row checks its own table alone; whether a name exists is checked with all tables (`file.py`).
+Rule 2: a key that has its default value is not written, unless a reader of the file looks for it.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _references(*kinds: str) -> Offer:
 
 
 def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
-    """Return the newest of these names, "" where there is none."""
+    """Return a function that proposes the newest of these names, "" if there is none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
@@ -203,7 +203,7 @@ _CONNECT: Final = TableRow(
         Key("LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
             Hint("0: a free one", first="0"), writes=_local_port, is_said=True),
         Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 accepts any.", "remote_address",
-            ANY_ADDRESS, Hint("0.0.0.0: anybody")),
+            ANY_ADDRESS, Hint("0.0.0.0: any")),
         Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: where that peer or CONNECT listens.",
             "remote_port", 0, Hint("a port, or @NAME", _references("peer", "connect")), _PEER_OR_CONNECT),
         Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
@@ -267,7 +267,7 @@ def _field_keys() -> Iterable[Key]:
     yield newer_key("ID", "1 to 4095")
     yield newer_key("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP")
     yield newer_key("ActiveEstablished", "true: the PLC connects", offer_fixed(*BOOLS))
-    yield newer_key("RemoteAddress", "0.0.0.0: anybody")
+    yield newer_key("RemoteAddress", "0.0.0.0: any")
     yield newer_key("RemoteQDN", "TCON_QDN: a name with a dot at its end")
     yield newer_key("RemotePort", "a port, or @NAME", ends)
     yield newer_key("LocalPort", "passive: 1 to 49151")
@@ -280,7 +280,7 @@ def _field_keys() -> Iterable[Key]:
     yield newer_key("TLSServerCertRef", "the number of a certificate", numbers)
     yield newer_key("TLSClientCertRef", "the number of a certificate", numbers)
     yield older_key("ActiveEstablished", "no type: true, the PLC connects", offer_fixed(*BOOLS), "false")
-    yield older_key("RemoteAddress", "no type: 0.0.0.0, anybody")
+    yield older_key("RemoteAddress", "no type: 0.0.0.0, any")
     yield older_key("RemotePort", "no type: a port, or @NAME", ends)
     yield older_key("LocalPort", "no type: 0, a free one")
     yield older_key("id", "TCON_Param: 1 to 4095")
@@ -320,7 +320,7 @@ _DESCRIBED_CONNECT: Final = replace(
     keys=(
         _name_key("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
-            ask=Hint("none: plain TCP in what it takes",
+            ask=Hint("none: plain TCP",
                      lambda project, block: project.dialect.structures or tuple(CONNECTIONS))),
         Key("bytes", None, "The bytes of the DB in hex, instead of the fields.",
             ask=Hint("hex of the DB in place of the fields", is_quoted=True)),
@@ -364,7 +364,7 @@ _DESCRIBED_ADDR: Final = replace(
 
 
 def _is_serial(table: Table, around: Context) -> bool | Refusal:
-    return table.text("source") == SERIAL or ("a word of serial ports", 'source = "serial" beside it')
+    return table.text("source") == SERIAL or ("a key of serial ports", 'source = "serial" beside it')
 
 
 def _sources(project: Project, block: str) -> tuple[str, ...]:
@@ -399,10 +399,10 @@ _COMBUFFER: Final = TableRow(
         Key("handshake", HANDSHAKE, "The flow control.", "serial.handshake", "none",
             Hint("serial: none", offer_fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
         Key("line", TEXT, "What sends the bytes: a ComBuffer with a port, or a TSEND_C.",
-            "line", "", Hint("what sends what is written", _lines),
+            "line", "", Hint("what sends its bytes", _lines),
             NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
         Key("size", QUEUE_SIZE, "Its size in bytes; default: by source.", "size", 0,
-            Hint("bytes that have room, 300"), is_played=True),
+            Hint("its size in bytes: 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; default: all.", "per_cycle", 0,
             Hint("bytes a scan, 0: all")),
         _HISTORY,
@@ -434,7 +434,7 @@ _LAYOUT_CHOICE_KEYS: Final = (
 
 
 def _lay_out_data(values: TableValues) -> dict[str, Any] | None:
-    """Return type and layout of a variable, None where they cannot be had."""
+    """Return type, layout and size of a variable, None if its type is missing or wrong."""
     table, around, text = values.table, values.around, values["type"]
     if text is None:
         return None
@@ -444,7 +444,7 @@ def _lay_out_data(values: TableValues) -> dict[str, Any] | None:
         type_ = parse_type(text, around.types or NO_TYPES, place)
         layout = _lay_out_at(type_, choice.rules(around.layout), values["name"] or "?", place)
     except UserError as refused:
-        if around.types is not None:  # else the type may stand in the file that cannot be read
+        if around.types is not None:  # else the file that cannot be read may declare the type
             table.problems.extend(refused.problems)
         return None
     return {"type": type_, "layout": layout, "size": layout.size}
@@ -478,14 +478,14 @@ _DATA: Final = TableRow(
 
 
 def pin_kind(pin: Pin) -> Kind[Any]:
-    """Return what a pin can hold: true and false, or the range of its IEC type."""
+    """Return the values that a pin can have: true and false, or the range of its IEC type."""
     if pin.iec_type == "TIME":
         return MILLISECONDS
     return TRUTH if pin.is_bool else integer(*ELEMENTARY[pin.iec_type].limits)
 
 
 def link_key(block: str) -> str:
-    """Return the key of what a block works on: a ComBuffer or a CONNECT."""
+    """Return the key that names the ComBuffer or CONNECT of a block."""
     return block_row(block).buffer_pin or "connect"
 
 
@@ -500,7 +500,7 @@ def _has_link(key: str) -> Callable[[Table, Context], bool]:
     def may_have(table: Table, around: Context) -> bool:
         block = table.text("block") or ""
         if block not in around.blocks and not table.has(key):
-            return False  # nobody knows what an unknown block needs
+            return False  # an unknown block: what it needs is unknown, too
         return _has_config(table, around) is not True and link_key(block) == key
 
     return may_have
@@ -508,7 +508,7 @@ def _has_link(key: str) -> Callable[[Table, Context], bool]:
 
 def _may_have_addr(table: Table, around: Context) -> bool:
     has_datagrams = any(block_row(block).datagrams for block in around.blocks)
-    row = block_row(table.text("block"))  # TSEND and TRCV: it is there, and does nothing
+    row = block_row(table.text("block"))  # TSEND and TRCV have the pin ADDR, though it does nothing for TCP
     return (row.sends_stream or row.receives_stream) and has_datagrams
 
 
@@ -530,7 +530,7 @@ def _asks_for_connect(project: Project, block: str) -> bool:
 
 
 def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
-    own = () if block_row(block).speaks_udp else (NEW,)  # of UDP it is by its description
+    own = () if block_row(block).speaks_udp else (NEW,)  # a new CONNECT is TCP; UDP needs a description
     return (*own, *names_of("connect", project))
 
 
@@ -556,14 +556,14 @@ def _read_inputs(values: TableValues) -> None:
     table, around, block = values.table, values.around, values["block"]
     for lacking in around.rules.lacks:
         if table.has(lacking):
-            expected = f"another: blocks of {around.dialect.name} have none of that name"
+            expected = f"another one: blocks of {around.dialect.name} have no pin of that name"
             table.report(lacking, "a pin", expected)
     data, row = values.get("data"), block_row(block)
     if data is not None and block in around.blocks and not row.data_pin:
         table.report("data", quote(data), f"nothing: {block} has no DATA")
     if block is not None and block not in around.blocks:
         table.add_unknown_name("block", block, around.blocks, "block")
-    # Without its block nobody knows which pins it has: the other names are checked all the same.
+    # Without a known block its pins are unknown; the other keys are checked all the same.
     pins = tuple(map(around.rules.with_iec_type, row.pins)) if block in around.blocks else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
     outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
@@ -632,7 +632,7 @@ _INSTANCE: Final = TableRow(
 # -- peers and what they say -----------------------------------------------------------------------------
 
 _OFFER_ENDS: Final = _references("connect", "udp_config")
-_NO_CONNECTION: Final = "a word of connections", "local and remote alone: UDP has no connection"
+_NO_CONNECTION: Final = "a key of TCP peers", "local and remote alone: UDP has no connection"
 
 
 def _is_tcp(table: Table, around: Context) -> bool:
@@ -640,7 +640,7 @@ def _is_tcp(table: Table, around: Context) -> bool:
 
 
 def _is_active(table: Table) -> bool:
-    """Return whether a peer connects: without `active` it does where it has a `remote`."""
+    """Return whether a peer connects: `active`; without that key, whether it has a `remote`."""
     return table.is_true("active", table.has("remote"))
 
 
@@ -661,7 +661,7 @@ def _allowed_with(key: str, found: str) -> Callable[[Table, Context], bool | Ref
     return is_allowed
 
 
-_ISO, _TLS = _allowed_with("iso", "a word of ISO-on-TCP"), _allowed_with("tls", "a word of TLS")
+_ISO, _TLS = _allowed_with("iso", "a key of ISO-on-TCP"), _allowed_with("tls", "a key of TLS")
 
 
 def _iso_writer(name: str) -> Callable[[PeerDecl], Any]:
@@ -734,10 +734,10 @@ _PEER: Final = TableRow(
         Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_tls_writer("tls"),
             ask=_truth_hint("true: it speaks TLS", where=_describes_connects)),
         Key("certificate", CERTIFICATE_NUMBER, "The number of its certificate, which has a key.", only=_TLS,
-            ask=Hint("the number of its own, with a key", _numbers(with_key=True), where=_describes_connects),
+            ask=Hint("number of its own, with a key", _numbers(with_key=True), where=_describes_connects),
             writes=_tls_writer("certificate")),
         Key("authority", CERTIFICATE_NUMBER, "The number of the certificate that it trusts.", only=_TLS,
-            ask=Hint("the number of whom it trusts", _numbers(), where=_describes_connects),
+            ask=Hint("number of the one to trust", _numbers(), where=_describes_connects),
             writes=_tls_writer("authority")),
         Key("client_certificate", TRUTH, "Whether it asks the client for a certificate.", default=False,
             only=_TLS, writes=_tls_writer("client_certificate")),
@@ -757,7 +757,7 @@ _MESSAGE: Final = TableRow(
         Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
             ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
         Key("peer", TEXT, "The only peer that may send it; default: all may.", "peer", "",
-            Hint("one peer's alone, or nobody's", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
+            Hint("for one peer; none: for all", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
     ),
     "message", "a message of the library", "message", asks_first=("peer",),
 )  # fmt: skip
@@ -802,12 +802,12 @@ _TAP: Final = TableRow(
         Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
             "listen", ask=Hint("where it listens: 2000"), is_needed=True),
         Key("to", TAP_PLACE, "Where it forwards to: 10.0.0.5:2000, the PLC end.", "to",
-            ask=Hint("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
+            ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances receive what goes to the PLC end.", "connect",
             ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
             refers=_OBSERVED_NAMES, is_needed=True),
         Key("back", TEXT, "The CONNECT whose instances receive what comes from it.", "back", "",
-            Hint("a CONNECT for what comes back; none: nobody", _names("connect")),
+            Hint("a CONNECT for what comes back, or none", _names("connect")),
             refers=_OBSERVED_NAMES._replace(or_none=True)),
     ),
     "tap", "a tap", "tap",
@@ -839,7 +839,7 @@ _CERTIFICATE: Final = TableRow(
     (
         Key("number", CERTIFICATE_NUMBER, "The number that other keys refer to.", "number", is_needed=True),
         Key("file", FILE, "Its PEM file.", "file", ask=Hint("a PEM file"), is_needed=True),
-        Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of one's own: its PEM file")),
+        Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of your own: its PEM file")),
     ),
     "certificate", "a certificate of TLS", called="number",
     also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_unnamed,
@@ -868,7 +868,7 @@ TOP_ROW: Final = TableRow(
 
 
 def _udt_content(values: TableValues) -> dict[str, Any] | None:
-    """Return the content of a UDT file, None where it cannot be read."""
+    """Return the content of a UDT file, None if it cannot be read."""
     found: dict[str, Any] | None = None
     if values["file"] is not None:
         with collect_problems(values.table.problems):
@@ -891,7 +891,7 @@ TABLES: Final[dict[str, TableRow]] = {
     )
 }  # fmt: skip
 DESCRIBED_TABLES: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
-# What can be added, as commands list it; and as a form offers it, what is added most often first.
+# The kinds that can be added, in the order of messages; OFFERED_KINDS: the most usual ones first, for forms.
 EDITED: Final = (
     "udt", "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
     "certificate", "watch", "tap",
@@ -903,21 +903,21 @@ OFFERED_KINDS: Final = (
 
 
 def table_row(kind: str, dialect: Dialect) -> TableRow:
-    """Return the row of a kind in a dialect, which may describe its connections by structures."""
+    """Return the row of a kind in a dialect; one with connection descriptions has its own rows."""
     return (DESCRIBED_TABLES if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
 def read_table(kind: str, table: Table, around: Context, number: int = 1) -> Any:
-    """Return the declaration of a table; a plain ADDR may stand in any dialect."""
+    """Return the declaration of a table; a plain ADDR is allowed in any dialect."""
     row = table_row(kind, around.dialect)
     plain = kind == "addr" and not descriptions.is_structure(table)
     return (TABLES[kind] if plain else row).read(table, around, number)
 
 
 def is_replayable(path: Sequence[str]) -> bool:
-    """Return whether a recording can answer what another value would have done.
+    """Return whether a replay with another value at this path gives a true answer (`Key.is_played`).
 
-    A key of an instance that has no row is an input pin. Where nothing has that name the file says so.
+    A key of an instance without a row is an input pin. An unknown name is reported when the file is read.
     """
     kind, key = path[0], path[-1]
     if kind not in TABLES:
@@ -936,7 +936,7 @@ def array_keys() -> frozenset[str]:
 
 
 def kind_name(decl: Declaration) -> str:
-    """Return the kind of table that a declaration stands in: `connect`, `data`."""
+    """Return the kind of table of a declaration: `connect`, `data`."""
     if isinstance(decl, CertificateDecl):
         return _CERTIFICATE.kind
     return next(
@@ -945,14 +945,14 @@ def kind_name(decl: Declaration) -> str:
 
 
 def keys_of(decl: Declaration) -> KeyPairs:
-    """Return the keys after the name with their TOML values."""
+    """Return the keys without the name, and their TOML values."""
     kind = kind_name(decl)
     is_described = getattr(decl, "description", None) is not None
     return (DESCRIBED_TABLES if is_described else TABLES)[kind].toml_keys(decl)
 
 
 def forms_of(decl: Declaration) -> list[KeyPairs]:
-    """Return the ways to write the keys of a declaration, the easiest to change first."""
+    """Return all forms of a declaration's keys, the one that is easiest to change first."""
     if isinstance(decl, ConnectConfig) and decl.description is not None:
         bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.keys_as_fields(c))
         return [descriptions.plain_keys(decl), bench.toml_keys(decl), keys_of(decl)]
@@ -960,6 +960,6 @@ def forms_of(decl: Declaration) -> list[KeyPairs]:
 
 
 def entry_of(decl: Declaration) -> KeyPairs:
-    """Return the whole table of a declaration, with what it is called by."""
+    """Return all keys of a declaration, its name (of a certificate: its number) first."""
     called: KeyValue = decl.number if isinstance(decl, CertificateDecl) else decl.name
     return [(TABLES[kind_name(decl)].called, called), *keys_of(decl)]

@@ -1,6 +1,6 @@
-"""A project as frozen values: what stands in a project file, checked and typed.
+"""A project as frozen values: the content of a project file, checked and typed.
 
-Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the blocks judge it by STATUS.
+Rule: every value that a pin or a TCP_CONNECTCONFIG can hold is accepted here; the blocks judge it by STATUS.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
 class Task(Struct, frozen=True):
-    """One task: its instances are called every `interval_ns`; the smallest `priority` goes first."""
+    """One task: its instances are called every `interval_ns`; the smallest `priority` runs first."""
 
     name: str = "MAIN"
     interval_ns: int = DEFAULT_INTERVAL_NS
@@ -44,8 +44,8 @@ class Task(Struct, frozen=True):
 class DataDecl(Struct, frozen=True, eq=False):
     """One global variable: its type as written and as laid out; size in bytes.
 
-    `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
-    `choice` is the layout of its own, None in each field: as the PLC lays it out.
+    `optimized`: it is in a data block whose order the PLC chooses, so that instructions take it as a whole.
+    `choice` is its own layout; a field that is None is as the PLC lays it out.
     """
 
     name: str
@@ -60,9 +60,8 @@ class DataDecl(Struct, frozen=True, eq=False):
 class InstanceDecl(Struct, frozen=True):
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
-    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. A block on a
-    ComBuffer has that as `connect`, and `pointers`: the variables of prefix and suffix, "" for a pointer that
-    is 0.
+    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. For a block on a
+    ComBuffer `connect` names that; `pointers` are its variables of prefix and suffix, "" for a pointer 0.
     """
 
     name: str
@@ -79,11 +78,10 @@ class InstanceDecl(Struct, frozen=True):
 class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
-    `serial`: the port of that source; simulated, the line of such a ComBuffer is fed as that of `sim`.
-    `line`: what sends what is written into this one: a ComBuffer with a port, or an instance of TSEND_C.
-
-    `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
-    all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does. `history`: bytes that are kept.
+    `serial`: the port of the source `serial`; in a simulated network bench commands feed it, as with `sim`.
+    `line`: what sends the bytes written into it: a ComBuffer with a port, or an instance of TSEND_C.
+    `size` in bytes, 0: by the source. `per_cycle`: how many written bytes leave in a scan, 0: all.
+    `is_written`: a send block fills it; `is_fed`: a TRCV_C fills it. `history`: how many bytes are kept.
     """
 
     name: str
@@ -98,14 +96,13 @@ class ComBufferDecl(Struct, frozen=True):
 
 
 class PeerDecl(Struct, frozen=True):
-    """One partner. `end` is what an active peer connects to (`@C1`: where C1 listens), else where it listens.
+    """One partner. `end`: where an active peer connects to (`@C1`: where C1 listens), else where it listens.
 
-    `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
-    itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
-    every `every_ns`; a message is written as after `peer P1 send`. `replies` are rules, written as after
-    `peer P1 reply on`. With `udp` it receives datagrams at `end`
-    and sends to `remote`, None: to whoever was heard last. `choice` is the layout of the device that it
-    stands for, None in each field: as the PLC. With a `session` it speaks that on its connection.
+    `source`: the local end of an active peer, if the file gives one. By itself the peer connects again
+    `reconnect_ns` after a close (0: never) and sends the messages `says` in turn, one every `every_ns`, each
+    written as after `peer P1 send`. `replies` are rules, written as after `peer P1 reply on`.
+    With `udp` it receives datagrams at `end` and sends to `remote`, None: to the last sender. `choice`: the
+    layout of the device that it plays; a field that is None is as in the PLC. `session`: ISO-on-TCP or TLS.
     """
 
     name: str
@@ -120,11 +117,11 @@ class PeerDecl(Struct, frozen=True):
     replies: tuple[str, ...] = ()
     choice: LayoutChoice = NO_CHOICE
     session: LayerSettings | None = None
-    tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
+    tls: tuple[tuple[str, bool | int | str], ...] = ()  # the TLS keys of its table, certificates by number
 
 
 class MessageDecl(Struct, frozen=True):
-    """A named message, written as after `peer P1 send`; with `peer` it is that one's alone."""
+    """A named message, written as after `peer P1 send`; with `peer` only that peer may send it."""
 
     name: str
     text: str
@@ -132,14 +129,14 @@ class MessageDecl(Struct, frozen=True):
 
 
 class SequenceDecl(Struct, frozen=True):
-    """Messages over one connection: names, and pauses such as T#100ms between them."""
+    """Messages over one connection: names of messages, and pauses such as T#100ms between them."""
 
     name: str
     steps: tuple[str, ...]
 
 
 class WatchDecl(Struct, frozen=True):
-    """One line that is watched: the instances on `connect` look on at what comes to the PLC end `plc`.
+    """One watched line: the instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
     Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT of what comes from `plc`, "": none.
     """
@@ -152,9 +149,9 @@ class WatchDecl(Struct, frozen=True):
 
 
 class TapDecl(Struct, frozen=True):
-    """One tap: places as `trcvtui tap` takes them; the CONNECTs whose instances look on each direction.
+    """One tap: places as `trcvtui tap` takes them; the instances on a CONNECT are shadows of a direction.
 
-    `connect`: of what goes to the PLC end; `back`: of what comes from it, "": nobody looks on.
+    `connect`: shadows of what goes to the PLC end; `back`: of what comes from it, "": no shadow.
     """
 
     name: str
@@ -167,7 +164,7 @@ class TapDecl(Struct, frozen=True):
 class SimDecl(Struct, frozen=True):
     """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
 
-    `names` and their addresses are what its DNS server knows; None: there is no such server.
+    `names`: the names that its DNS server knows, with their addresses; None: there is no such server.
     """
 
     addresses: tuple[str, ...] = ()
@@ -179,7 +176,7 @@ class SimDecl(Struct, frozen=True):
 
 
 class CertificateDecl(Struct, frozen=True):
-    """One certificate of the CPU's certificate manager: PEM files; without a key it is one to trust."""
+    """One certificate of the CPU's certificate manager: PEM files; one without a key is only trusted."""
 
     number: int
     file: str
@@ -218,7 +215,7 @@ Declaration = (
 
 
 class Edit(Struct, frozen=True, eq=False):
-    """One entry before and after; None: it was not there, it is there no more. `place` among its kind."""
+    """One entry before and after; None: there is none. `place` is its index among its kind."""
 
     kind: str
     before: Declaration | None
@@ -239,7 +236,7 @@ Edits = tuple[Edit, ...]
 
 
 class Project(Struct, frozen=True, eq=False):
-    """Everything that a project file says. Instances stand in call order."""
+    """Everything that a project file says. Instances are in call order."""
 
     path: Path
     base: Path  # relative file names start here
@@ -269,14 +266,14 @@ class Project(Struct, frozen=True, eq=False):
     watches: tuple[WatchDecl, ...] = ()
     taps: tuple[TapDecl, ...] = ()
     black_box: bool = True  # whether a run on the screen keeps its newest for a recording
-    undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
+    undoable: tuple[Edits, ...] = ()  # the newest steps since it was read, each with all of its edits
 
     @property
     def udt_files(self) -> tuple[Path, ...]:
         return tuple([self.base / each.name for each in self.udts])
 
     def pins(self, block: str) -> tuple[Pin, ...]:
-        """Return the pins of a block, in the order of the manual."""
+        """Return the pins of a block in the order of the manual."""
         labels = self.rules.labels.get(block, {})
         done = labels.get("DONE", "DONE")
         return tuple(
@@ -288,7 +285,7 @@ class Project(Struct, frozen=True, eq=False):
         )
 
     def adhoc_inputs(self, block: str) -> dict[str, PinValue]:
-        """Return the inputs with which a block receives ad hoc, none where it cannot."""
+        """Return the inputs with which a block receives ad hoc, none if it cannot."""
         if any(pin.name == "ADHOC" for pin in self.pins(block)):
             return {"ADHOC": True}
         lens = self.rules.area.adhoc_lens if block_row(block).receives_stream else ()
@@ -301,7 +298,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((d for d in self.data if d.name == name), None)
 
     def received_data(self, instance: str) -> DataDecl | None:
-        """Return the DATA that an instance receives into: the type of its messages. A send job has none."""
+        """Return the DATA that an instance receives into, None for a block that sends."""
         decl = self.instance(instance)
         row = block_row(decl.block) if decl is not None else None
         if decl is None or row is None or not (row.receives or row.reads_buffer):
@@ -312,7 +309,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((c for c in self.connects if c.name == name), None)
 
     def connection_id(self, block: str, connect: str) -> int | None:
-        """Return what stands at the ID of a block, None where it has no such pin."""
+        """Return the value of a block's ID, None for a block without that pin."""
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
             return None
@@ -325,14 +322,13 @@ class Project(Struct, frozen=True, eq=False):
         return next((b for b in self.combuffers if b.name == name), None)
 
     def links(self) -> tuple[str, ...]:
-        """Return whose wires can be cut and whose calls can be made to fail: CONNECTs and UDP_CONFIGs."""
+        """Return the names that `link` and `fault on` take: CONNECTs and UDP_CONFIGs."""
         return tuple([c.name for c in self.connects] + [u.name for u in self.udp_configs])
 
     def peer(self, name: str) -> PeerDecl | None:
         return next((p for p in self.peers if p.name == name), None)
 
     def with_peer_layout(self, peer: str) -> Project:
-        """Return the project as a peer lays out UDTs."""
         decl = self.peer(peer)
         if decl is None or decl.choice == NO_CHOICE:
             return self
@@ -340,7 +336,7 @@ class Project(Struct, frozen=True, eq=False):
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
     def layout_rules_of(self, type_name: str) -> LayoutRules:
-        """Return how a UDT travels: as DATA of that type lies, where all of it has one layout of its own."""
+        """Return the layout of a UDT in messages: that of its DATA if they agree, else the PLC's."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 

@@ -1,4 +1,4 @@
-"""What a form proposes for a new instance to work on: the newest part that is free for it, else `new`."""
+"""The part that a form proposes for a new instance: the newest part that it can have, else `new`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, Final
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.project.project import Project
 
-NEW: Final = "new"  # in a line: one is made
+NEW: Final = "new"  # as a value in a line: the part is created
 
 
 def propose_free(kind: str) -> Callable[[Project, str], str]:
-    """Return what proposes a part of a kind, for a project and a block."""
+    """Return a function that proposes a part of a kind, for a project and a block."""
     return lambda project, block: _find_free(kind, project, block_row(block))
 
 
@@ -36,9 +36,9 @@ def _find_free(kind: str, project: Project, row: BlockRow) -> str:
 
 
 def _competes(row: BlockRow, other: BlockRow) -> bool:
-    """Return whether a block wants what another one works on for itself: not for the other direction."""
+    """Return whether two blocks cannot share a part; a sender and a receiver can share a CONNECT."""
     if row.id_alone:
-        return False  # it works on what another one has built
+        return False  # it uses a connection that another block has established
     if row.has_buffer:
         is_user = row.reads_buffer or row.writes_buffer
         return is_user and (other.reads_buffer or other.writes_buffer)

@@ -1,7 +1,7 @@
 """An instance as Structured Text: its call as in the manual's examples, and the variables that it needs.
 
-Inputs are the values of now as literals, so that the pasted call does what the bench does. What a block
-writes back (COM_RST) and its outputs are bound to variables of their own: `TSEND_C_1_DONE`.
+Inputs are their present values as literals, so that the pasted call does what the bench does. In-outs
+(COM_RST) and outputs are bound to variables such as `TSEND_C_1_DONE`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
 INDENT: Final = "    "
 EN: Final = "EN"
-POINTER_PREFIX: Final = "p"  # so begins the name of a pin that takes an address
+POINTER_PREFIX: Final = "p"  # the first letter of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written: with what differs from a default alone; `written`: DATA as `start` leaves it."""
+    """How a call is written. `is_short`: without defaults; `written`: DATA after `start`, by variable."""
 
     is_short: bool = False
     is_multi: bool = False
@@ -42,8 +42,8 @@ def st_text(
 ) -> str:
     """Return the variables of these instances as a comment, then their calls; raise UserError.
 
-    `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; a pin or an instance
-    that is not in it has its initial value.
+    `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; a pin or instance that
+    is not in it has its initial value.
     """
     if form.is_multi and not project.dialect.describes_connects:
         raise mistake("trcvtui st --multi", project.dialect.name, "a dialect whose language is SCL")
@@ -64,12 +64,12 @@ def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS, form: CallF
 
 
 def _has_db(project: Project, form: CallForm) -> bool:
-    """Return whether an instance is a data block of its own, and no variable."""
+    """Return whether an instance is a data block, and not a variable."""
     return form.is_short and not form.is_multi and project.dialect.describes_connects
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins that a call names; a short one needs in-outs in CODESYS, and CONT, which TIA hides."""
+    """Return the pins that a call names; a short call keeps in-outs (CODESYS) or CONT, which TIA hides."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
@@ -92,7 +92,7 @@ def _has_en(project: Project, decl: InstanceDecl) -> bool:
 
 
 def st_variables(project: Project, names: Iterable[str], form: CallForm = WHOLE) -> str:
-    """Return the declarations for these instances' calls, each once, as a comment to paste from."""
+    """Return the declarations that the calls of these instances need, each once, in a comment."""
     lines: dict[str, None] = {}
     for name in names:
         decl = _instance(project, name)
@@ -112,12 +112,12 @@ def _instance(project: Project, name: str) -> InstanceDecl:
 
 
 def _bind_pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> Iterator[str]:
-    """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
+    """Yield each pin with its value or variable, in the manual's order: inputs, in-outs, outputs."""
     pins = _pins(project, decl, values, form)
-    free = [pin for pin in _filter(pins, Direction.IN) if pin.name != EN]  # it is the IF around the call
+    free = [pin for pin in _filter(pins, Direction.IN) if pin.name != EN]  # EN is the IF around the call
     inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
     identity = _identity(project, decl)
-    at = int(bool(free) and free[0].is_bool)  # REQ or EN_R
+    at = int(bool(free) and free[0].is_bool)  # in the manual ID comes after REQ or EN_R
     yield from [*inputs[:at], f"ID:={identity}", *inputs[at:]] if identity else inputs
     if not identity or not _row(decl).id_alone:
         link_pin = _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
@@ -152,7 +152,7 @@ def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
 
 
 def _identity(project: Project, decl: InstanceDecl) -> str:
-    """Return what stands at ID, "" where the block has no such pin."""
+    """Return the value of ID, "" for a block without that pin."""
     if project.dialect.describes_connects and decl.on_config:
         return _configured_id(decl.connect)
     found = project.connection_id(decl.block, decl.connect)
@@ -168,7 +168,7 @@ def _filter(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
 
 
 def _pin_name(pin: Pin) -> str:
-    """Return the pin as a call has it: NDR, and `DONE` where `DONE (NDR)` is drawn."""
+    """Return a pin's name in a call: the first word of its label, so `DONE` of `DONE (NDR)`."""
     return pin.label.partition(" ")[0] or pin.name
 
 
@@ -205,7 +205,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
 
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
-    """Return the type as the manual declares it: Error is an enumeration, and shows its number."""
+    """Return the type as the manual declares it: Error is an enumeration there, a number here."""
     return "ComError_t" if _row(decl).has_buffer and pin.name == "Error" else pin.iec_type
 
 

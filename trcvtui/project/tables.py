@@ -1,4 +1,4 @@
-"""A TOML file read, and each of its tables key by key: all that is wrong, missing or left over is a Problem.
+"""Reads a TOML file, each table key by key: all that is wrong, missing or left over is a Problem.
 
 Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
 """
@@ -33,7 +33,7 @@ LEAST_SIMILARITY: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
 def find_hidden(path: str) -> str:
-    """Return the control and bidirectional characters of a file's name, escaped; "" where it has none."""
+    """Return the control and bidirectional characters of a file's name, escaped; "" if it has none."""
     return one_line("".join(sorted({one for one in path if one in _BIDI or category(one) in _HIDDEN})))
 
 
@@ -59,7 +59,7 @@ def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
 
 def with_article(word: str) -> str:
     """Return `an instance`, `a CONNECT`."""
-    return f"{'an' if word[:1] in 'aeioAEIO' else 'a'} {word}"  # UDT and UDP_CONFIG begin with a you
+    return f"{'an' if word[:1] in 'aeioAEIO' else 'a'} {word}"  # no u: "a UDT" is spoken "you-dee-tee"
 
 
 def find_nearest(wrong: str, known: Iterable[str]) -> str | None:
@@ -67,7 +67,7 @@ def find_nearest(wrong: str, known: Iterable[str]) -> str | None:
     folded = {name.casefold(): name for name in known}
     if wrong.casefold() in folded:
         return folded[wrong.casefold()]
-    # Imported here: a file without mistakes does not pay for it.
+    # Imported here: a file without mistakes does not need it.
     import difflib
 
     found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1, cutoff=LEAST_SIMILARITY)
@@ -75,7 +75,7 @@ def find_nearest(wrong: str, known: Iterable[str]) -> str | None:
 
 
 LARGEST_FILE: Final = 10 * 1024 * 1024
-# tomllib says where it stopped in the words of its message: "(at line 3, column 5)", "(at end of document)".
+# tomllib gives the place only at the end of its message: "(at line 3, column 5)", "(at end of document)".
 _TOML_PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
 
 
@@ -84,13 +84,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     return parse_toml(read_text(path), str(path))
 
 
-# Texts of lines, comments; as group 1 keys with dots. What is not closed ends with its line, or the file.
+# Long texts, comments and, as group 1, dotted keys. A text that is not closed ends with its line or the file.
 _KEY_PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)"""
 _TOKEN: Final = re.compile(
     rf"""(?s:"{{3}}(?:[^\\]|\\.)*?(?:"{{3,5}}|\Z)|'{{3}}.*?(?:'{{3,5}}|\Z))|#[^\n]*+"""
     rf"""|({_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART})*+)"""
 )
-MOST_DOTS: Final = 100  # in a key; the time that tomllib takes for one grows with their square
+MOST_DOTS: Final = 100  # in a key: tomllib's time grows with their square, which a file could exploit
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -143,17 +143,17 @@ TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 class SetOverride(Struct, frozen=True):
-    """A value that came as text, by `--set path=text`; it stands in the document in place of a TOML value."""
+    """A value given as text, by `--set path=text`; the document has it in place of a TOML value."""
 
     path: str
     text: str
 
 
 class Kind(Struct, Generic[T], frozen=True):
-    """What a key may hold. Both readers answer None for what is not of this kind.
+    """The values that a key may have. Both readers return None for any other value.
 
-    `instead`: what to write in place of a text that is refused, "" where `expected` says it.
-    `write`: the value as it stands in TOML.
+    `instead`: what to write in place of a refused text, "" if `expected` says it.
+    `write`: the value as TOML has it.
     """
 
     expected: str
@@ -212,7 +212,7 @@ def _duration_parser(least: int) -> Callable[[str], int | None]:
 
 
 def _milliseconds(text: str) -> int | None:
-    """Return the ms of a TIME, as TwinCAT counts it: 32 bits without a sign."""
+    """Return the ms of a TIME, None beyond 32 bits without a sign, as in TwinCAT."""
     is_count = text.isascii() and text.isdigit() and len(text) < 11
     ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
@@ -405,7 +405,7 @@ class Table:
         return key in self._content
 
     def mark_known(self, *keys: str) -> None:
-        """Count these keys as asked for."""
+        """Count these keys as read."""
         self._known.extend(keys)
 
     def peek(self, key: str) -> Any:
@@ -416,35 +416,34 @@ class Table:
         return value.text if isinstance(value, SetOverride) else value if isinstance(value, str) else None
 
     def is_true(self, key: str, default: bool = False) -> bool:
-        """Return whether true stands at a key; the default where neither true nor false does."""
+        """Return the value of a key; the default if it is neither true nor false."""
         value = self._content.get(key)
         found = TRUTH.from_text(value.text) if isinstance(value, SetOverride) else TRUTH.read(value)
         return default if found is None else found
 
     def unread_keys(self) -> list[str]:
-        """Return the keys that nobody has asked for."""
         return [key for key in self._content if key not in self._known]
 
     def report(self, key: str, found: str, expected: str, kind: str = "value") -> None:
         self.problems.append(Problem(self.place(key), found, expected, kind))
 
     def add_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
-        """Record that the name at a key is none of those that are known; `what` says what they are."""
+        """Report that the name at a key is none of the known ones; `what` says what they are."""
         self.report(key, quote(name), expected_name(name, known, what), "unknown")
 
     def place(self, key: str) -> str:
-        """Return where the value of a key stands: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
+        """Return the place of a key's value: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
         value = self._content.get(key)
         return f"--set {value.path}" if isinstance(value, SetOverride) else f"{self.where}: {key}"
 
     def report_unread_keys(self, what: str = "key") -> None:
-        """Record every key that nobody has asked for; `what` says what was expected."""
+        """Report every key that was not read; `what` says what was expected."""
         for key in self.unread_keys():
             self.report(key, f"an unknown {what}", expected_name(key, self._known, what), "unknown")
 
 
 def quote(value: object) -> str:
-    """Return a TOML value as it is quoted in a message, cut to a readable length."""
+    """Return a TOML value for a message, cut to a readable length."""
     match value:
         case SetOverride(text=text):
             return quote(text)

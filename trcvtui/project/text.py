@@ -1,8 +1,8 @@
-"""The text of a project file with more entries: comments, order, quotes and blanks stay as they are.
+"""Edits the text of a project file: comments, order, quotes and blanks stay as they are.
 
-Rule 1: an entry comes after the last one of its kind, where tomlkit gives the text back as it was; else at
-the end of the file, which is as good to the loader.
-Rule 2: what the new text says is compared with what it shall say; a text that differs never leaves this file.
+Rule 1: a new entry comes after the last one of its kind if tomlkit can keep the rest of the text unchanged,
+else at the end of the file, which means the same to the loader.
+Rule 2: the new text is parsed and compared with the document it shall have; one that differs is not returned.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from tomlkit.items import AoT, Table
 
 CRLF: Final = "\r\n"
-FILE_KEYS: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
+FILE_KEYS: Final = {"udt": ("file",), "certificate": ("file", "key")}  # keys that name a file
 
 
 def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
-    """Return the text with these entries; raise UserError when the text has no place for them."""
+    """Return the text with these entries added; raise UserError if they cannot be."""
     wanted = parse_toml(text, where)
     for decl in decls:
         entries = wanted.setdefault(kind_name(decl), [])
@@ -38,9 +38,9 @@ def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
 
 
 def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
-    """Return the text with one entry changed or gone; only the keys that change are written.
+    """Return the text with one entry changed or removed; only the keys that change are written.
 
-    `form` is the way to write it, of those that `forms_of` knows. Raise UserError when there is no place.
+    `form`: which one of `forms_of` is written. Raise UserError if the text cannot be changed.
     """
     wanted = parse_toml(text, where)
     _change_document(wanted, edit, form, lambda value: value)
@@ -69,24 +69,22 @@ def _change_document(document: Any, edit: Edit, form: int, item: Callable[[KeyVa
 
 
 def relocate_files(text: str, old: Path, new: Path, where: str) -> str:
-    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs and
-    certificates are files beside it.
-    """
+    """Return a project's text for the folder `new`; its UDTs and certificates stay in the folder `old`."""
     wanted = parse_toml(text, where)
-    ways = [
+    relocated = [
         (kind, number, key, relocate(entry[key], old, new))
         for kind, keys in FILE_KEYS.items()
         for number, entry in enumerate(wanted.get(kind, []))
         for key in keys
         if key in entry
     ]
-    if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
+    if all(wanted[kind][number][key] == path for kind, number, key, path in relocated):
         return text
-    others = {wanted[kind][number][key]: way for kind, number, key, way in ways}
+    others = {wanted[kind][number][key]: path for kind, number, key, path in relocated}
 
     def change(document: Any) -> bool:
-        for kind, number, key, way in ways:
-            document[kind][number][key] = way
+        for kind, number, key, path in relocated:
+            document[kind][number][key] = path
         return True
 
     change(wanted)
@@ -94,7 +92,7 @@ def relocate_files(text: str, old: Path, new: Path, where: str) -> str:
 
 
 def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
-    """Return the text with these entries in its [constants]; raise UserError when there is no place."""
+    """Return the text with these entries in its [constants]; raise UserError if they cannot be added."""
     wanted = parse_toml(text, where)
     table = wanted.setdefault("constants", {})
     if isinstance(table, dict):
@@ -111,12 +109,12 @@ def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
 
 
 def relocate(file: str, old: Path, new: Path) -> str:
-    """Return what a file that is named from the folder `old` on is called from `new` on."""
+    """Return the path from the folder `new` to a file that is named from the folder `old`."""
     if Path(file).is_absolute():
         return file
     try:
         return os.path.relpath(os.path.realpath(old / file), os.path.realpath(new)).replace(os.sep, "/")
-    except ValueError:  # another drive
+    except ValueError:  # another drive: Windows has no relative path there
         return os.path.realpath(old / file)
 
 
@@ -124,7 +122,7 @@ def _apply(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str]
     ends = CRLF if CRLF in text else "\n"
     plain = text.replace(CRLF, "\n")
     if plain.replace("\n", ends) != text:
-        raise mistake(where, "lines that end in two ways", "one end of line in all of the file")
+        raise mistake(where, "lines that end with LF and with CRLF", "the same line end in all of the file")
     plain += "\n" if plain and not plain.endswith("\n") else ""
     for edit in edits:
         edited = edit(plain)
@@ -144,8 +142,8 @@ def _parses_as(text: str, wanted: dict[str, Any]) -> bool:
 
 
 def _parse_unchanged(plain: str) -> TOMLDocument | None:
-    """Return the document that gives this very text back, None where tomlkit would change it."""
-    import tomlkit  # read when first saved: it takes as long as two scans
+    """Return the document, None if tomlkit would write its text differently."""
+    import tomlkit  # only when saving: the import takes as long as two scans
     from tomlkit.exceptions import TOMLKitError
 
     try:
@@ -172,7 +170,7 @@ def _insert_entries(plain: str, decls: Sequence[Declaration]) -> str | None:
 
 
 def _document_edit(change: Callable[[TOMLDocument], bool]) -> Callable[[str], str | None]:
-    """Return what makes this change in a text; None where tomlkit or the change does not take it."""
+    """Return a function that makes this change in a text, and returns None if it cannot."""
 
     def edit(plain: str) -> str | None:
         document = _parse_unchanged(plain)

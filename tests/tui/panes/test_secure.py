@@ -43,7 +43,7 @@ async def test_a_connection_that_checks_no_certificate_says_so_in_every_pane(
         await shown.press("C")
         assert "TCP, TLS NOT CHECKED, active to" in shown.words
         assert '! the certificate of the partner is not checked: verify = "none,' in shown.words
-        assert "NOT CHECKED: any certificate is taken" in shown.words
+        assert "NOT CHECKED: any certificate is accepted" in shown.words
 
 
 @BOTH
